@@ -1,0 +1,35 @@
+# `make demo` and `make test` do all their own set-up (see tools/setup.sh).
+# Use another interpreter with:     make demo PYTHON=python3.12
+# Pass further arguments with:      make test ARGS="-k name -x"
+
+VENV = .venv
+ARGS =
+
+.PHONY: help setup demo test test-slow lint clean
+
+help:
+	@echo "make demo       run the demonstration; it writes the folder demo/"
+	@echo "make test       run the tests"
+	@echo "make test-slow  run the long campaigns"
+	@echo "make lint       check the code style"
+	@echo "make clean      remove the environment, the demo and all caches"
+
+setup:
+	@sh tools/setup.sh
+
+demo: setup
+	PYTHONPATH= $(VENV)/bin/drake-ispace demo $(ARGS)
+
+test: setup
+	PYTHONPATH= $(VENV)/bin/python -m pytest $(ARGS)
+
+test-slow: setup
+	PYTHONPATH= $(VENV)/bin/python -m pytest -m slow $(ARGS)
+
+lint: setup
+	@test -x $(VENV)/bin/ruff || $(VENV)/bin/python -m pip install --quiet -e '.[dev]'
+	$(VENV)/bin/ruff check $(ARGS) .
+
+clean:
+	rm -rf $(VENV) demo build dist src/*.egg-info .pytest_cache .ruff_cache .hypothesis
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""Two mobile robots in an intelligent space, as Drake Diagrams."""

@@ -1,0 +1,84 @@
+"""Position-error estimator (6.32)-(6.33): the room's tracking error, carried on by odometry."""
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.control.tracker import TRACKING_ERROR
+
+TICK, ORDER, TARGET, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), TARGET: P_d,V (s, phi), RING: past (tick, s, phi)
+
+
+@kernel
+def step(xd, path, error, out):
+    """P_d,V[i] = P_e[i] + P_r,l[i] with P_r,l of the tick in which the fix behind the error was captured."""
+    out[:] = xd
+    depth = (xd.shape[0] - RING) // 3
+    if path[0] != xd[TICK]:
+        slot = RING + 3 * (int(path[0]) % depth)
+        out[slot : slot + 3] = path
+        out[TICK] = path[0]
+        if xd[TICK] < 0.0:
+            out[TARGET], out[TARGET + 1] = path[1], path[2]
+    is_new = error[0] != xd[ORDER] or error[1] != xd[ORDER + 1]
+    if is_new and error[0] >= 0.0:
+        slot = RING + 3 * (int(error[0]) % depth)
+        if out[slot] == error[0]:
+            out[TARGET], out[TARGET + 1] = error[2] + out[slot + 1], error[3] + out[slot + 2]
+            out[ORDER : ORDER + 5] = error
+
+
+@kernel
+def estimated(xd, path, out):
+    out[0], out[1], out[2] = xd[TARGET] - path[1], xd[TARGET + 1] - path[2], xd[ORDER + 4]
+
+
+@kernel
+def held(error, out):
+    out[0], out[1], out[2] = error[2], error[3], error[4]
+
+
+class ErrorEstimator(Block):
+    """The error to the way point at every tick.
+
+    .. pydrake_system::
+
+        name: ErrorEstimator
+        input_ports:
+        - path
+        - error
+        output_ports:
+        - error
+
+    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): see TrajectoryTracker. Output error (3,): s_e [m],
+    phi_h [rad], speed to feed forward [m/s]. P_e,es of (6.32).
+
+    Args:
+        oldest_fix_ticks: the greatest age of the fix behind an error on its arrival; an older one is ignored.
+    """
+
+    def __init__(self, oldest_fix_ticks: int = 0):
+        ring = np.zeros(3 * (oldest_fix_ticks + 1))
+        ring[::3] = -1.0
+        start = np.concatenate([[-1.0], [-1.0, -1.0, 0.0, 0.0, 0.0], np.zeros(2), ring])
+        super().__init__(Spec(
+            inputs={"path": 3, "error": TRACKING_ERROR}, outputs={"error": Output(3, estimated)},
+            discrete_state=start, updates=(Update(step, Phase.COMPUTE, through=True),),
+        ))
+
+
+class HeldError(Block):
+    """The room's tracking error as it came, held for 95 ms: position from vision only.
+
+    .. pydrake_system::
+
+        name: HeldError
+        input_ports:
+        - error
+        output_ports:
+        - error
+
+    Ports as ErrorEstimator's, without odometry.
+    """
+
+    def __init__(self):
+        super().__init__(Spec(inputs={"error": TRACKING_ERROR}, outputs={"error": Output(3, held)}))

@@ -1,0 +1,171 @@
+"""Paths on the floor, as a table over arc length, and the distance of points to them."""
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from drake_ispace.errors import InputError
+from drake_ispace.quantity import quantity
+
+KINDS = ("step", "pulse", "line", "square", "circle", "figure_eight", "polyline")
+
+
+@dataclass
+class Trajectory:
+    """The reference: a path and how the way point slides on it ("continuous tracking")."""
+
+    kind: str = quantity("square", choices=KINDS)
+    # middle of the square, circle or figure eight; start of the others
+    centre_m: list[float] = quantity([0.0, 0.0], "m", length=2)
+    # side of the square
+    side_m: float = quantity(1.2, "m", above=0.0)
+    # of the circle; a figure eight is 4 radii long and 2 wide
+    radius_m: float = quantity(0.6, "m", above=0.0)
+    # where step, pulse and line lead
+    goal_m: list[float] = quantity([1.0, 0.0], "m", length=2)
+    # of a polyline: [[x, y], ...]
+    points_m: list[list[float]] = quantity([], "m", length=None)
+    # or from a file with the header x,y
+    csv: str | None = quantity(None)
+    # how long the pulse stays at its goal
+    width_s: float = quantity(5.0, "s", above=0.0)
+    # section 6.8.2
+    speed_m_s: float = quantity(0.25, "m/s", above=0.0)
+    # the way point rests at the path's start until then
+    start_s: float = quantity(1.0, "s", minimum=0.0)
+    # of a closed path; 0: for ever
+    laps: int = quantity(1, minimum=0)
+    # heading of the way point: fixed, or along the path
+    heading: str = quantity("fixed", choices=("fixed", "tangent"))
+    heading_rad: float = quantity(0.0, "rad")
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path as rows over arc length.
+
+    Attributes:
+        table: (n, 6) rows of arc length [m], x, y [m], unit tangent (2), curvature [1/m]. A corner is two rows of the
+            same arc length. A single row is a point.
+        closed: the end is the start.
+    """
+
+    table: np.ndarray
+    closed: bool
+
+    @property
+    def length_m(self) -> float:
+        return float(self.table[-1, 0])
+
+    @property
+    def points_m(self) -> np.ndarray:
+        """(n, 2) vertices."""
+        return self.table[:, 1:3]
+
+    def nearest(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance [m] to the path and arc length [m] of its nearest place, for (k, 2) points."""
+        a, b = self.points_m[:-1], self.points_m[1:]
+        if len(a) == 0:
+            return np.linalg.norm(points_m - self.points_m[0], axis=1), np.zeros(len(points_m))
+        edge = b - a
+        squared = np.maximum(np.sum(edge**2, axis=1), 1e-30)
+        distance, arc = np.empty(len(points_m)), np.empty(len(points_m))
+        for i, point in enumerate(points_m):
+            along = np.clip(np.sum((point - a) * edge, axis=1) / squared, 0.0, 1.0)
+            gaps = np.linalg.norm(a + along[:, None] * edge - point, axis=1)
+            k = int(np.argmin(gaps))
+            distance[i] = gaps[k]
+            arc[i] = self.table[k, 0] + along[k] * (self.table[k + 1, 0] - self.table[k, 0])
+        return distance, arc
+
+
+def build_path(trajectory: Trajectory, where: str) -> Path:
+    """The path of a trajectory.
+
+    Raises:
+        InputError: a polyline with fewer than two different points, or an unreadable file; `where` names the section.
+    """
+    centre = np.array(trajectory.centre_m)
+    kind = trajectory.kind
+    if kind in ("step", "pulse"):
+        return _polyline(np.array([trajectory.goal_m]), closed=False)
+    if kind == "line":
+        return _polyline(np.array([centre, trajectory.goal_m]), closed=False)
+    if kind == "square":
+        half = trajectory.side_m / 2.0
+        corners = centre + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
+        return _polyline(corners, closed=True)
+    if kind == "circle":
+        return _curve(lambda a: centre + trajectory.radius_m * np.column_stack([np.cos(a), np.sin(a)]))
+    if kind == "figure_eight":
+        r = trajectory.radius_m
+        return _curve(lambda a: centre + r * np.column_stack([2.0 * np.sin(a), np.sin(2.0 * a)]))
+    points = _read_csv(trajectory.csv, f"{where}.csv") if trajectory.csv else np.array(trajectory.points_m, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        raise InputError(f"{where}.points_m: expected at least two points [x, y] for a polyline")
+    repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-9)
+    if len(repeated):
+        raise InputError(f"{where}.points_m: point {repeated[0] + 2} repeats the one before it, expected another place")
+    return _polyline(points, closed=bool(np.allclose(points[0], points[-1])))
+
+
+def _polyline(points, closed):
+    if len(points) == 1:
+        return Path(np.array([[0.0, *points[0], 1.0, 0.0, 0.0]]), closed=False)
+    rows, arc = [], 0.0
+    for a, b in zip(points[:-1], points[1:], strict=True):
+        length = float(np.linalg.norm(b - a))
+        tangent = (b - a) / length
+        rows += [[arc, *a, *tangent, 0.0], [arc + length, *b, *tangent, 0.0]]
+        arc += length
+    return Path(np.array(rows), closed)
+
+
+def _curve(at, count=720):
+    """A smooth closed curve at(angle) -> (n, 2), tabulated; chords of 1/720 turn miss a 0.6 m circle by 6 um."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    step = 1e-4
+    points, ahead, behind = at(angle), at(angle + step), at(angle - step)
+    velocity, acceleration = (ahead - behind) / (2.0 * step), (ahead - 2.0 * points + behind) / step**2
+    speed = np.linalg.norm(velocity, axis=1)
+    curvature = (velocity[:, 0] * acceleration[:, 1] - velocity[:, 1] * acceleration[:, 0]) / speed**3
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return Path(np.column_stack([arc, points, velocity / speed[:, None], curvature]), closed=True)
+
+
+def _read_csv(name, where):
+    try:
+        text = FilePath(name).read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{where}: cannot read {name} ({error.strerror}), expected a CSV file with the header x,y") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{where}: {name} is not UTF-8 text, expected a CSV file with the header x,y") from None
+    if "\0" in text:
+        raise InputError(f"{where}: {name} holds NUL bytes, expected a CSV file with the header x,y")
+    rows = [row for row in csv.reader(io.StringIO(text)) if row]
+    if not rows or [cell.strip() for cell in rows[0]] != ["x", "y"]:
+        raise InputError(f"{where}: {name} line 1: expected the header x,y")
+    points = []
+    for line, row in enumerate(rows[1:], 2):
+        try:
+            x, y = (float(cell) for cell in row)
+        except ValueError:
+            raise InputError(f"{where}: {name} line {line}: expected two numbers x,y with decimal points, got {','.join(row)!r}") from None
+        if not np.isfinite([x, y]).all():
+            raise InputError(f"{where}: {name} line {line}: expected finite numbers, got {','.join(row)!r}")
+        points.append([x, y])
+    return np.array(points)
+
+
+def check_inside(path: Path, width_m: float, depth_m: float, where: str) -> None:
+    """Raise InputError where a way point would lie outside of the space, centred at the origin of W."""
+    outside = (np.abs(path.points_m) > np.array([width_m, depth_m]) / 2.0 + 1e-9).any(axis=1)
+    if outside.any():
+        x, y = path.points_m[np.flatnonzero(outside)[0]]
+        raise InputError(
+            f"{where}: way point ({x:.3g}, {y:.3g}) m lies outside of the {width_m:g} x {depth_m:g} m space, "
+            f"expected |x| <= {width_m / 2:g} and |y| <= {depth_m / 2:g}"
+        )

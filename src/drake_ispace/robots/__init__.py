@@ -1,0 +1,1 @@
+"""The two robots of the thesis: geometry, plants, slip, friction, actuators."""

@@ -1,0 +1,85 @@
+"""Friction between body and wheel, (3.35), in two forms that the fixed 5 ms step can integrate.
+
+*smooth*: C tanh(w / w_s) + c w. It is zero at zero speed, so under a constant load the wheel creeps at about
+w_s * load / C instead of sticking. The slope C / w_s must stay below 2.51 / (h lambda), where the fixed Runge-Kutta
+step goes unstable (lambda = largest eigenvalue of the wheels' mobility E' M^-1 E), hence w_s >= 0.5 C h lambda.
+
+*elastoplastic*: a bristle per wheel that deflects by theta - anchor and slips where its force exceeds C; the anchor is
+dragged along once per tick. A load below C is held without creep. (LuGre and Karnopp need far smaller steps.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import kernel
+from drake_ispace.errors import InputError
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
+
+
+@dataclass
+class Friction:
+    """Friction at each wheel; neutral by default. (3.35)'s coefficients are those of Table 4.2."""
+
+    model: str = quantity("smooth", choices=("smooth", "elastoplastic"))
+    # c_cu of (3.35)
+    coulomb_n_m: float = quantity(0.0, "N*m", minimum=0.0)
+    # c_v of (3.35)
+    viscous_n_m_s: float = quantity(0.0, "N*m*s/rad", minimum=0.0)
+    # w_s; null: the smallest that the 5 ms step allows
+    speed_scale_rad_s: float | None = quantity(None, "rad/s", above=0.0)
+
+
+COULOMB, VISCOUS, SPEED_SCALE, BRISTLE, STIFFNESS, DAMPING = range(6)
+_BRISTLE_FREQUENCY = 0.5  # natural frequency times step: a quarter of what Runge-Kutta 3 allows
+_BRISTLE_DAMPING_RATIO = 0.7
+
+
+def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) -> dict[str, float]:
+    """The parameter group of a plant.
+
+    Args:
+        friction: as in the scenario.
+        mobility: E' M^-1 E (n, n), wheel acceleration [rad/s^2] per wheel torque [N m].
+        where: the scenario's name of this section, for messages.
+
+    Raises:
+        InputError: a speed scale that the fixed 5 ms step cannot integrate.
+    """
+    largest = float(np.linalg.eigvalsh(mobility)[-1])
+    smallest_scale = 0.5 * friction.coulomb_n_m * TICK_S * largest
+    scale = friction.speed_scale_rad_s
+    if friction.model == "smooth" and scale is not None and scale < smallest_scale:
+        raise InputError(
+            f"{where}.speed_scale_rad_s: {scale:g} rad/s is too steep for the 5 ms step with coulomb_n_m = "
+            f"{friction.coulomb_n_m:g}, expected at least {smallest_scale:.4g} rad/s (or null to use that)"
+        )
+    stiffness = (_BRISTLE_FREQUENCY / TICK_S) ** 2 / largest
+    return {
+        "coulomb": friction.coulomb_n_m,
+        "viscous": friction.viscous_n_m_s,
+        "speed_scale": scale or max(smallest_scale, 1e-6),
+        "bristle": float(friction.model == "elastoplastic"),
+        "stiffness": stiffness,
+        "damping": 2.0 * _BRISTLE_DAMPING_RATIO * np.sqrt(stiffness / largest),
+    }
+
+
+@kernel
+def friction_torque(rate, deflection, friction):
+    """The torque [N m] that opposes the wheel's `rate` [rad/s]; `deflection` = theta - anchor [rad] of its bristle."""
+    limit = friction[COULOMB]
+    if friction[BRISTLE] > 0.0:
+        dry = friction[STIFFNESS] * deflection + friction[DAMPING] * rate
+        dry = min(max(dry, -limit), limit)
+    else:
+        dry = limit * np.tanh(rate / friction[SPEED_SCALE])
+    return dry + friction[VISCOUS] * rate
+
+
+@kernel
+def dragged_anchor(angle, anchor, friction):
+    """The bristle's anchor [rad] after a tick: at most C / stiffness from the wheel's `angle` [rad]."""
+    reach = friction[COULOMB] / friction[STIFFNESS]
+    return min(max(anchor, angle - reach), angle + reach)

@@ -1,0 +1,191 @@
+"""The omni-directional robot's plant, (2.73)-(2.76), for any wheels that let it move in all three directions.
+
+S' M S dv/dt + S' M dS/dt v = S' E tau with theta_dot = G R(phi)' v gives, in body components a of the world
+acceleration and w of the world velocity,
+
+    M_b a + N (a + phi_dot [w_y, -w_x, 0]) = G' (tau - friction),    N = I_w G' G.
+
+For the thesis's wheels N is diag(2/r^2, 2/r^2, b^2/r^2) I_w and this is (2.74)-(2.76) with V = 2 I_w/r^2 phi_dot
+[y_dot, -x_dot, 0].
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Spec, kernel
+from drake_ispace.noise import stream
+from drake_ispace.quantity import quantity
+from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.robots.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
+from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.robots.wheels import WheelGeometry, omni4
+
+
+@dataclass
+class OmniPlantParameters:
+    """Table 2.2, with the yaw inertia corrected (see docs/fidelity.md, row 12)."""
+
+    # M_t, body and wheels
+    mass_kg: float = quantity(7.31, "kg", above=0.0)
+    # I_phi; Table 2.2 prints 7.29e-5, which no robot of this size and mass can have
+    inertia_kg_m2: float = quantity(7.29e-2, "kg*m^2", above=0.0)
+    # I_w
+    wheel_inertia_kg_m2: float = quantity(0.1e-5, "kg*m^2", minimum=0.0)
+    # r_w
+    wheel_radius_m: float = quantity(0.024, "m", above=0.0)
+    # b, the full distance between opposite wheels
+    wheel_distance_m: float = quantity(0.36, "m", above=0.0)
+    # the omni robot's default is frictionless: (3.35)'s coefficients are the pendulum's
+    friction: Friction = field(default_factory=Friction)
+    slip: Slip = field(default_factory=Slip)
+
+    @property
+    def geometry(self) -> WheelGeometry:
+        return omni4(self.wheel_radius_m, self.wheel_distance_m)
+
+
+X, Y, PHI, VX, VY, WZ, LAG, THETA = 0, 1, 2, 3, 4, 5, 6, 9  # continuous state; LAG: 3 lagged traction slips
+
+
+@kernel
+def derivatives(xc, xd, torque, mass_kg, inertia_kg_m2, wheel_inertia_kg_m2, wheels, friction, slip, out):
+    """d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
+    c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+    wx, wy, wz = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY], xc[WZ]
+    fx, fy, moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # friction taken off
+    drive_x, drive_y, drive_moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # traction of the motors alone
+    nxx, nxy, nyy, nxz, nyz, nzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(torque.shape[0]):
+        gx, gy, gz = wheels[3 * i], wheels[3 * i + 1], wheels[3 * i + 2]
+        rate = gx * wx + gy * wy + gz * wz
+        net = torque[i] - friction_torque(rate, deflection(xc[THETA + i], xd, i), friction)
+        fx, fy, moment = fx + gx * net, fy + gy * net, moment + gz * net
+        drive_x, drive_y, drive_moment = drive_x + gx * torque[i], drive_y + gy * torque[i], drive_moment + gz * torque[i]
+        nxx, nxy, nyy = nxx + gx * gx, nxy + gx * gy, nyy + gy * gy
+        nxz, nyz, nzz = nxz + gx * gz, nyz + gy * gz, nzz + gz * gz
+        out[THETA + i] = rate
+
+    # traction slip: at once, or lagged over a distance
+    t0 = traction_slip(0, drive_x, mass_kg, slip)
+    t1 = traction_slip(1, drive_y, mass_kg, slip)
+    t2 = traction_slip(2, drive_moment, mass_kg, slip)
+    out[LAG] = traction_rate(0, t0, xc[LAG], wx, slip)
+    out[LAG + 1] = traction_rate(1, t1, xc[LAG + 1], wy, slip)
+    out[LAG + 2] = traction_rate(2, t2, xc[LAG + 2], wz, slip)
+    traction = (t0, t1, t2)
+    if slip[RELAXATION] > 0.0:
+        traction = (xc[LAG], xc[LAG + 1], xc[LAG + 2])
+    noise = (slip_noise(xd, 0), slip_noise(xd, 1), slip_noise(xd, 2))
+    pose_rates(wx, wy, wz, (xc[X], xc[Y], xc[PHI]), traction, noise, slip, out)
+
+    turn = out[PHI]
+    cx, cy = turn * wy, -turn * wx
+    i_w = wheel_inertia_kg_m2
+    b0 = fx - i_w * (nxx * cx + nxy * cy)
+    b1 = fy - i_w * (nxy * cx + nyy * cy)
+    b2 = moment - i_w * (nxz * cx + nyz * cy)
+    # symmetric 3 x 3 solve of (M_b + N) a = b
+    m00, m01, m02 = mass_kg + i_w * nxx, i_w * nxy, i_w * nxz
+    m11, m12, m22 = mass_kg + i_w * nyy, i_w * nyz, inertia_kg_m2 + i_w * nzz
+    k00, k01, k02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
+    k11, k12, k22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
+    determinant = m00 * k00 + m01 * k01 + m02 * k02
+    ax = (k00 * b0 + k01 * b1 + k02 * b2) / determinant
+    ay = (k01 * b0 + k11 * b1 + k12 * b2) / determinant
+    out[VX] = c * ax - s * ay
+    out[VY] = s * ax + c * ay
+    out[WZ] = (k02 * b0 + k12 * b1 + k22 * b2) / determinant
+
+
+@kernel
+def tick_update(tick, xc, xd, noise_stream, friction, slip, out):
+    remember(tick, xc[THETA:], xd, noise_stream, friction, slip, out)
+
+
+@kernel
+def pose(xc, out):
+    out[:] = xc[X : PHI + 1]
+
+
+@kernel
+def velocity(xc, out):
+    out[:] = xc[VX : WZ + 1]
+
+
+@kernel
+def wheel_angle(xc, out):
+    out[:] = xc[THETA:]
+
+
+@kernel
+def wheel_rate(xc, wheels, out):
+    c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+    wx, wy = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY]
+    for i in range(out.shape[0]):
+        out[i] = wheels[3 * i] * wx + wheels[3 * i + 1] * wy + wheels[3 * i + 2] * xc[WZ]
+
+
+class OmniPlant(Block):
+    """The omni-directional robot on carpet.
+
+    .. pydrake_system::
+
+        name: OmniPlant
+        input_ports:
+        - torque
+        output_ports:
+        - pose
+        - velocity
+        - wheel_angle
+        - wheel_rate
+
+    torque (n,): wheel torques [N m]. pose (3,): x, y [m], phi [rad] of B in W. velocity (3,): wheel-consistent
+    v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle, wheel_rate (n,): theta [rad],
+    theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
+
+    Args:
+        parameters: masses, wheels, friction and slip.
+        initial_pose: x, y [m], phi [rad] at t = 0.
+        seed: of the slip noise, stream `{name}/slip`.
+        where: the scenario's name of the section, for messages.
+
+    Raises:
+        InputError: friction too steep for the 5 ms step.
+    """
+
+    def __init__(self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="omni.plant"):
+        geometry = parameters.geometry
+        wheels = geometry.inverse
+        n = len(wheels)
+        start = np.zeros(THETA + n)
+        start[:3] = initial_pose
+        lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in geometry.wheels]))
+        super().__init__(Spec(
+            inputs={"torque": n},
+            outputs={
+                "pose": Output(3, pose), "velocity": Output(3, velocity), "wheel_angle": Output(n, wheel_angle),
+                "wheel_rate": Output(n, wheel_rate),
+            },
+            parameters={
+                "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
+                "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": wheels.ravel(),
+                "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
+                "slip": slip_parameters(parameters.slip, lever_m), "noise_stream": stream(seed, f"{where}/slip"),
+            },
+            continuous_state=start, derivatives=derivatives,
+            **tick_memory(parameters.slip, parameters.friction, tick_update, n),
+        ))
+
+
+def mass_matrix(parameters: OmniPlantParameters) -> np.ndarray:
+    """M_bar (3, 3) of (2.74) in body axes [kg, kg, kg m^2]."""
+    wheels = parameters.geometry.inverse
+    body = np.diag([parameters.mass_kg, parameters.mass_kg, parameters.inertia_kg_m2])
+    return body + parameters.wheel_inertia_kg_m2 * wheels.T @ wheels
+
+
+def mobility(parameters: OmniPlantParameters) -> np.ndarray:
+    """E' M^-1 E (n, n): wheel acceleration [rad/s^2] per wheel torque [N m]."""
+    wheels = parameters.geometry.inverse
+    return wheels @ np.linalg.solve(mass_matrix(parameters), wheels.T)

@@ -1,0 +1,278 @@
+"""The two-wheeled inverted pendulum's plant, full non-linear, (2.48) as corrected (docs/fidelity.md, rows 1 to 4).
+
+With v = [s_dot, phi_dot, theta_dot], kappa = 1 for the thesis's motion (wheel *and* body rotation, (2.37)-(2.39)) and
+kappa = 0 for the literature's (wheel rotation only, (2.34)-(2.36)):
+
+    theta_wb_dot = s_dot/r +- b phi_dot/r - kappa theta_dot
+    m11 = m_b + 2 m_w + 2 (I_w + n^2 I_r)/r^2
+    m13 = m_b z cos(theta) + 2 ((1 - kappa) I_w + n (1 - n kappa) I_r)/r
+    m33 = m_b z^2 + I_yy + 2 (1 - kappa)^2 I_w + 2 (1 - n kappa)^2 I_r
+    m22 = (m_b z^2 + I_xx) sin^2 + I_zz cos^2 + 2 (I_wz + I_rz) + 2 m_w b^2 + 2 (b/r)^2 (I_w + n^2 I_r)
+
+`pendulum_lagrangian.py` derives the same from the energies; a test compares them.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Spec, kernel
+from drake_ispace.noise import stream
+from drake_ispace.quantity import quantity
+from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.robots.slip import (
+    GRAVITY, RELAXATION, Slip, axis_rate, pose_rates, slip_parameters, traction_rate, traction_slip,
+)
+from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.robots.wheels import WheelGeometry, differential
+
+MOTIONS = ("wheel_only", "wheel_and_body")
+
+
+@dataclass
+class PendulumPlantParameters:
+    """Table 2.1; what the thesis does not give is assumed and says so."""
+
+    # m_b
+    body_mass_kg: float = quantity(3.5, "kg", above=0.0)
+    # m_w, each
+    wheel_mass_kg: float = quantity(0.25, "kg", minimum=0.0)
+    # I_yy
+    body_inertia_pitch_kg_m2: float = quantity(8.5e-4, "kg*m^2", above=0.0)
+    # I_zz
+    body_inertia_yaw_kg_m2: float = quantity(0.0255, "kg*m^2", above=0.0)
+    # I_xx, assumed equal to I_zz
+    body_inertia_roll_kg_m2: float = quantity(0.0255, "kg*m^2", above=0.0)
+    # I_w about the axle
+    wheel_inertia_kg_m2: float = quantity(0.0013, "kg*m^2", minimum=0.0)
+    # I_wz, assumed I_w / 2 (a thin disk)
+    wheel_inertia_yaw_kg_m2: float = quantity(0.00065, "kg*m^2", minimum=0.0)
+    # I_r
+    rotor_inertia_kg_m2: float = quantity(1.6e-5, "kg*m^2", minimum=0.0)
+    # I_rz, assumed equal to I_r
+    rotor_inertia_yaw_kg_m2: float = quantity(1.6e-5, "kg*m^2", minimum=0.0)
+    # z, axle to centre of gravity
+    centre_of_gravity_m: float = quantity(0.04, "m", above=0.0)
+    # b of (2.36) is half of Table 2.1's width 0.4
+    half_track_m: float = quantity(0.2, "m", above=0.0)
+    # r_w
+    wheel_radius_m: float = quantity(0.08, "m", above=0.0)
+    # n, rotor speed over wheel speed as the thesis writes it
+    gear_ratio: float = quantity(1.0 / 400.0, minimum=0.0)
+    # (2.37)-(2.39), or the literature's (2.34)-(2.36)
+    motion: str = quantity("wheel_and_body", choices=MOTIONS)
+    friction: Friction = field(default_factory=lambda: Friction(coulomb_n_m=0.0061, viscous_n_m_s=0.0106))
+    slip: Slip = field(default_factory=Slip)
+
+    @property
+    def geometry(self) -> WheelGeometry:
+        return differential(self.wheel_radius_m, self.half_track_m)
+
+    def inertias(self) -> dict[str, float]:
+        """The constants of the mass matrix, the plant's parameter group `body`; names as in the module."""
+        n, r, b = self.gear_ratio, self.wheel_radius_m, self.half_track_m
+        kappa = float(MOTIONS.index(self.motion))
+        rolling = self.wheel_inertia_kg_m2 + n * n * self.rotor_inertia_kg_m2
+        lifted = self.body_mass_kg * self.centre_of_gravity_m
+        wheels_yaw = self.wheel_inertia_yaw_kg_m2 + self.rotor_inertia_yaw_kg_m2 + self.wheel_mass_kg * b * b
+        return {
+            "m11": self.body_mass_kg + 2.0 * self.wheel_mass_kg + 2.0 * rolling / r**2,
+            "m_b_z": lifted,
+            "m13_rotors": 2.0 * ((1.0 - kappa) * self.wheel_inertia_kg_m2
+                                 + n * (1.0 - n * kappa) * self.rotor_inertia_kg_m2) / r,
+            "m33": lifted * self.centre_of_gravity_m + self.body_inertia_pitch_kg_m2
+            + 2.0 * (1.0 - kappa) ** 2 * self.wheel_inertia_kg_m2
+            + 2.0 * (1.0 - n * kappa) ** 2 * self.rotor_inertia_kg_m2,
+            "yaw_lying": lifted * self.centre_of_gravity_m + self.body_inertia_roll_kg_m2,
+            "yaw_upright": self.body_inertia_yaw_kg_m2,
+            "yaw_wheels": 2.0 * wheels_yaw + 2.0 * (b / r) ** 2 * rolling,
+            "kappa": kappa,
+            "mass": self.body_mass_kg + 2.0 * self.wheel_mass_kg,
+        }
+
+
+X, Y, PHI, TILT, S_RATE, YAW_RATE, TILT_RATE, LAG, THETA_R, THETA_L = 0, 1, 2, 3, 4, 5, 6, 7, 9, 10  # x_c
+M11, M_B_Z, M13_ROTORS, M33, YAW_LYING, YAW_UPRIGHT, YAW_WHEELS, KAPPA, MASS = range(9)
+
+
+@kernel
+def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, radius, half_track, body):
+    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    m13 = body[M_B_Z] * c + body[M13_ROTORS]
+    m22 = body[YAW_LYING] * s * s + body[YAW_UPRIGHT] * c * c + body[YAW_WHEELS]
+    shape = s * c * (body[YAW_LYING] - body[YAW_UPRIGHT])
+    push = (tau_r + tau_l) / radius + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate)
+    lean = -body[KAPPA] * (tau_r + tau_l) + shape * yaw_rate * yaw_rate + body[M_B_Z] * GRAVITY * s
+    turn = half_track * (tau_r - tau_l) / radius - 2.0 * shape * tilt_rate * yaw_rate - body[M_B_Z] * s * yaw_rate * s_rate
+    determinant = body[M11] * body[M33] - m13 * m13
+    return (body[M33] * push - m13 * lean) / determinant, turn / m22, (body[M11] * lean - m13 * push) / determinant
+
+
+@kernel
+def wheel_rates(s_rate, yaw_rate, tilt_rate, radius, half_track, kappa):
+    """(right, left) theta_wb_dot [rad/s], (2.38)-(2.39) solved for the wheels."""
+    forward, turn = s_rate / radius - kappa * tilt_rate, half_track * yaw_rate / radius
+    return forward + turn, forward - turn
+
+
+@kernel
+def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
+    """(right, left) torque between body and wheel, friction taken off."""
+    right, left = wheel_rates(xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA])
+    tau_r = torque[0] - friction_torque(right, deflection(xc[THETA_R], xd, 0), friction)
+    tau_l = torque[1] - friction_torque(left, deflection(xc[THETA_L], xd, 1), friction)
+    return tau_r, tau_l
+
+
+@kernel
+def derivatives(xc, xd, torque, radius_m, half_track_m, body, friction, slip, out):
+    """d/dt of [x, y, phi, tilt, s_rate, yaw_rate, tilt_rate, traction slip (2), theta_r, theta_l]."""
+    tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
+    out[S_RATE], out[YAW_RATE], out[TILT_RATE] = accelerations(
+        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, radius_m, half_track_m, body
+    )
+    out[TILT] = xc[TILT_RATE]
+    out[THETA_R], out[THETA_L] = wheel_rates(
+        xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA]
+    )
+    drive = (torque[0] + torque[1]) / radius_m
+    turn = half_track_m * (torque[0] - torque[1]) / radius_m
+    t0, t2 = traction_slip(0, drive, body[MASS], slip), traction_slip(2, turn, body[MASS], slip)
+    out[LAG] = traction_rate(0, t0, xc[LAG], xc[S_RATE], slip)
+    out[LAG + 1] = traction_rate(2, t2, xc[LAG + 1], half_track_m * xc[YAW_RATE], slip)
+    if slip[RELAXATION] > 0.0:
+        t0, t2 = xc[LAG], xc[LAG + 1]
+    pose_rates(
+        xc[S_RATE], 0.0, xc[YAW_RATE], (xc[X], xc[Y], xc[PHI]), (t0, 0.0, t2),
+        (slip_noise(xd, 0), slip_noise(xd, 1), slip_noise(xd, 2)), slip, out,
+    )
+
+
+@kernel
+def tick_update(tick, xc, xd, noise_stream, friction, slip, out):
+    remember(tick, xc[THETA_R:], xd, noise_stream, friction, slip, out)
+
+
+@kernel
+def pose(xc, out):
+    out[:] = xc[X : PHI + 1]
+
+
+@kernel
+def balance(xc, out):
+    out[:] = xc[TILT : TILT_RATE + 1]
+
+
+@kernel
+def wheel_angle(xc, out):
+    out[:] = xc[THETA_R : THETA_L + 1]
+
+
+@kernel
+def wheel_rate(xc, radius_m, half_track_m, body, out):
+    out[0], out[1] = wheel_rates(xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA])
+
+
+@kernel
+def body_motion(xc, xd, torque, radius_m, half_track_m, body, friction, slip, imu_height_m, out):
+    """Specific force (3) and angular rate (3) in the body's axes, at `imu_height_m` above the axle along the body.
+
+    The axle moves as the room sees it, with slip; s is taken as constant over the tick.
+    """
+    tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
+    s_acc, yaw_acc, tilt_acc = accelerations(
+        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, radius_m, half_track_m, body
+    )
+    forward = axis_rate(0, xc[S_RATE], 0.0, slip_noise(xd, 0), xc[X], xc[Y], slip)
+    forward_acc = axis_rate(0, s_acc, 0.0, slip_noise(xd, 0), xc[X], xc[Y], slip)
+    yaw_rate = axis_rate(2, xc[YAW_RATE], 0.0, slip_noise(xd, 2), xc[X], xc[Y], slip)
+    yaw_acc = axis_rate(2, yaw_acc, 0.0, slip_noise(xd, 2), xc[X], xc[Y], slip)
+    c, s, rate, l = np.cos(xc[TILT]), np.sin(xc[TILT]), xc[TILT_RATE], imu_height_m
+    ax = forward_acc + l * (tilt_acc * c - rate * rate * s) - yaw_rate * yaw_rate * l * s
+    ay = forward * yaw_rate + yaw_acc * l * s + 2.0 * yaw_rate * l * c * rate
+    az = -l * (tilt_acc * s + rate * rate * c) + GRAVITY
+    out[0], out[1], out[2] = c * ax - s * az, ay, s * ax + c * az
+    out[3], out[4], out[5] = -s * yaw_rate, rate, c * yaw_rate
+
+
+class PendulumPlant(Block):
+    """The two-wheeled inverted pendulum on carpet.
+
+    .. pydrake_system::
+
+        name: PendulumPlant
+        input_ports:
+        - torque
+        output_ports:
+        - pose
+        - balance
+        - wheel_angle
+        - wheel_rate
+        - body_motion
+
+    torque (2,): right, left, between body and wheel [N m]. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
+    balance (4,): tilt [rad] (forward positive), wheel-consistent s_dot [m/s], phi_dot and tilt rate [rad/s].
+    wheel_angle, wheel_rate (2,): right, left, relative to the body [rad], [rad/s]. body_motion (6,): specific force
+    [m/s^2] (gravity included) and angular rate [rad/s] in the body's axes at the IMU; it sees the torque held now.
+    Equations (2.37)-(2.48), (6.4).
+
+    Args:
+        parameters: masses, wheels, friction and slip.
+        initial_pose: x, y [m], phi [rad]; initial_tilt_rad: tilt at t = 0.
+        imu_height_m: of the IMU above the axle, along the body.
+        seed: of the slip noise, stream `{where}/slip`.
+        where: the scenario's name of the section, for messages.
+
+    Raises:
+        InputError: friction too steep for the 5 ms step.
+    """
+
+    def __init__(
+        self, parameters: PendulumPlantParameters, initial_pose=(0.0, 0.0, 0.0), initial_tilt_rad=0.0,
+        imu_height_m=0.0, seed=0, where="pendulum.plant",
+    ):
+        start = np.zeros(THETA_L + 1)
+        start[:3], start[TILT] = initial_pose, initial_tilt_rad
+        super().__init__(Spec(
+            inputs={"torque": 2},
+            outputs={
+                "pose": Output(3, pose), "balance": Output(4, balance), "wheel_angle": Output(2, wheel_angle),
+                "wheel_rate": Output(2, wheel_rate), "body_motion": Output(6, body_motion),
+            },
+            parameters={
+                "radius_m": parameters.wheel_radius_m, "half_track_m": parameters.half_track_m,
+                "body": parameters.inertias(), "imu_height_m": imu_height_m,
+                "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
+                "slip": slip_parameters(parameters.slip, parameters.half_track_m),
+                "noise_stream": stream(seed, f"{where}/slip"),
+            },
+            continuous_state=start, derivatives=derivatives,
+            **tick_memory(parameters.slip, parameters.friction, tick_update, 2),
+        ))
+
+
+def linear_model(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray]:
+    """(A (6, 6), B (6, 2)) of (2.54)-(2.57), x = [s, phi, theta, s_dot, phi_dot, theta_dot], corrected entries."""
+    mass, gravity, effort = linear_terms(parameters)
+    a = np.zeros((6, 6))
+    a[:3, 3:] = np.eye(3)
+    a[3:, :3] = -np.linalg.solve(mass, gravity)
+    return a, np.vstack([np.zeros((3, 2)), np.linalg.solve(mass, effort)])
+
+
+def linear_terms(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(M_L (3, 3), G_L (3, 3), E (3, 2)) of (2.51)-(2.53), corrected, without friction."""
+    i = parameters.inertias()
+    m13 = i["m_b_z"] + i["m13_rotors"]
+    mass = np.array([[i["m11"], 0, m13], [0, i["yaw_upright"] + i["yaw_wheels"], 0], [m13, 0, i["m33"]]])
+    gravity = np.diag([0.0, 0.0, -i["m_b_z"] * GRAVITY])
+    r, b = parameters.wheel_radius_m, parameters.half_track_m
+    effort = np.array([[1 / r, 1 / r], [b / r, -b / r], [-i["kappa"], -i["kappa"]]])
+    return mass, gravity, effort
+
+
+def mobility(parameters: PendulumPlantParameters) -> np.ndarray:
+    """E' M^-1 E (2, 2): wheel acceleration [rad/s^2] per wheel torque [N m], upright."""
+    mass, _, effort = linear_terms(parameters)
+    return effort.T @ np.linalg.solve(mass, effort)

@@ -1,0 +1,124 @@
+"""Wheel slip on carpet, (6.4)-(6.5), as kinematics: the wheels turn as the dynamics say, the robot travels less.
+
+The dynamics keep velocities that agree with the wheels; only the rates of the pose are scaled by 1 - s. So encoders
+measure the wheel and the room measures the robot, as in the thesis. The price: with s != 0 the motor's work does not
+all become kinetic energy of the pose, **energy is not kept**. (States for the slip velocity itself would need steps of
+20 us or less.)
+
+Readings of (6.4), `frame`:
+* body (default): s acts on the axes of the robot, s < 1. This is a stated correction of the thesis.
+* world: s acts on the world's axes, as printed; s > 1 moves the robot backwards.
+* additive: P_act = P_odo + P_er with (6.5) taken literally, on world axes; s = 1.3 of Fig. 6.11 makes sense only so.
+
+Besides the constant part s may grow with the traction force (s = gain * F / (mu N), brake and drive opposite, with an
+optional relaxation length over which it builds up), differ inside a rectangle of other carpet, and carry noise that is
+drawn once per tick.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import kernel
+from drake_ispace.quantity import quantity
+
+FRAMES = ("body", "world", "additive")
+GRAVITY = 9.80665
+
+
+@dataclass
+class Slip:
+    """Slip per axis [x, y, yaw]; neutral by default."""
+
+    frame: str = quantity("body", choices=FRAMES)
+    ratio: list[float] = quantity([0.0, 0.0, 0.0], length=3)
+    # slip at full traction, F = mu N
+    traction_gain: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, below=1.0, length=3)
+    # mu of wheel on carpet, assumed
+    friction_coefficient: float = quantity(0.6, above=0.0)
+    # distance over which traction slip builds up; 0: at once
+    relaxation_length_m: float = quantity(0.0, "m", minimum=0.0)
+    # standard deviation of the slip drawn at every tick
+    noise_std: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, length=3)
+    # x_min, x_max, y_min, y_max of other carpet; null: none
+    patch_m: list[float] | None = quantity(None, "m", length=4)
+    patch_ratio: list[float] = quantity([0.0, 0.0, 0.0], length=3)
+
+
+(FRAME, RATIO, GAIN, MU, LEVER, RELAXATION, PATCHED, PATCH, PATCH_RATIO, NOISE_STD) = (0, 1, 4, 7, 8, 9, 10, 11, 15, 18)
+
+
+def slip_parameters(slip: Slip, lever_m: float) -> dict[str, float]:
+    """The parameter group of a plant; `lever_m` turns traction force into traction moment [m]."""
+    patch = slip.patch_m or [0.0] * 4
+    axes = ("x", "y", "yaw")
+    return {
+        "frame": float(FRAMES.index(slip.frame)),
+        **{f"ratio_{a}": s for a, s in zip(axes, slip.ratio, strict=True)},
+        **{f"traction_gain_{a}": g for a, g in zip(axes, slip.traction_gain, strict=True)},
+        "friction_coefficient": slip.friction_coefficient,
+        "lever_m": lever_m,
+        "relaxation_length_m": slip.relaxation_length_m,
+        "patched": float(slip.patch_m is not None),
+        **dict(zip(("patch_x_min", "patch_x_max", "patch_y_min", "patch_y_max"), patch, strict=True)),
+        **{f"patch_ratio_{a}": s for a, s in zip(axes, slip.patch_ratio, strict=True)},
+        **{f"noise_std_{a}": s for a, s in zip(axes, slip.noise_std, strict=True)},
+    }
+
+
+@kernel
+def place_ratio(axis, x, y, slip):
+    """The constant part of s for axis 0, 1, 2 at the place (x, y) [m]."""
+    if slip[PATCHED] > 0.0:
+        inside = slip[PATCH] <= x and x <= slip[PATCH + 1] and slip[PATCH + 2] <= y and y <= slip[PATCH + 3]
+        if inside:
+            return slip[PATCH_RATIO + axis]
+    return slip[RATIO + axis]
+
+
+@kernel
+def traction_slip(axis, force, mass, slip):
+    """Steady traction slip for a body force (axis 0, 1 [N]) or moment (axis 2 [N m]), signed, at most the gain."""
+    normal = slip[MU] * mass * GRAVITY
+    if axis == 2:
+        normal = normal * slip[LEVER]
+    share = force / normal
+    return slip[GAIN + axis] * min(max(share, -1.0), 1.0)
+
+
+@kernel
+def axis_rate(axis, rate, traction, noise, x, y, slip):
+    """The rate at which the robot really moves along an axis, given the wheel-consistent `rate`.
+
+    `traction` is the traction slip of the axis (driving: the robot lags; braking: it slides on), `noise` this tick's.
+    """
+    s = place_ratio(axis, x, y, slip) + noise
+    if slip[FRAME] == 2.0:
+        return (1.0 + s) * rate
+    return (1.0 - s) * rate - traction * abs(rate)
+
+
+@kernel
+def pose_rates(vx, vy, wz, pose, traction, noise, slip, out):
+    """Write d/dt [x, y, phi] of the robot into out[0:3].
+
+    vx, vy [m/s], wz [rad/s]: wheel-consistent body velocity; pose: x, y [m], phi [rad] in W; traction, noise: (3,).
+    """
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    out[2] = axis_rate(2, wz, traction[2], noise[2], pose[0], pose[1], slip)
+    if slip[FRAME] == 0.0:
+        vx = axis_rate(0, vx, traction[0], noise[0], pose[0], pose[1], slip)
+        vy = axis_rate(1, vy, traction[1], noise[1], pose[0], pose[1], slip)
+        out[0] = c * vx - s * vy
+        out[1] = s * vx + c * vy
+    else:
+        out[0] = axis_rate(0, c * vx - s * vy, 0.0, noise[0], pose[0], pose[1], slip)
+        out[1] = axis_rate(1, s * vx + c * vy, 0.0, noise[1], pose[0], pose[1], slip)
+
+
+@kernel
+def traction_rate(axis, target, state, speed, slip):
+    """d/dt of the lagged traction slip: it relaxes over a distance; zero where there is no relaxation length."""
+    if slip[RELAXATION] > 0.0:
+        return abs(speed) / slip[RELAXATION] * (target - state)
+    return 0.0

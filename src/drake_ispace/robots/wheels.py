@@ -1,0 +1,115 @@
+"""Wheel geometry of any planar robot, its forward and inverse kinematics.
+
+A wheel at p_BW = (x, y) drives its contact point along the direction `drive` (angle from the body's x axis). The
+floor holds the contact only along the roller's axis: for a plain wheel or a 90 degree roller that is the drive
+direction itself, for a mecanum wheel it lies `roller` away from it. So
+
+    radius * theta_dot = (v_B + wz x p_BW) . (cos(drive + roller), sin(drive + roller)) / cos(roller)
+
+and a robot is the stack theta_dot = G v_B with v_B = [vx, vy, wz], the inverse of v = J theta_dot, (2.64).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """One wheel: contact point (x_m, y_m) in B [m], drive direction and roller angle [rad], radius [m].
+
+    `holds_sideways`: a plain tyre, which cannot move across its drive direction (no rollers).
+    """
+
+    x_m: float
+    y_m: float
+    drive_rad: float
+    radius_m: float
+    roller_rad: float = 0.0
+    holds_sideways: bool = False
+
+    def row(self) -> np.ndarray:
+        """The row of G (3,): wheel speed [rad/s] per body velocity [m/s, m/s, rad/s]."""
+        hold = self.drive_rad + self.roller_rad
+        x, y = np.cos(hold), np.sin(hold)
+        return np.array([x, y, self.x_m * y - self.y_m * x]) / (self.radius_m * np.cos(self.roller_rad))
+
+
+@dataclass(frozen=True)
+class WheelGeometry:
+    """A robot's wheels; `inverse` is G (n, 3), `forward` its left inverse (3, n).
+
+    Raises:
+        ValueError: no wheel, a radius that is not positive, a roller along the wheel's axle, or wheels that leave a
+            direction of motion unseen (G has not full rank; for wheels that hold sideways that direction is held).
+    """
+
+    wheels: tuple[Wheel, ...]
+
+    def __post_init__(self):
+        if not self.wheels:
+            raise ValueError("a wheel geometry needs at least one wheel")
+        for number, wheel in enumerate(self.wheels, 1):
+            if not wheel.radius_m > 0.0:
+                raise ValueError(f"wheel {number}: radius_m is {wheel.radius_m}, expected a positive length")
+            if abs(np.cos(wheel.roller_rad)) < 1e-6:
+                raise ValueError(f"wheel {number}: roller_rad is {wheel.roller_rad}, the roller lies along the axle")
+        if np.linalg.matrix_rank(np.vstack([self.inverse, self.sideways]), tol=1e-9) < 3:
+            raise ValueError("these wheels leave a direction of motion unseen, expected three independent rows")
+
+    @property
+    def inverse(self) -> np.ndarray:
+        """G (n, 3): theta_dot [rad/s] = G v_B."""
+        return np.array([wheel.row() for wheel in self.wheels])
+
+    @property
+    def sideways(self) -> np.ndarray:
+        """Rows (k, 3) whose product with v_B is zero for wheels without rollers; k = 0 for a holonomic robot."""
+        rows = [
+            [-np.sin(w.drive_rad), np.cos(w.drive_rad), w.x_m * np.cos(w.drive_rad) + w.y_m * np.sin(w.drive_rad)]
+            for w in self.wheels if w.holds_sideways
+        ]
+        return np.array(rows).reshape(-1, 3)
+
+    @property
+    def forward(self) -> np.ndarray:
+        """J in frame B (3, n): v_B = J theta_dot, the least-squares inverse that keeps `sideways` at zero, (2.66)."""
+        held = np.linalg.svd(self.sideways)[2][np.linalg.matrix_rank(self.sideways) :].T if len(self.sideways) else np.eye(3)
+        return held @ np.linalg.pinv(self.inverse @ held)
+
+
+def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:
+    """The thesis's robot, (2.66): wheels 1 to 4 at 0, 90, 180, 270 degrees, each driving tangentially.
+
+    `wheel_distance_m` is b of Table 2.2, the full distance between opposite wheels.
+    """
+    return _ring(4, radius_m, wheel_distance_m / 2.0, first_rad=0.0)
+
+
+def omni3(radius_m: float, centre_distance_m: float, first_rad: float = np.pi / 3.0) -> WheelGeometry:
+    """Three omni wheels, 120 degrees apart, `centre_distance_m` from the centre, the first at `first_rad`."""
+    return _ring(3, radius_m, centre_distance_m, first_rad)
+
+
+def _ring(count, radius_m, centre_distance_m, first_rad):
+    angles = first_rad + 2.0 * np.pi * np.arange(count) / count
+    return WheelGeometry(tuple(
+        Wheel(centre_distance_m * np.cos(a), centre_distance_m * np.sin(a), a + np.pi / 2.0, radius_m) for a in angles
+    ))
+
+
+def mecanum(radius_m: float, half_length_m: float, half_width_m: float) -> WheelGeometry:
+    """Four mecanum wheels driving along x, rollers at 45 degrees: front left, front right, rear left, rear right."""
+    a, b, quarter = half_length_m, half_width_m, np.pi / 4.0
+    return WheelGeometry((
+        Wheel(a, b, 0.0, radius_m, -quarter), Wheel(a, -b, 0.0, radius_m, quarter),
+        Wheel(-a, b, 0.0, radius_m, quarter), Wheel(-a, -b, 0.0, radius_m, -quarter),
+    ))
+
+
+def differential(radius_m: float, half_track_m: float) -> WheelGeometry:
+    """Two plain wheels, right then left, `half_track_m` = b of (2.36) from the centre line."""
+    return WheelGeometry((
+        Wheel(0.0, -half_track_m, 0.0, radius_m, holds_sideways=True),
+        Wheel(0.0, half_track_m, 0.0, radius_m, holds_sideways=True),
+    ))

@@ -1,0 +1,227 @@
+"""One commented tree of dataclasses that describes a whole run; a YAML file overrides it.
+
+Defaults are the thesis's tables where they hold and stated assumptions where it is silent (docs/fidelity.md). The
+packaged scenarios, one per Diagram and one per `*_as_printed` variant, lie in `scenarios/`.
+"""
+
+import copy
+import dataclasses
+import math
+import typing
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+from drake_ispace.control.friction_compensator import FrictionCompensation
+from drake_ispace.control.paths import Trajectory
+from drake_ispace.control.tracker import Tracker
+from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.quantity import quantity
+from drake_ispace.robots.actuator import Actuator
+from drake_ispace.robots.omni import OmniPlantParameters
+from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.sensing.encoder import Encoder
+from drake_ispace.sensing.imu import Imu
+from drake_ispace.sensing.tilt_filter import TiltFilter
+from drake_ispace.space.kinect import Space
+from drake_ispace.yaml_guard import load_yaml
+
+
+@dataclass
+class OmniControl:
+    """Feedback of the omni robot, section 6.5.3."""
+
+    # dlqr: designed from the plant; given: k_p and k_d below
+    gains: str = quantity("dlqr", choices=("dlqr", "given"))
+    # weights of x, y, phi and their rates. (6.24) with the position weights x 1000 and the rate weights / 10
+    q: list[float] = quantity([1.4e7, 1.4e7, 9.75e5, 1.75e4, 1.75e4, 1.0e3], minimum=0.0, length=6)
+    # (6.25)
+    r: list[float] = quantity([2.3e3, 2.3e3, 5.0e2], above=0.0, length=3)
+    # (6.26), (6.27)
+    k_p: list[float] = quantity([2.45, 2.45, 1.23], "N/m, N*m/rad", minimum=0.0, length=3)
+    k_d: list[float] = quantity([10.0, 10.0, 4.0], "N*s/m, N*m*s/rad", minimum=0.0, length=3)
+    # of the vision-feedback PID only; zero as printed
+    k_i: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, length=3)
+    # largest force and moment of the vision-feedback PID, for anti-windup; null: none
+    force_limit: list[float] | None = quantity(None, "N, N, N*m", above=0.0, length=3)
+    # of the way point; (6.13) has none, which costs a lag of K_d v / K_p = 1 m
+    velocity_feed_forward: bool = quantity(True)
+    acceleration_feed_forward: bool = quantity(True)
+    # (6.6) without its rotation
+    estimator_as_printed: bool = quantity(False)
+
+
+@dataclass
+class PendulumControl:
+    """Feedback of the pendulum, section 6.6.4."""
+
+    gains: str = quantity("dlqr", choices=("dlqr", "given"))
+    # weights of s, phi, theta and their rates, (6.40), and of both torques, (6.41)
+    q: list[float] = quantity([5e3, 1e3, 800.0, 50.0, 100.0, 1e3], minimum=0.0, length=6)
+    r: list[float] = quantity([1e4, 1e4], above=0.0, length=2)
+    # K (right wheel: s, phi) and F1 (right wheel: theta, s', phi', theta') of (6.42)-(6.43); left: yaw entries negated
+    k_right: list[float] = quantity([0.4351, -0.2217], length=2)
+    f1_right: list[float] = quantity([1.3328, 0.5548, -0.0843, 0.2023], length=4)
+    tracker: Tracker = field(default_factory=Tracker)
+    friction_compensation: FrictionCompensation = field(default_factory=FrictionCompensation)
+    # (6.6) without its rotation
+    estimator_as_printed: bool = quantity(False)
+
+
+@dataclass
+class OmniRobot:
+    """The four-wheeled omni-directional robot of Fig. 2.2."""
+
+    plant: OmniPlantParameters = field(default_factory=OmniPlantParameters)
+    actuator: Actuator = field(default_factory=Actuator)
+    encoder: Encoder = field(default_factory=Encoder)
+    control: OmniControl = field(default_factory=OmniControl)
+    # neutral, because the omni robot's plant has no friction by default
+    friction_compensation: FrictionCompensation = field(default_factory=lambda: FrictionCompensation(enabled=False))
+    trajectory: Trajectory = field(default_factory=Trajectory)
+    # x, y, phi at t = 0; null: where the path starts
+    initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
+
+
+@dataclass
+class PendulumRobot:
+    """The two-wheeled inverted pendulum of Fig. 2.1."""
+
+    # nonlinear: (2.48) as corrected; linear_as_printed: (3.41)-(3.42)
+    model: str = quantity("nonlinear", choices=("nonlinear", "linear_as_printed"))
+    plant: PendulumPlantParameters = field(default_factory=PendulumPlantParameters)
+    actuator: Actuator = field(default_factory=Actuator)
+    # resolution assumed: the thesis does not give it
+    encoder: Encoder = field(default_factory=lambda: Encoder(counts_per_turn=2000))
+    imu: Imu = field(default_factory=Imu)
+    tilt_filter: TiltFilter = field(default_factory=TiltFilter)
+    control: PendulumControl = field(default_factory=PendulumControl)
+    trajectory: Trajectory = field(default_factory=lambda: Trajectory(heading="tangent"))
+    # x, y, phi at t = 0; null: where the path starts, along it
+    initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
+    initial_tilt_rad: float = quantity(0.0, "rad", minimum=-1.0, maximum=1.0)
+
+
+@dataclass
+class Scenario:
+    """A Diagram of the catalog with everything it is made of."""
+
+    # a name of the catalog
+    diagram: str = quantity("omni_multirate")
+    seconds: float = quantity(30.0, "s", above=0.0, maximum=40000.0)
+    seed: int = quantity(0, minimum=0)
+    space: Space = field(default_factory=Space)
+    omni: OmniRobot = field(default_factory=OmniRobot)
+    pendulum: PendulumRobot = field(default_factory=PendulumRobot)
+
+
+def scenario_names() -> list[str]:
+    """The packaged scenarios."""
+    folder = resources.files("drake_ispace") / "scenarios"
+    return sorted(entry.name.removesuffix(".yaml") for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Scenario:
+    """The scenario of that name, or in that YAML file, with `key.path=value` overrides applied in order.
+
+    Raises:
+        InputError: unknown name, unreadable file, unknown key, wrong type, value out of range.
+    """
+    if name_or_file in scenario_names():
+        text = (resources.files("drake_ispace") / "scenarios" / f"{name_or_file}.yaml").read_text()
+        data = load_yaml(text, name_or_file)
+        where = name_or_file
+    elif name_or_file.endswith((".yaml", ".yml")) or "/" in name_or_file:
+        data, where = load_yaml(Path(name_or_file), name_or_file), name_or_file
+    else:
+        raise InputError(f"there is no scenario {shown(name_or_file)}, {expected_one_of(name_or_file, scenario_names())}")
+    scenario = read(Scenario(), data, where)
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set {shown(override)}: expected key=value, such as omni.plant.mass_kg=8")
+        value = load_yaml(f"value: {text}\n", f"--set {key}").get("value")
+        for part in reversed(key.strip().split(".")):
+            value = {part: value}
+        scenario = read(scenario, value, "--set")
+    return scenario
+
+
+def read(defaults, data: dict, where: str):
+    """A copy of the dataclass `defaults` with `data` put over it, every key and value checked.
+
+    Raises:
+        InputError: naming `where` and the dotted key.
+    """
+    result = copy.deepcopy(defaults)
+    _merge(result, data, where, "")
+    return result
+
+
+def to_data(scenario) -> dict:
+    """The whole tree as plain mappings, ready for YAML."""
+    return dataclasses.asdict(scenario)
+
+
+def difference(scenario: Scenario) -> dict:
+    """Only what differs from the defaults: the shortest YAML that gives this scenario."""
+    return _difference(to_data(scenario), to_data(Scenario())) | {"diagram": scenario.diagram}
+
+
+def _difference(data, defaults):
+    changed = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            if inner := _difference(value, defaults[key]):
+                changed[key] = inner
+        elif value != defaults[key]:
+            changed[key] = value
+    return changed
+
+
+def _merge(target, data, where, path):
+    fields = {f.name: f for f in dataclasses.fields(target)}
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: {path}: expected a mapping with keys such as {', '.join(list(fields)[:3])}, got {shown(data)}")
+    for key, value in data.items():
+        dotted = f"{path}.{key}" if path else key
+        if key not in fields:
+            raise InputError(f"{where}: {dotted}: unknown key, {expected_one_of(key, fields)}")
+        if dataclasses.is_dataclass(getattr(target, key)):
+            _merge(getattr(target, key), value, where, dotted)
+        else:
+            setattr(target, key, _checked(value, fields[key].type, fields[key].metadata, f"{where}: {dotted}"))
+
+
+def _checked(value, kind, rules, where):
+    """`value` as `kind`, within the `rules` of `quantity`."""
+    options = [option for option in typing.get_args(kind) if option is not type(None)]
+    if type(None) in typing.get_args(kind):
+        if value is None:
+            return None
+        kind = options[0]
+    if typing.get_origin(kind) is list:
+        (inner,) = typing.get_args(kind)
+        length = rules.get("length")
+        if not isinstance(value, list) or (length is not None and len(value) != length):
+            raise InputError(f"{where}: expected a list of {length or 'some'} values, got {shown(value)}")
+        return [_checked(entry, inner, {**rules, "length": None}, f"{where}[{i}]") for i, entry in enumerate(value)]
+    unit = f" [{rules['unit']}]" if rules.get("unit") else ""
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if type(value) is not kind:
+        names = {float: "a number", int: "a whole number", bool: "true or false", str: "a word"}
+        hint = f" without a unit, in {rules['unit']}" if kind is float and isinstance(value, str) and unit else unit
+        raise InputError(f"{where}: expected {names[kind]}{hint}, got {shown(value)}")
+    if kind is float and not math.isfinite(value):
+        raise InputError(f"{where}: expected a finite number{unit}, got {value}")
+    tests = {
+        "minimum": (lambda limit: value >= limit, "at least"), "maximum": (lambda limit: value <= limit, "at most"),
+        "above": (lambda limit: value > limit, "more than"), "below": (lambda limit: value < limit, "less than"),
+    }
+    for rule, (holds, words) in tests.items():
+        if rules.get(rule) is not None and not holds(rules[rule]):
+            raise InputError(f"{where}: expected {words} {rules[rule]:g}{unit}, got {value:g}")
+    if rules.get("choices") and value not in rules["choices"]:
+        raise InputError(f"{where}: {shown(value)} is not known, expected one of {', '.join(rules['choices'])}")
+    return value

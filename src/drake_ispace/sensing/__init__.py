@@ -1,0 +1,1 @@
+"""What the robots measure on themselves, every tick."""

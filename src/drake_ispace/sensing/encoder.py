@@ -1,0 +1,89 @@
+"""Rotary encoders: counts of the wheel angle relative to the body, and a velocity made from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
+
+VELOCITIES = ("filtered", "raw", "true")
+
+
+@dataclass
+class Encoder:
+    """Resolution and velocity of the encoders."""
+
+    # 12 pulses times gear 9 for the omni robot (Table 2.2); 2000 assumed for the pendulum; 0: no quantisation
+    counts_per_turn: int = quantity(108, "counts per wheel turn", minimum=0)
+    # filtered: low-pass of the count difference; raw: the difference itself; true: the plant's wheel speed
+    velocity: str = quantity("filtered", choices=VELOCITIES)
+    # of the low-pass; one count of the omni robot in one tick is 0.28 m/s, too coarse to feed back
+    filter_time_constant_s: float = quantity(0.02, "s", above=0.0)
+
+
+@kernel
+def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, memory, out):
+    """x_d = [tick, theta (n), omega (n)]."""
+    n = wheel_angle.shape[0]
+    for i in range(n):
+        angle = wheel_angle[i]
+        if counts_per_turn > 0.0:
+            step = 2.0 * np.pi / counts_per_turn
+            angle = step * np.floor(angle / step)
+        difference = 0.0 if xd[0] < 0.0 else (angle - xd[1 + i]) / TICK_S
+        out[1 + i] = angle
+        if velocity_mode == 0.0:
+            out[1 + n + i] = memory * xd[1 + n + i] + (1.0 - memory) * difference
+        elif velocity_mode == 1.0:
+            out[1 + n + i] = difference
+        else:
+            out[1 + n + i] = wheel_rate[i]
+    out[0] = tick
+
+
+@kernel
+def message(xd, out):
+    out[:] = xd
+
+
+@kernel
+def clock(xd, out):
+    out[0] = xd[0]
+
+
+class WheelEncoder(Block):
+    """Samples the wheels in the sensing phase of every tick.
+
+    .. pydrake_system::
+
+        name: WheelEncoder
+        input_ports:
+        - wheel_angle
+        - wheel_rate
+        output_ports:
+        - message
+        - tick
+
+    wheel_angle, wheel_rate (n,): relative to the body [rad], [rad/s]; the rate is read only by velocity = true.
+    message (1 + 2 n,): tick of the sample (-1 before the first), theta (n) [rad], omega (n) [rad/s].
+    tick (1,): the same tick, the robot's clock for blocks that have no sample of their own.
+
+    Args:
+        encoder: resolution and velocity; wheels: n.
+    """
+
+    def __init__(self, encoder: Encoder, wheels: int):
+        start = np.zeros(1 + 2 * wheels)
+        start[0] = -1.0
+        super().__init__(Spec(
+            inputs={"wheel_angle": wheels, "wheel_rate": wheels},
+            outputs={"message": Output(1 + 2 * wheels, message), "tick": Output(1, clock)},
+            parameters={
+                "counts_per_turn": float(encoder.counts_per_turn),
+                "velocity_mode": float(VELOCITIES.index(encoder.velocity)),
+                "memory": float(np.exp(-TICK_S / encoder.filter_time_constant_s)),
+            },
+            discrete_state=start, updates=(Update(sample, Phase.SENSE),),
+        ))

@@ -1,0 +1,68 @@
+"""A low-cost IMU: 3-axis accelerometer (specific force, gravity included) and 3-axis gyro, fixed to the body."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.noise import normal, stream
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
+
+
+@dataclass
+class Imu:
+    """Noise and bias, assumed: typical of a consumer MEMS part (the thesis says "low-cost")."""
+
+    accelerometer_noise_density: float = quantity(3e-3, "m/s^2/sqrt(Hz)", minimum=0.0)
+    gyro_noise_density: float = quantity(1.5e-4, "rad/s/sqrt(Hz)", minimum=0.0)
+    accelerometer_bias_m_s2: list[float] = quantity([0.0, 0.0, 0.0], "m/s^2", length=3)
+    gyro_bias_rad_s: list[float] = quantity([0.0, 0.0, 0.0], "rad/s", length=3)
+    # above the axle, along the body; assumed
+    height_m: float = quantity(0.0, "m")
+
+
+@kernel
+def sample(tick, body_motion, bias, noise_std, noise_stream, out):
+    """x_d = [tick, specific force (3), angular rate (3)]."""
+    out[0] = tick
+    for i in range(6):
+        out[1 + i] = body_motion[i] + bias[i]
+        if noise_std[i] > 0.0:
+            out[1 + i] += noise_std[i] * normal(noise_stream, tick, i)
+
+
+@kernel
+def message(xd, out):
+    out[:] = xd
+
+
+class InertialSensor(Block):
+    """Samples the body's motion in the sensing phase of every tick, under the torque held *until* that tick.
+
+    .. pydrake_system::
+
+        name: InertialSensor
+        input_ports:
+        - body_motion
+        output_ports:
+        - message
+
+    body_motion (6,): specific force [m/s^2] and angular rate [rad/s] in the body's axes.
+    message (7,): tick of the sample (-1 before the first), then the same six with bias and noise. White noise of
+    density d has standard deviation d / sqrt(T_u) per sample.
+
+    Args:
+        imu: noise and bias; seed: of the noise, stream `{where}`.
+    """
+
+    def __init__(self, imu: Imu, seed=0, where="imu"):
+        densities = [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3
+        super().__init__(Spec(
+            inputs={"body_motion": 6}, outputs={"message": Output(7, message)},
+            parameters={
+                "bias": np.array([*imu.accelerometer_bias_m_s2, *imu.gyro_bias_rad_s]),
+                "noise_std": np.array(densities) / np.sqrt(TICK_S), "noise_stream": stream(seed, where),
+            },
+            discrete_state=np.array([-1.0, 0, 0, 0, 0, 0, 0]), updates=(Update(sample, Phase.SENSE),),
+        ))

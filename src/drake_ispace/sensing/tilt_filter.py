@@ -1,0 +1,104 @@
+"""Kalman filter for tilt, tilt rate and gyro bias from the IMU (the thesis's section 2.2.1 names it, gives no equation).
+
+State [theta, theta_dot, b]: the tilt rate is a random walk (white angular acceleration), the bias a slow one.
+Measurements: gyro y axis = theta_dot + b, and the direction of the specific force, atan2(-f_x, f_z) = theta for a body
+that does not accelerate. The robot does accelerate, so the second is trusted only in the long run.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
+
+
+@dataclass
+class TiltFilter:
+    """What the filter believes of its sensors (standard deviations per sample)."""
+
+    angular_acceleration_rad_s2: float = quantity(30.0, "rad/s^2", above=0.0)
+    bias_walk_rad_s_per_sqrt_s: float = quantity(1e-4, "rad/s/sqrt(s)", above=0.0)
+    gyro_std_rad_s: float = quantity(0.003, "rad/s", above=0.0)
+    # large, because the robot's own acceleration tilts the specific force
+    accelerometer_std_rad: float = quantity(1.0, "rad", above=0.0)
+    initial_bias_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
+    initial_tilt_std_rad: float = quantity(0.01, "rad", above=0.0)
+
+
+TICK, TILT, RATE, BIAS, P = 0, 1, 2, 3, 4  # x_d; P: p00 p01 p02 p11 p12 p22
+
+
+@kernel
+def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_variance, out):
+    """Predict one tick and take in the sample; a sample seen before changes nothing."""
+    out[:] = xd
+    if imu[0] == xd[TICK]:
+        return
+    h = TICK_S
+    tilt, rate, bias = xd[TILT], xd[RATE], xd[BIAS]
+    p00, p01, p02, p11, p12, p22 = xd[P], xd[P + 1], xd[P + 2], xd[P + 3], xd[P + 4], xd[P + 5]
+    if xd[TICK] >= 0.0:
+        tilt = tilt + h * rate
+        p00, p01, p02 = p00 + 2.0 * h * p01 + h * h * p11, p01 + h * p11, p02 + h * p12
+        p11, p22 = p11 + rate_variance, p22 + bias_variance
+
+    # gyro: H = [0, 1, 1]
+    c0, c1, c2 = p01 + p02, p11 + p12, p12 + p22
+    spread = c1 + c2 + gyro_variance
+    innovation = imu[5] - rate - bias
+    tilt, rate, bias = tilt + c0 / spread * innovation, rate + c1 / spread * innovation, bias + c2 / spread * innovation
+    p00, p01, p02 = p00 - c0 * c0 / spread, p01 - c0 * c1 / spread, p02 - c0 * c2 / spread
+    p11, p12, p22 = p11 - c1 * c1 / spread, p12 - c1 * c2 / spread, p22 - c2 * c2 / spread
+
+    # direction of the specific force: H = [1, 0, 0]
+    spread = p00 + accelerometer_variance
+    innovation = np.arctan2(-imu[1], imu[3]) - tilt
+    k0, k1, k2 = p00 / spread, p01 / spread, p02 / spread
+    out[TICK] = imu[0]
+    out[TILT], out[RATE], out[BIAS] = tilt + k0 * innovation, rate + k1 * innovation, bias + k2 * innovation
+    out[P], out[P + 1], out[P + 2] = p00 - k0 * p00, p01 - k0 * p01, p02 - k0 * p02
+    out[P + 3], out[P + 4], out[P + 5] = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
+
+
+@kernel
+def estimate(xd, out):
+    out[:] = xd[: P]
+
+
+class TiltKalmanFilter(Block):
+    """Tilt from the IMU, direct feed-through within a tick.
+
+    .. pydrake_system::
+
+        name: TiltKalmanFilter
+        input_ports:
+        - imu
+        output_ports:
+        - tilt
+
+    imu (7,): tick, specific force [m/s^2], angular rate [rad/s].
+    tilt (4,): tick, theta_b [rad] (forward positive), theta_b rate [rad/s], gyro bias [rad/s].
+
+    Args:
+        believed: standard deviations.
+        initial_tilt_rad: the robot is held at this tilt before t = 0, long enough for the filter to know it.
+    """
+
+    def __init__(self, believed: TiltFilter, initial_tilt_rad=0.0):
+        start = np.zeros(10)
+        start[TICK], start[TILT] = -1.0, initial_tilt_rad
+        start[P], start[P + 3], start[P + 5] = (
+            believed.initial_tilt_std_rad**2, 0.01**2, believed.initial_bias_std_rad_s**2,
+        )
+        super().__init__(Spec(
+            inputs={"imu": 7}, outputs={"tilt": Output(4, estimate)},
+            parameters={
+                "rate_variance": (believed.angular_acceleration_rad_s2 * TICK_S) ** 2,
+                "bias_variance": believed.bias_walk_rad_s_per_sqrt_s**2 * TICK_S,
+                "gyro_variance": believed.gyro_std_rad_s**2,
+                "accelerometer_variance": believed.accelerometer_std_rad**2,
+            },
+            discrete_state=start, updates=(Update(step, Phase.COMPUTE, through=True),),
+        ))

@@ -1,0 +1,110 @@
+"""Runs a Diagram in Drake's Simulator and collects its outputs, one row a tick."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import VectorLogSink
+
+from drake_ispace.rates import MAX_TICK, TICK_S, ticks_in
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.catalog import build_diagram
+
+_FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
+_LOST_M = 20.0  # farther away than any control loop would bring a robot back from
+_CHUNK = 200  # ticks between looks at progress and divergence
+
+
+@dataclass(frozen=True)
+class Run:
+    """Outputs of a simulated Diagram.
+
+    Attributes:
+        scenario: what was run.
+        signals: name of the Diagram's output -> (ticks + 1, size). Row k is the value *before* the updates of tick k
+            (x-), so row k of a sampled signal shows the sample of tick k - 1. docs/semantics.md.
+        diverged_s: when the robot fell or left for good, else None; rows after it are left away.
+        wall_s: duration of the simulation itself.
+    """
+
+    scenario: Scenario
+    signals: dict[str, np.ndarray]
+    diverged_s: float | None
+    wall_s: float
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """(ticks + 1,) times of the rows [s]."""
+        rows = len(next(iter(self.signals.values())))
+        return np.arange(rows) * TICK_S
+
+    @property
+    def robots(self) -> list[str]:
+        return [name.removesuffix("_pose") for name in self.signals if name.endswith("_pose")]
+
+
+def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Run:
+    """Build and run `scenario`; `progress` is told the simulated time [s] now and then.
+
+    Raises:
+        InputError: values that do not go together.
+    """
+    return simulate_diagram(build_diagram(scenario), scenario, progress)
+
+
+def simulate_diagram(diagram: Diagram, scenario: Scenario, progress: Callable[[float], None] | None = None) -> Run:
+    """Run a Diagram whose outputs are named as those of the catalog."""
+    simulator, sinks = make_simulator(diagram)
+    ticks = min(ticks_in(scenario.seconds), MAX_TICK)
+    started = time.perf_counter()
+    diverged = None
+    for tick in range(min(_CHUNK, ticks), ticks + _CHUNK, _CHUNK):
+        simulator.AdvanceTo(min(tick, ticks) * TICK_S)
+        if progress:
+            progress(simulator.get_context().get_time())
+        diverged = _first_divergence(simulator, sinks, max(tick - _CHUNK - 1, 0))
+        if diverged is not None:
+            break
+    wall_s = time.perf_counter() - started
+    rows = slice(0, None if diverged is None else diverged + 1)
+    signals = {name: _log(simulator, sink)[rows].copy() for name, sink in sinks.items()}
+    return Run(scenario, signals, None if diverged is None else diverged * TICK_S, wall_s)
+
+
+def make_simulator(diagram: Diagram) -> tuple[Simulator, dict[str, VectorLogSink]]:
+    """A Simulator with Drake's fixed-step Runge-Kutta 3 at one step a tick, and a log of every output per tick."""
+    builder = DiagramBuilder()
+    builder.AddSystem(diagram)
+    sinks = {}
+    for i in range(diagram.num_output_ports()):
+        port = diagram.get_output_port(i)
+        sink = builder.AddSystem(VectorLogSink(port.size(), publish_period=TICK_S))
+        builder.Connect(port, sink.get_input_port())
+        sinks[port.get_name()] = sink
+    simulator = Simulator(builder.Build())
+    ResetIntegratorFromFlags(simulator, "runge_kutta3", TICK_S).set_fixed_step_mode(True)
+    simulator.Initialize()
+    return simulator, sinks
+
+
+def _log(simulator, sink):
+    return sink.FindLog(simulator.get_context()).data().T
+
+
+def _first_divergence(simulator, sinks, start):
+    """The first row from `start` on in which a robot has fallen, is lost or is no number; None if there is none."""
+    first = None
+    for name, sink in sinks.items():
+        rows = _log(simulator, sink)[start:]
+        bad = ~np.isfinite(rows).all(axis=1)
+        if name.endswith("_pose"):
+            bad |= (np.abs(rows[:, :2]) > _LOST_M).any(axis=1)
+        if name.endswith("_balance"):
+            bad |= np.abs(rows[:, 0]) > _FALLEN_RAD
+        if bad.any():
+            row = start + int(np.argmax(bad))
+            first = row if first is None else min(first, row)
+    return first

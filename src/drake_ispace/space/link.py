@@ -1,0 +1,127 @@
+"""The radio link from the room to a robot: framed serial messages, delayed by the line, sometimes lost.
+
+`pack` and `unpack` are the frame on the wire; the block models when a frame arrives and whether it does. The rounding
+of the payload to 32-bit floats (below 1e-7 m) is not modelled.
+"""
+
+import binascii
+import struct
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.noise import stream, uniform
+from drake_ispace.rates import TICK_S
+from drake_ispace.space.kinect import Link
+from drake_ispace.space.localizer import FIX
+
+_START = b"\xa5\x5a"
+
+
+def pack(tick: int, values) -> bytes:
+    """A frame: start bytes, count, tick of sending, the values as 32-bit floats, CRC-16 of all but the start."""
+    body = struct.pack(f"<BI{len(values)}f", len(values), tick, *values)
+    return _START + body + struct.pack("<H", binascii.crc_hqx(body, 0xFFFF))
+
+
+def unpack(frame: bytes) -> tuple[int, tuple[float, ...]] | None:
+    """(tick, values) of a whole and undamaged frame, else None."""
+    if len(frame) < 9 or frame[:2] != _START or len(frame) != 9 + 4 * frame[2]:
+        return None
+    body, (checksum,) = frame[2:-2], struct.unpack("<H", frame[-2:])
+    if binascii.crc_hqx(body, 0xFFFF) != checksum:
+        return None
+    count, tick, *values = struct.unpack(f"<BI{frame[2]}f", body)
+    return tick, tuple(values)
+
+
+def delay_ticks(link: Link, order_size: int) -> int:
+    """Whole ticks from sending to arrival of a frame that carries a fix and an order of `order_size` numbers."""
+    if link.baud_rate == 0:
+        return link.delay_ticks
+    bits = 10 * len(pack(0, [0.0] * (FIX + order_size)))
+    return link.delay_ticks + int(np.ceil(bits / link.baud_rate / TICK_S))
+
+
+CLOCK = 0  # x_d = [robot's tick, last sent (m), delivered (m), queue of (tick of departure, m), oldest first]
+
+
+@kernel
+def step(xd, fix, order, robot_tick, delay, loss, noise_stream, out):
+    """Send what is new, deliver what is due; a robot's tick seen before changes nothing."""
+    out[:] = xd
+    tick = robot_tick[0]
+    if tick == xd[CLOCK]:
+        return
+    out[CLOCK] = tick
+    n = fix.shape[0]
+    m = n + order.shape[0]
+    is_new = False
+    for i in range(m):
+        value = fix[i] if i < n else order[i - n]
+        if value != xd[1 + i]:
+            is_new = True
+        out[1 + i] = value
+    queue = 1 + 2 * m
+    if is_new and not (loss > 0.0 and uniform(noise_stream, tick, 0) < loss):
+        for i in range(queue, out.shape[0] - 1 - m):
+            out[i] = xd[i + 1 + m]
+        start = out.shape[0] - 1 - m
+        out[start] = tick
+        for i in range(m):
+            out[start + 1 + i] = out[1 + i]
+    for start in range(queue, out.shape[0], 1 + m):
+        if 0.0 <= out[start] and out[start] + delay <= tick:
+            for i in range(m):
+                out[1 + m + i] = out[start + 1 + i]
+
+
+@kernel
+def delivered_fix(xd, fix, order, out):
+    m = fix.shape[0] + order.shape[0]
+    out[:] = xd[1 + m : 1 + m + fix.shape[0]]
+
+
+@kernel
+def delivered_order(xd, fix, order, out):
+    m = fix.shape[0] + order.shape[0]
+    out[:] = xd[1 + m + fix.shape[0] : 1 + 2 * m]
+
+
+class RoomLink(Block):
+    """Carries the room's fix and order (way point or tracking error) to the robot, direct feed-through when undelayed.
+
+    .. pydrake_system::
+
+        name: RoomLink
+        input_ports:
+        - fix
+        - order
+        - robot_tick
+        output_ports:
+        - fix
+        - order
+
+    fix (5,): tick of capture, seen, x, y [m], phi [rad]. order (m,): a way point or a tracking error. robot_tick (1,):
+    the robot's clock. Before the first frame the outputs hold tick -1 and zeros.
+
+    Args:
+        link: rate, delay and losses; order_size: m; seed: of the losses, stream `{where}`.
+    """
+
+    def __init__(self, link: Link, order_size: int, seed=0, where="link"):
+        m = FIX + order_size
+        delay = delay_ticks(link, order_size)
+        empty = np.zeros(m)
+        empty[0] = empty[FIX] = -1.0
+        queue = np.tile(np.concatenate([[-1.0], empty]), delay + 1)
+        super().__init__(Spec(
+            inputs={"fix": FIX, "order": order_size, "robot_tick": 1},
+            outputs={"fix": Output(FIX, delivered_fix), "order": Output(order_size, delivered_order)},
+            parameters={
+                "delay": float(delay), "loss": 1.0 - (1.0 - link.loss) * (1.0 - link.corruption),
+                "noise_stream": stream(seed, where),
+            },
+            discrete_state=np.concatenate([[-1.0], empty, empty, queue]),
+            updates=(Update(step, Phase.COMPUTE, through=True),),
+        ))

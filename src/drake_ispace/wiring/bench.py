@@ -1,0 +1,44 @@
+"""A small wiring bench: blocks by name, wires by "block.port"."""
+
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+
+class Bench:
+    """Collects blocks, wires and outputs of a Diagram.
+
+    Raises (from its methods):
+        RuntimeError: from Drake, for a port that does not exist or is connected twice.
+    """
+
+    def __init__(self):
+        self._builder = DiagramBuilder()
+        self._blocks: dict[str, System] = {}
+
+    def add(self, name: str, block: System) -> System:
+        """Add `block` under `name`."""
+        block.set_name(name)
+        self._blocks[name] = self._builder.AddSystem(block)
+        return block
+
+    def wire(self, *pairs: tuple[str, str]) -> None:
+        """Connect each ("block.output", "block.input")."""
+        for source, target in pairs:
+            self._builder.Connect(self._output(source), self._input(target))
+
+    def show(self, **ports: str) -> None:
+        """Export outputs of the Diagram: signal="block.output"."""
+        for signal, port in ports.items():
+            self._builder.ExportOutput(self._output(port), signal)
+
+    def build(self, name: str) -> Diagram:
+        diagram = self._builder.Build()
+        diagram.set_name(name)
+        return diagram
+
+    def _output(self, port):
+        block, _, name = port.rpartition(".")
+        return self._blocks[block].GetOutputPort(name)
+
+    def _input(self, port):
+        block, _, name = port.rpartition(".")
+        return self._blocks[block].GetInputPort(name)

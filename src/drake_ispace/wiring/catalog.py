@@ -1,0 +1,29 @@
+"""The Diagrams by name."""
+
+from collections.abc import Callable
+
+from pydrake.systems.framework import Diagram
+
+from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.omni import omni_conventional_multirate, omni_multirate, omni_vision_feedback
+from drake_ispace.wiring.pendulum import pendulum_jacobian_tracking, pendulum_multirate, pendulum_vision_feedback
+from drake_ispace.wiring.space import shared_space
+
+CATALOG: dict[str, Callable[[Scenario], Diagram]] = {
+    builder.__name__: builder for builder in (
+        omni_multirate, omni_vision_feedback, omni_conventional_multirate, pendulum_multirate,
+        pendulum_vision_feedback, pendulum_jacobian_tracking, shared_space,
+    )
+}
+
+
+def build_diagram(scenario: Scenario) -> Diagram:
+    """The Diagram that `scenario.diagram` names.
+
+    Raises:
+        InputError: no Diagram of that name, or values that do not go together.
+    """
+    if scenario.diagram not in CATALOG:
+        raise InputError(f"there is no Diagram {shown(scenario.diagram)}, {expected_one_of(scenario.diagram, CATALOG)}")
+    return CATALOG[scenario.diagram](scenario)

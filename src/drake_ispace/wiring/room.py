@@ -1,0 +1,28 @@
+"""The room: one camera for all robots, and the wires to each robot's link."""
+
+from pydrake.systems.primitives import Demultiplexer, Multiplexer
+
+from drake_ispace.scenario import Scenario
+from drake_ispace.space.link import delay_ticks
+from drake_ispace.space.localizer import FIX, KinectLocalizer
+from drake_ispace.wiring.bench import Bench
+
+
+def add_room(bench: Bench, scenario: Scenario, viewers: dict[str, list[str]]) -> None:
+    """Let the Kinect see each plant named in `viewers` and wire its fix to the inputs listed there."""
+    bench.add("kinect", KinectLocalizer(scenario.space, len(viewers), scenario.seed))
+    if len(viewers) == 1:
+        seen, delivered = ["kinect.poses"], ["kinect.fixes"]
+    else:
+        bench.add("poses", Multiplexer([3] * len(viewers)))
+        bench.add("fixes", Demultiplexer([FIX] * len(viewers)))
+        bench.wire(("poses.y0", "kinect.poses"), ("kinect.fixes", "fixes.u0"))
+        seen = [f"poses.u{i}" for i in range(len(viewers))]
+        delivered = [f"fixes.y{i}" for i in range(len(viewers))]
+    for (plant, inputs), pose, fix in zip(viewers.items(), seen, delivered, strict=True):
+        bench.wire((f"{plant}.pose", pose), *[(fix, target) for target in inputs])
+
+
+def oldest_fix_ticks(scenario: Scenario, order_size: int) -> int:
+    """The age of a fix when it reaches a robot: camera latency, then the link."""
+    return scenario.space.localizer.latency_ticks + delay_ticks(scenario.space.link, order_size)
