@@ -33,8 +33,9 @@ class OmniControl:
 
     # dlqr: designed from the plant; given: k_p and k_d below
     gains: str = quantity("dlqr", choices=("dlqr", "given"))
-    # weights of x, y, phi and their rates. (6.24) with the position weights x 1000 and the rate weights / 10
-    q: list[float] = quantity([1.4e7, 1.4e7, 9.75e5, 1.75e4, 1.75e4, 1.0e3], minimum=0.0, length=6)
+    # weights of x, y, phi and their rates: (6.24) with x, y times 1000, phi times 100, the rates of x, y over 10. A
+    # higher weight on phi would be lost on vision feedback, whose yaw loop is the first to go unstable at 95 ms
+    q: list[float] = quantity([1.4e7, 1.4e7, 9.75e4, 1.75e4, 1.75e4, 1.0e4], minimum=0.0, length=6)
     # (6.25)
     r: list[float] = quantity([2.3e3, 2.3e3, 5.0e2], above=0.0, length=3)
     # (6.26), (6.27)

@@ -14,7 +14,7 @@ from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import build_diagram
 
 _FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
-_LOST_M = 20.0  # farther away than any control loop would bring a robot back from
+_LOST_M = 5.0  # metres from the middle of the room: the camera lost the robot long ago
 _CHUNK = 200  # ticks between looks at progress and divergence
 
 
@@ -69,7 +69,7 @@ def simulate_diagram(diagram: Diagram, scenario: Scenario, progress: Callable[[f
         if diverged is not None:
             break
     wall_s = time.perf_counter() - started
-    rows = slice(0, None if diverged is None else diverged + 1)
+    rows = slice(0, None if diverged is None else max(diverged, 1))
     signals = {name: _log(simulator, sink)[rows].copy() for name, sink in sinks.items()}
     return Run(scenario, signals, None if diverged is None else diverged * TICK_S, wall_s)
 

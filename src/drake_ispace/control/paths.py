@@ -66,20 +66,32 @@ class Path:
         return self.table[:, 1:3]
 
     def nearest(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance [m] to the path and arc length [m] of its nearest place, for (k, 2) points."""
-        a, b = self.points_m[:-1], self.points_m[1:]
-        if len(a) == 0:
+        """Distance [m] to the path and arc length [m] of its nearest place, each (k,), for (k, 2) points."""
+        if len(self.table) == 1:
             return np.linalg.norm(points_m - self.points_m[0], axis=1), np.zeros(len(points_m))
+        gaps, arcs = np.array([self._project(point) for point in points_m]).transpose(1, 0, 2)
+        best = np.argmin(gaps, axis=1)
+        rows = np.arange(len(points_m))
+        return gaps[rows, best], arcs[rows, best]
+
+    def progress(self, point_m: np.ndarray, arc_m: float) -> float:
+        """How far [m] beyond `arc_m` the place nearest to a point (2,) lies, looked for within a sixth of the path
+        only, so that a path that crosses itself or goes round many times keeps its order."""
+        reach_m = self.length_m / 6.0
+        gaps, arcs = self._project(point_m)
+        ahead = arcs - arc_m
+        if self.closed:
+            ahead = (ahead + self.length_m / 2.0) % self.length_m - self.length_m / 2.0
+        gaps = np.where(np.abs(ahead) <= reach_m, gaps, np.inf)
+        return float(ahead[np.argmin(gaps)]) if np.isfinite(gaps).any() else 0.0
+
+    def _project(self, point):
+        """Distance and arc length of the nearest place on every edge."""
+        a, b = self.points_m[:-1], self.points_m[1:]
         edge = b - a
-        squared = np.maximum(np.sum(edge**2, axis=1), 1e-30)
-        distance, arc = np.empty(len(points_m)), np.empty(len(points_m))
-        for i, point in enumerate(points_m):
-            along = np.clip(np.sum((point - a) * edge, axis=1) / squared, 0.0, 1.0)
-            gaps = np.linalg.norm(a + along[:, None] * edge - point, axis=1)
-            k = int(np.argmin(gaps))
-            distance[i] = gaps[k]
-            arc[i] = self.table[k, 0] + along[k] * (self.table[k + 1, 0] - self.table[k, 0])
-        return distance, arc
+        along = np.clip(np.sum((point - a) * edge, axis=1) / np.maximum(np.sum(edge**2, axis=1), 1e-30), 0.0, 1.0)
+        gaps = np.linalg.norm(a + along[:, None] * edge - point, axis=1)
+        return gaps, self.table[:-1, 0] + along * np.diff(self.table[:, 0])
 
 
 def build_path(trajectory: Trajectory, where: str) -> Path:

@@ -36,14 +36,16 @@ def step(xd, fix, way_point, k_p, k_i, limit, out):
 
 
 @kernel
-def force(xd, way_point, k_p, k_i, k_d, limit, out):
+def force(xd, way_point, k_p, k_i, k_d, limit, mass, velocity_share, acceleration_share, out):
     for i in range(3):
         out[i] = 0.0
         if xd[TICK] >= 0.0 and way_point[0] >= 0.0:
             error = way_point[1 + i] - xd[POSE + i]
             if i == 2:
                 error = wrap(error)
-            wanted = k_p[i] * error + k_i[i] * xd[INTEGRAL + i] - k_d[i] * xd[RATE + i]
+            lag = velocity_share * way_point[4 + i] - xd[RATE + i]
+            push = acceleration_share * mass[i] * way_point[7 + i]
+            wanted = k_p[i] * error + k_i[i] * xd[INTEGRAL + i] + k_d[i] * lag + push
             out[i] = min(max(wanted, -limit[i]), limit[i])
 
 
@@ -70,17 +72,24 @@ class VisionFeedback(Block):
 
     Args:
         k_p, k_i, k_d: (3,) gains; the thesis's k_i is zero. limit: (3,) largest force, for anti-windup.
+        mass, velocity_feed_forward, acceleration_feed_forward: as PoseController.
     """
 
-    def __init__(self, k_p, k_i, k_d, limit=(np.inf, np.inf, np.inf)):
+    def __init__(
+        self, k_p, k_i, k_d, limit=(np.inf, np.inf, np.inf), mass=(0.0, 0.0, 0.0), velocity_feed_forward=False,
+        acceleration_feed_forward=False,
+    ):
         start = np.zeros(10)
         start[TICK] = -1.0
         super().__init__(Spec(
             inputs={"fix": FIX, "way_point": WAY_POINT},
             outputs={"force": Output(3, force), "pose": Output(4, pose)},
             parameters={
-                name: np.asarray(value, dtype=float)
-                for name, value in (("k_p", k_p), ("k_i", k_i), ("k_d", k_d), ("limit", limit))
+                **{
+                    name: np.asarray(value, dtype=float)
+                    for name, value in (("k_p", k_p), ("k_i", k_i), ("k_d", k_d), ("limit", limit), ("mass", mass))
+                },
+                "velocity_share": float(velocity_feed_forward), "acceleration_share": float(acceleration_feed_forward),
             },
             discrete_state=start, updates=(Update(step, Phase.COMPUTE, VISION_TICKS, through=True),),
         ))

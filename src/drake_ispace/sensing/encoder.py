@@ -8,7 +8,7 @@ from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 
-VELOCITIES = ("filtered", "raw", "true")
+VELOCITIES = ("filtered", "raw", "exact")
 
 
 @dataclass
@@ -17,7 +17,7 @@ class Encoder:
 
     # 12 pulses times gear 9 for the omni robot (Table 2.2); 2000 assumed for the pendulum; 0: no quantisation
     counts_per_turn: int = quantity(108, "counts per wheel turn", minimum=0)
-    # filtered: low-pass of the count difference; raw: the difference itself; true: the plant's wheel speed
+    # filtered: low-pass of the count difference; raw: the difference itself; exact: the plant's own wheel speed
     velocity: str = quantity("filtered", choices=VELOCITIES)
     # of the low-pass; one count of the omni robot in one tick is 0.28 m/s, too coarse to feed back
     filter_time_constant_s: float = quantity(0.02, "s", above=0.0)
@@ -31,7 +31,7 @@ def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, me
         angle = wheel_angle[i]
         if counts_per_turn > 0.0:
             step = 2.0 * np.pi / counts_per_turn
-            angle = step * np.floor(angle / step)
+            angle = step * np.floor(angle / step + 0.5)  # the wheel starts in the middle of a count
         difference = 0.0 if xd[0] < 0.0 else (angle - xd[1 + i]) / TICK_S
         out[1 + i] = angle
         if velocity_mode == 0.0:
@@ -66,7 +66,7 @@ class WheelEncoder(Block):
         - message
         - tick
 
-    wheel_angle, wheel_rate (n,): relative to the body [rad], [rad/s]; the rate is read only by velocity = true.
+    wheel_angle, wheel_rate (n,): relative to the body [rad], [rad/s]; the rate is read only by velocity = exact.
     message (1 + 2 n,): tick of the sample (-1 before the first), theta (n) [rad], omega (n) [rad/s].
     tick (1,): the same tick, the robot's clock for blocks that have no sample of their own.
 

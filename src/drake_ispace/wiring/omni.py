@@ -54,8 +54,11 @@ def omni_vision_feedback(scenario: Scenario) -> Diagram:
     bench = Bench()
     add_omni_body(bench, scenario)
     k_p, k_d = omni_gains(scenario.omni, VISION_S)
-    limit = scenario.omni.control.force_limit or [np.inf] * 3
-    bench.add("omni_controller", VisionFeedback(np.diag(k_p), scenario.omni.control.k_i, np.diag(k_d), limit))
+    control = scenario.omni.control
+    bench.add("omni_controller", VisionFeedback(
+        np.diag(k_p), control.k_i, np.diag(k_d), control.force_limit or [np.inf] * 3,
+        np.diag(mass_matrix(scenario.omni.plant)), control.velocity_feed_forward, control.acceleration_feed_forward,
+    ))
     bench.wire(
         ("omni_link.fix", "omni_controller.fix"),
         ("omni_link.order", "omni_controller.way_point"),

@@ -1,0 +1,15 @@
+"""Section 6.7.2: the omni robot takes the room's pose as it arrives, raw odometry in between."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.omni import omni_conventional_multirate
+
+scenario = load_scenario("omni_conventional_multirate", [f"seconds={seconds_asked(__doc__)}"])
+diagram = omni_conventional_multirate(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

@@ -1,0 +1,15 @@
+"""Fig. 6.5: the omni robot feeds its pose back every 5 ms; the room corrects it every 95 ms."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.omni import omni_multirate
+
+scenario = load_scenario("omni_multirate", [f"seconds={seconds_asked(__doc__)}"])
+diagram = omni_multirate(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

@@ -1,0 +1,15 @@
+"""Fig. 6.6: the pendulum balances and tracks at 5 ms; way point and tracker run at 95 ms."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.pendulum import pendulum_multirate
+
+scenario = load_scenario("pendulum_multirate", [f"seconds={seconds_asked(__doc__)}"])
+diagram = pendulum_multirate(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

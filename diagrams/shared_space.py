@@ -1,0 +1,15 @@
+"""The omni robot and the pendulum in one room, seen by one Kinect."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.space import shared_space
+
+scenario = load_scenario("shared_space", [f"seconds={seconds_asked(__doc__)}"])
+diagram = shared_space(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

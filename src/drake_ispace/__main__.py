@@ -1,0 +1,3 @@
+from drake_ispace.cli import main
+
+main()

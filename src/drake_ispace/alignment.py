@@ -1,0 +1,68 @@
+"""From a simulated run to a recording: the one place that aligns logs.
+
+A log shows the value *before* the updates of its instant (docs/semantics.md): row k of a sampled signal holds the
+sample of tick k - 1. Messages carry the tick of their sample, so they are placed by their stamp; the torque held on
+[t_k, t_k+1) is what row k + 1 shows; the truth in row k is the state at t_k.
+"""
+
+import numpy as np
+
+from drake_ispace.rates import TICK_S, VISION_S
+from drake_ispace.recording import Channel, Recording
+from drake_ispace.simulation import Run
+
+_WHEELS = {"omni": ("1", "2", "3", "4"), "pendulum": ("r", "l")}
+_TRUTH = {
+    "omni": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
+    "pendulum": ("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s")),
+}
+
+
+def to_recording(run: Run, robot: str) -> Recording:
+    """The recording of `robot` ("omni" or "pendulum") in `run`, truth included; channels without a sample left out."""
+    signal = {name.removeprefix(f"{robot}_"): rows for name, rows in run.signals.items() if name.startswith(f"{robot}_")}
+    wheels = _WHEELS[robot]
+    n = len(wheels)
+    ticks = np.arange(len(signal["pose"]))
+    channels = {
+        "reference": _stamped(signal["way_point"], slice(1, 4), ("x", "y", "phi"), VISION_S),
+        "torque": _channel(ticks[:-1], signal["torque"][1:], tuple(f"tau_{w}" for w in wheels), TICK_S),
+        "encoder": _stamped(signal["encoder"], slice(1, 1 + n), tuple(f"theta_{w}" for w in wheels), TICK_S),
+        "kinect": _kinect(signal["fix"]),
+    }
+    if "imu" in signal:
+        channels["imu"] = _stamped(signal["imu"], slice(1, 7), ("ax", "ay", "az", "wx", "wy", "wz"), TICK_S)
+    source, columns, units = _TRUTH[robot]
+    truth = np.hstack([signal["pose"], signal[source]])
+    channels["truth"] = Channel(
+        _time(ticks), ("x", "y", "phi", *columns), truth, dict(zip(columns, units, strict=True)), round(TICK_S, 6)
+    )
+    channels = {name: channel for name, channel in channels.items() if len(channel.t)}
+    return Recording(robot=robot, scenario=run.scenario.diagram, channels=channels, notes=f"simulated, seed {run.scenario.seed}")
+
+
+def _time(ticks):
+    """Seconds to the microsecond: 20.0 for tick 4000, whose exact time is 19.99999998952262 s."""
+    return np.round(np.asarray(ticks) * TICK_S, 6)
+
+
+def _channel(ticks, values, columns, period_s):
+    return Channel(_time(ticks), columns, values, {}, round(period_s, 6))
+
+
+def _new_rows(messages):
+    """The first row of every message, those before the first sample left out."""
+    stamps = messages[:, 0]
+    return np.flatnonzero((stamps >= 0.0) & (np.diff(stamps, prepend=-1.0) != 0.0))
+
+
+def _stamped(messages, part, columns, period_s):
+    rows = _new_rows(messages)
+    return _channel(messages[rows, 0], messages[rows, part], columns, period_s)
+
+
+def _kinect(fixes):
+    rows = _new_rows(fixes)
+    rows = rows[fixes[rows, 1] > 0.0]
+    values = np.column_stack([fixes[rows, 2:5], _time(rows - 1)])  # row k first shows what arrived at tick k - 1
+    return Channel(_time(fixes[rows, 0]), ("x", "y", "phi", "t_received"), values, {}, round(VISION_S, 6))

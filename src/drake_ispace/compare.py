@@ -1,0 +1,50 @@
+"""The same reference and the same seed through several Diagrams."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+from drake_ispace.metrics import Metrics, measure
+from drake_ispace.scenario import Scenario
+from drake_ispace.simulation import Run, simulate
+
+
+def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """Copies of `scenarios`, all with the path, room, seed and duration of the first; each robot keeps its own way of
+    heading along the path."""
+    first = scenarios[0]
+    lead = first.pendulum.trajectory if first.diagram.startswith("pendulum") else first.omni.trajectory
+    same = []
+    for scenario in scenarios:
+        robots = {
+            name: dataclasses.replace(
+                getattr(scenario, name),
+                trajectory=dataclasses.replace(lead, heading=getattr(scenario, name).trajectory.heading),
+            )
+            for name in ("omni", "pendulum")
+        }
+        if scenario.diagram == "shared_space":
+            robots = {}  # two robots on one path would collide
+        same.append(dataclasses.replace(
+            scenario, seconds=first.seconds, seed=first.seed, space=first.space, **robots
+        ))
+    return same
+
+
+def compare(
+    named: dict[str, Scenario], progress: Callable[[str, float], None] | None = None
+) -> dict[str, tuple[Run, str, Metrics]]:
+    """Run every scenario on the first one's reference.
+
+    Returns:
+        name -> (run, robot, metrics); a Diagram of two robots gives "name.omni" and "name.pendulum".
+
+    Raises:
+        InputError: values that do not go together.
+    """
+    results = {}
+    for name, scenario in zip(named, on_one_reference(list(named.values())), strict=True):
+        run = simulate(scenario, (lambda t, name=name: progress(name, t)) if progress else None)
+        for robot in run.robots:
+            label = name if len(run.robots) == 1 else f"{name}.{robot}"
+            results[label] = (run, robot, measure(run, robot))
+    return results

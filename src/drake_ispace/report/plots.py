@@ -1,0 +1,94 @@
+"""Plots of runs."""
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from drake_ispace.control.paths import build_path
+from drake_ispace.errors import InputError
+from drake_ispace.simulation import Run
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+# Drawn in this order: what lies under the others is broad and pale.
+_STYLES = {
+    "estimate": {"color": "#27ae60", "lw": 3.0, "alpha": 0.35},
+    "odometry": {"color": "#8e44ad", "lw": 1.2},
+    "Kinect": {"color": "#2980b9", "ls": "", "marker": ".", "ms": 3},
+    "actual": {"color": "#c0392b", "lw": 1.2},
+    "reference": {"color": "0.2", "ls": "--", "lw": 1.0},
+}
+
+
+def plot_comparison(runs: dict[str, tuple[Run, str]], out: Path) -> None:
+    """For every run, on the floor and over time: reference, actual, odometry, Kinect and estimate (Fig. 6.4b).
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    figure, axes = plt.subplots(len(runs), 2, figsize=(12.5, 4.6 * len(runs)), squeeze=False, layout="constrained")
+    for row, (name, (run, robot)) in zip(axes, runs.items(), strict=True):
+        curves = _curves(run, robot)
+        plot_floor(row[0], curves, run)
+        row[0].set_title(name + (f"  (lost at {run.diverged_s:.2f} s)" if run.diverged_s is not None else ""))
+        for label, (time, pose) in curves.items():
+            row[1].plot(time, pose[:, 0], label=label, **_STYLES[label])
+        row[1].set(xlabel="time [s]", ylabel="x [m]", title="x over time")
+        row[1].grid(alpha=0.3)
+        row[1].legend(fontsize=8)
+    save(figure, out)
+
+
+def plot_floor(axis, curves, run: Run) -> None:
+    """The curves in the plane, with the border of the space."""
+    width, depth = run.scenario.space.width_m, run.scenario.space.depth_m
+    axis.add_patch(plt.Rectangle((-width / 2, -depth / 2), width, depth, fill=False, ls=":", ec="0.6"))
+    for label, (_, pose) in curves.items():
+        axis.plot(pose[:, 0], pose[:, 1], label=label, **_STYLES[label])
+    axis.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    actual = curves["actual"][1]
+    for limit, size, values in ((axis.set_xlim, width, actual[:, 0]), (axis.set_ylim, depth, actual[:, 1])):
+        limit(max(-size / 2 - 0.1, values.min() - 0.5), min(size / 2 + 0.1, values.max() + 0.5))
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8)
+
+
+def _curves(run, robot):
+    """label -> (time, poses) of what can be drawn of a run."""
+    time = run.time_s
+    signal = {name.removeprefix(f"{robot}_"): rows for name, rows in run.signals.items()}
+    way_point = signal["way_point"]
+    trajectory = getattr(run.scenario, robot).trajectory
+    reference = way_point[:, 1:3]
+    if trajectory.kind not in ("step", "pulse"):
+        reference = np.where((way_point[:, :1] >= 0.0), reference, build_path(trajectory, robot).points_m[0])
+    fix = signal["fix"]
+    fresh = (np.diff(fix[:, 0], prepend=-1.0) != 0.0) & (fix[:, 1] > 0.0)
+    estimated = signal["estimate"][:, 0] >= 0.0
+    sampled = signal["odometry"][:, 0] >= 0.0
+    return {
+        "estimate": (time[estimated], signal["estimate"][estimated, 1:]),
+        "odometry": (time[sampled], signal["odometry"][sampled, 1:]), "Kinect": (time[fresh], fix[fresh, 2:]),
+        "actual": (time, signal["pose"]), "reference": (time, reference),
+    }
+
+
+def save(figure, out: Path) -> None:
+    """Write a figure beside its place, then rename.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    beside = out.with_name(f".{out.name}.part{out.suffix}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(beside, dpi=110)
+        beside.replace(out)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
+    finally:
+        beside.unlink(missing_ok=True) if beside.parent.is_dir() else None
+        plt.close(figure)

@@ -1,0 +1,333 @@
+"""Block: wiring by argument names, phases of an instant, parameters in the Context, plain and compiled kernels."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, arguments, kernel, plain
+from drake_ispace.rates import TICK_S
+from drake_ispace.robots.friction import Friction
+from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
+from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.robots.slip import Slip
+
+# -- Kernels as a block would have them; Block takes plain functions too.
+
+
+def scaled(signal, gain, out):
+    out[0] = gain * signal[0]
+
+
+def stored(xd, out):
+    out[:] = xd
+
+
+def constant(gain, out):
+    out[0] = gain
+
+
+def stamp(tick, out):
+    out[0] = tick
+
+
+def follow(signal, out):
+    out[0] = signal[0]
+
+
+def count_new(xd, signal, out):
+    """x_d = [stamp of the last sample, number of samples met]."""
+    is_new = signal[0] != xd[0]
+    out[0] = signal[0]
+    out[1] = xd[1] + 1.0 if is_new else xd[1]
+
+
+def recall(xd, signal, gain, out):
+    """As `stored`, and it reads more."""
+    out[0] = xd[1] + 0.0 * signal[0] * gain
+
+
+def decay(xc, gain, out):
+    out[0] = -gain * xc[0]
+
+
+def write_input(signal, out):
+    signal[0] = 1.0
+    out[0] = 0.0
+
+
+class Gain(Block):
+    def __init__(self, gain=2.0):
+        super().__init__(Spec(inputs={"signal": 1}, outputs={"y": Output(1, scaled)}, parameters={"gain": gain}))
+
+
+class Stamp(Block):
+    """Stores the number of the tick, in the phase given."""
+
+    def __init__(self, phase):
+        super().__init__(Spec(
+            outputs={"stamp": Output(1, stored)}, discrete_state=np.array([-1.0]), updates=(Update(stamp, phase),)
+        ))
+
+
+class Follower(Block):
+    """Stores its input in the compute phase."""
+
+    def __init__(self, phase=Phase.COMPUTE):
+        super().__init__(Spec(
+            inputs={"signal": 1}, outputs={"stored": Output(1, stored)}, discrete_state=np.array([-1.0]),
+            updates=(Update(follow, phase),),
+        ))
+
+
+class Counter(Block):
+    def __init__(self, through):
+        super().__init__(Spec(
+            inputs={"signal": 1}, outputs={"state": Output(2, stored)}, discrete_state=np.array([-1.0, 0.0]),
+            updates=(Update(count_new, Phase.COMPUTE, through=through),),
+        ))
+
+
+def value(block, port, **inputs):
+    context = block.CreateDefaultContext()
+    for name, numbers in inputs.items():
+        block.GetInputPort(name).FixValue(context, numbers)
+    return block.GetOutputPort(port).Eval(context)
+
+
+# -- Wiring by names
+
+
+def test_argument_names_are_read_without_out():
+    assert arguments(scaled) == ["signal", "gain"]
+    assert arguments(kernel(scaled)) == ["signal", "gain"]
+
+
+def test_a_kernel_reads_the_port_and_the_parameter_of_its_argument_names():
+    assert value(Gain(3.0), "y", signal=[4.0])[0] == 12.0
+
+
+@pytest.mark.parametrize("spec", [
+    Spec(outputs={"y": Output(1, scaled)}, parameters={"gain": 1.0}),
+    Spec(inputs={"signal": 1}, outputs={"y": Output(1, scaled)}),
+    Spec(discrete_state=np.zeros(1), updates=(Update(follow, Phase.COMPUTE),)),
+    Spec(continuous_state=np.zeros(1), derivatives=decay),
+])
+def test_an_argument_that_names_nothing_is_refused(spec):
+    with pytest.raises(TypeError, match="is no port, state or parameter"):
+        Block(spec)
+
+
+def test_feed_through_is_what_the_output_kernel_names():
+    block = Block(Spec(
+        inputs={"signal": 1, "unused": 1}, parameters={"gain": 1.0}, discrete_state=np.zeros(1),
+        outputs={"direct": Output(1, scaled), "memory": Output(1, stored), "fixed": Output(1, constant)},
+    ))
+    feeds = {(i, o) for i in range(2) for o in range(3) if block.HasDirectFeedthrough(i, o)}
+    assert feeds == {(0, 0)}
+
+
+def test_feed_through_of_a_through_block_includes_what_its_update_reads():
+    assert Counter(through=True).HasDirectFeedthrough(0, 0)
+    assert not Counter(through=False).HasDirectFeedthrough(0, 0)
+
+
+@pytest.mark.parametrize("plant", [PendulumPlant(PendulumPlantParameters()), OmniPlant(OmniPlantParameters())])
+def test_a_plants_only_feed_through_is_from_torque_to_the_imu(plant):
+    through = {
+        plant.get_output_port(o).get_name() for o in range(plant.num_output_ports()) if plant.HasDirectFeedthrough(0, o)
+    }
+    assert through == {"body_motion"} & set(plant.spec.outputs)
+
+
+def test_an_unconnected_input_is_named():
+    block = Gain()
+    block.set_name("amplifier")
+    with pytest.raises(RuntimeError, match="input port 'signal' of block 'amplifier' is not connected"):
+        value(block, "y")
+
+
+def test_a_kernel_cannot_write_its_inputs():
+    block = Block(Spec(inputs={"signal": 1}, outputs={"y": Output(1, write_input)}))
+    with pytest.raises(ValueError, match="read-only"):
+        value(block, "y", signal=[0.0])
+
+
+def test_parameter_names_spell_out_vectors_and_groups():
+    spec = Spec(parameters={"mass_kg": 2.0, "key": np.array([3.0, 4.0]), "slip": {"x": 5.0, "y": 6.0}})
+    assert spec.parameter_names == ["mass_kg", "key[0]", "key[1]", "slip.x", "slip.y"]
+    assert list(spec.parameter_values) == [2.0, 3.0, 4.0, 5.0, 6.0]
+
+
+# -- State and parameters live in the Context
+
+
+def test_the_parameter_in_the_context_is_the_one_used():
+    block = Gain(2.0)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("signal").FixValue(context, [1.0])
+    before = block.GetOutputPort("y").Eval(context)[0]
+    context.get_mutable_numeric_parameter(0).SetFromVector([7.0])
+    assert (before, block.GetOutputPort("y").Eval(context)[0]) == (2.0, 7.0)
+    assert value(block, "y", signal=[1.0])[0] == 2.0  # another Context is another robot
+
+
+def test_a_plants_mass_can_be_changed_in_its_context():
+    plant = OmniPlant(OmniPlantParameters(wheel_inertia_kg_m2=0.0))
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, [0.0, -0.024, 0.0, 0.024])  # 2 N along x
+    accelerations = []
+    for mass in (4.0, 8.0):
+        context.get_mutable_numeric_parameter(0)[plant.spec.parameter_names.index("mass_kg")] = mass
+        accelerations.append(plant.EvalTimeDerivatives(context).CopyToVector()[3])
+    assert accelerations == pytest.approx([0.5, 0.25], rel=1e-14)
+
+
+def test_a_new_context_is_a_fresh_block():
+    block = Follower()
+    simulator = Simulator(block)
+    block.get_input_port().FixValue(simulator.get_mutable_context(), [5.0])
+    simulator.AdvanceTo(TICK_S)
+    assert simulator.get_context().get_discrete_state_vector()[0] == 5.0
+    assert block.CreateDefaultContext().get_discrete_state_vector()[0] == -1.0
+
+
+# -- Phases of an instant
+
+
+def chain(phase):
+    """What a follower in the compute phase has stored at tick 3 of a stamp taken in `phase`."""
+    builder = DiagramBuilder()
+    source, follower = builder.AddSystem(Stamp(phase)), builder.AddSystem(Follower())
+    builder.Connect(source.get_output_port(), follower.get_input_port())
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(3.5 * TICK_S)
+    return follower.get_output_port().Eval(follower.GetMyContextFromRoot(simulator.get_context()))[0]
+
+
+def test_a_sensor_samples_before_the_controller_computes():
+    assert chain(Phase.SENSE) == 3.0
+
+
+def test_two_blocks_that_compute_in_one_instant_see_each_other_as_before_it():
+    assert chain(Phase.COMPUTE) == 2.0
+
+
+def test_an_update_keeps_its_period_and_offset():
+    block = Block(Spec(
+        outputs={"stamp": Output(1, stored)}, discrete_state=np.array([-1.0]),
+        updates=(Update(stamp, Phase.SENSE, period_ticks=19, offset_ticks=4),),
+    ))
+    simulator = Simulator(block)
+    stamps = []
+    for tick in range(60):
+        simulator.AdvanceTo((tick + 0.5) * TICK_S)
+        stamps.append(block.get_output_port().Eval(simulator.get_context())[0])
+    assert [tick for tick in range(1, 60) if stamps[tick] != stamps[tick - 1]] == [4, 23, 42]
+    assert (stamps[4], stamps[23], stamps[42]) == (4.0, 23.0, 42.0)
+
+
+def test_sense_updates_of_one_instant_act_one_after_the_other():
+    block = Block(Spec(
+        inputs={"signal": 1}, discrete_state=np.array([-1.0, 0.0]),
+        updates=(Update(count_new, Phase.SENSE), Update(count_new, Phase.SENSE)),
+    ))
+    simulator = Simulator(block)
+    block.get_input_port().FixValue(simulator.get_mutable_context(), [8.0])
+    simulator.Initialize()
+    simulator.AdvanceTo(0.5 * TICK_S)
+    # one after the other: the second meets the stamp that the first has stored
+    assert list(simulator.get_context().get_discrete_state_vector().CopyToVector()) == [8.0, 1.0]
+
+
+# -- Through
+
+
+def test_a_through_blocks_output_already_holds_the_new_sample():
+    assert list(value(Counter(through=True), "state", signal=[7.0])) == [7.0, 1.0]
+    assert list(value(Counter(through=False), "state", signal=[7.0])) == [-1.0, 0.0]
+
+
+def test_a_through_block_counts_a_repeated_sample_once():
+    block = Counter(through=True)
+    simulator = Simulator(block)
+    context = simulator.get_mutable_context()
+    seen = []
+    for tick, sample in enumerate([7.0, 7.0, 8.0, 8.0, 8.0]):
+        block.get_input_port().FixValue(context, [sample])
+        before = block.get_output_port().Eval(context).copy()
+        simulator.AdvanceTo((tick + 0.5) * TICK_S)  # over the update of this tick
+        after = block.get_output_port().Eval(context).copy()
+        assert list(before) == list(after)
+        seen.append(after[1])
+    assert seen == [1.0, 1.0, 2.0, 2.0, 2.0]
+
+
+def test_a_through_blocks_output_kernel_may_read_inputs_and_parameters_too():
+    block = Block(Spec(
+        inputs={"signal": 1}, outputs={"count": Output(1, recall)}, parameters={"gain": 1.0},
+        discrete_state=np.array([-1.0, 0.0]), updates=(Update(count_new, Phase.COMPUTE, through=True),),
+    ))
+    assert value(block, "count", signal=[7.0])[0] == 1.0
+
+
+# -- Scalar types
+
+
+def test_a_converted_block_keeps_its_name_and_its_numbers():
+    block = Gain(5.0)
+    block.set_name("amplifier")
+    other = block.ToAutoDiffXd()
+    assert other.get_name() == "amplifier"
+    context = other.CreateDefaultContext()
+    other.get_input_port().FixValue(context, [2.0])
+    assert other.get_output_port().Eval(context)[0].value() == 10.0
+
+
+# A plant has this many kernels. Each is called with everything switched on.
+SLIP = Slip(
+    ratio=[0.1, 0.05, 0.02], traction_gain=[0.2, 0.2, 0.1], relaxation_length_m=0.05, noise_std=[0.01, 0.01, 0.01],
+    patch_m=[0.0, 1.0, -1.0, 1.0], patch_ratio=[0.3, 0.2, 0.1],
+)
+PLANTS = {
+    "pendulum": PendulumPlant(PendulumPlantParameters(), imu_height_m=0.1),
+    "pendulum, wheel only, slip, bristles": PendulumPlant(PendulumPlantParameters(
+        motion="wheel_only", slip=SLIP, friction=Friction("elastoplastic", 0.0061, 0.0106))),
+    "omni": OmniPlant(OmniPlantParameters(friction=Friction(coulomb_n_m=0.005, viscous_n_m_s=0.001))),
+    "omni, slip, bristles": OmniPlant(OmniPlantParameters(slip=SLIP, friction=Friction("elastoplastic", 0.005))),
+    "omni, additive slip": OmniPlant(OmniPlantParameters(slip=Slip(frame="additive", ratio=[1.3, 1.3, 1.3]))),
+    "linear pendulum": LinearPendulumPlant(PendulumPlantParameters(), imu_height_m=0.1),
+}
+
+
+def kernels(spec):
+    """(kernel, size of out) of every kernel that a block has."""
+    states = 0 if spec.discrete_state is None else len(spec.discrete_state)
+    return [
+        (spec.derivatives, len(spec.continuous_state)), *((o.kernel, o.size) for o in spec.outputs.values()),
+        *((u.kernel, states) for u in spec.updates),
+    ]
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_plain_form_of_a_plants_kernels_equals_the_compiled_one(name):
+    spec, rng = PLANTS[name].spec, np.random.default_rng(7)
+    for _ in range(20):
+        arrays = {
+            "xc": rng.normal(size=len(spec.continuous_state)), "torque": rng.normal(size=spec.inputs["torque"]),
+            "xd": np.zeros(0) if spec.discrete_state is None else 0.1 * rng.normal(size=len(spec.discrete_state)),
+        }
+        for key, group in spec.parameters.items():
+            arrays[key] = np.array(list(group.values())) if isinstance(group, dict) else group
+        for array in arrays.values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+        for function, size in kernels(spec):
+            values = [int(rng.integers(1000)) if name == "tick" else arrays[name] for name in arguments(function)]
+            compiled, interpreted = np.empty(size), np.empty(size)
+            function(*values, compiled)
+            with np.errstate(over="ignore"):
+                plain(function)(*values, interpreted)
+            np.testing.assert_allclose(interpreted, compiled, rtol=1e-12, atol=1e-12)
