@@ -325,7 +325,7 @@ def test_the_plain_form_of_a_plants_kernels_equals_the_compiled_one(name):
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False
         for function, size in kernels(spec):
-            values = [int(rng.integers(1000)) if name == "tick" else arrays[name] for name in arguments(function)]
+            values = [arrays[argument] if argument in arrays else int(rng.integers(1000)) for argument in arguments(function)]
             compiled, interpreted = np.empty(size), np.empty(size)
             function(*values, compiled)
             with np.errstate(over="ignore"):

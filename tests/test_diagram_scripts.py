@@ -31,7 +31,7 @@ def runs(tmp_path_factory):
 
 
 def content(picture):
-    """What an SVG shows, wherever it is placed: fonts, and with them all coordinates, differ from machine to machine."""
+    """What an SVG shows, wherever it is placed: fonts, and so all coordinates, differ from machine to machine."""
     found = re.findall(r"<(?:title|text)\b[^>]*>([^<]*)<", picture.read_text(encoding="utf-8"))
     return sorted(html.unescape(text) for text in found)
 

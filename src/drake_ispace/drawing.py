@@ -9,7 +9,6 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Collection
 from pathlib import Path
@@ -52,6 +51,9 @@ _DRAW_LIMIT_S = 120.0
 _TITLE = re.compile(r"<B>(?P<type>[^\n]*?)</B>(?:<BR/>\nname=(?P<name>[^\n]*))?")
 _BOX = re.compile(r'^s(?P<id>\d+) \[[^\n]*\n<TABLE [^\n]*\n<TR><TD (?P<cell>[^>\n]*)>\n' + _TITLE.pattern, re.M)
 _WIRE = re.compile(r"^s(?P<source>\d+):(?P<out>\w+):e -> s(?P<target>\d+):(?P<in>\w+):w$", re.M)
+_WIRES = re.compile(r"(?:^s\d+\w*:\S+ -> [^\n]*\n)+", re.M)
+#: Drake's loud colours of exported ports and their wires.
+_LOUD = re.compile(r'(?<=<TABLE BORDER="0" COLOR=)"(?:blue|green)"|(?<=\[color=)(?:blue|green)(?=\];$)', re.M)
 _FRAME = "color=black\nconcentrate=true\n"
 _STRUCTURE = re.compile(r"(?:digraph|subgraph) |s\d+(?:in|out)? \[|s\d+(?:in|out)?:\S+ -> |s\d+$")
 _NUMBER = re.compile(r"(?<![:\w])(?P<kind>s|clusters?|(?<=digraph )_)(?P<id>\d+)(?P<part>[a-z]*)")
@@ -67,7 +69,7 @@ def dot_text(diagram: System, depth: int | None = None, highlight: Collection[st
     """
     text = diagram.GetGraphvizString(max_depth=depth)
     top = re.match(r"digraph _(\d+)", text)[1]
-    text = _without_exports(text, top)
+    text = _WIRES.sub(_sorted_wires, _without_exports(text, top))
     boxes = {box["id"]: box for box in _BOX.finditer(text)}
     homes = {number: _home(box["type"]) for number, box in boxes.items()}
     new = {number for number, box in boxes.items() if _name(box) in highlight}
@@ -81,6 +83,7 @@ def dot_text(diagram: System, depth: int | None = None, highlight: Collection[st
         opening = f'subgraph cluster{top}subsystems {{\ncolor=white\nlabel=""\n'
         text = text.replace(opening, opening + _room(text, inside, homes))
     text = _WIRE.sub(lambda wire: _drawn(wire, homes, looks), text)
+    text = _LOUD.sub('"#888888"', text).replace("color=lightgrey\nstyle=filled\n", 'color="#eeeeee"\nstyle=filled\n')
     text = text.replace("rankdir=LR\n", _STYLE + _legend(set(looks.values())), 1)
     text = text.replace(_FRAME, "color=white\n", 1).replace(_FRAME, 'color="#aaaaaa"\nstyle=rounded\n')
     return _named(text, boxes)
@@ -131,6 +134,11 @@ def _without_exports(text, top):
     """Drop the outputs of the outermost Diagram and the wires to them."""
     text = re.sub(rf"^subgraph clusters{top}out \{{\n.*?^\}}\n", "", text, count=1, flags=re.M | re.S)
     return re.sub(rf"^\S+ -> s{top}out:[^\n]*\n", "", text, flags=re.M)
+
+
+def _sorted_wires(wires):
+    """In the order in which the blocks were made: Drake lists wires by address, which moves from run to run."""
+    return "".join(sorted(wires[0].splitlines(True), key=lambda wire: (list(map(int, re.findall(r"\d+", wire))), wire)))
 
 
 def _name(box):

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 
-from pydrake.systems.framework import Diagram, System
+from pydrake.systems.framework import System
 
 from drake_ispace.block import Phase, Spec
 from drake_ispace.rates import TICK_S
@@ -13,7 +13,8 @@ def schedule(diagram: System) -> list[dict]:
     """Every periodic update in `diagram`, nested Diagrams included, in the order in which the blocks were added.
 
     Drake 1.51 does not list unrestricted events, so Blocks tell their own updates, which are exactly those that they
-    declare with Drake. Of any other leaf system this sees the discrete updates, if they share one timing.
+    declare with Drake. Of any other leaf system this sees the discrete updates, if they share one timing; a discrete
+    MultibodyPlant, which is updated by an unrestricted event, is left out.
 
     Returns:
         Rows of `block` (name, in a nested Diagram "diagram::name"), `phase` ("sense" before "compute" of the same
@@ -28,11 +29,11 @@ def block_name(system: System) -> str:
 
 
 def _leaves(system: System, prefix: str) -> Iterator[tuple[str, System]]:
-    if not isinstance(system, Diagram):
+    if not hasattr(system, "GetSystems"):  # a Diagram of any scalar
         yield prefix + block_name(system), system
         return
     for child in system.GetSystems():
-        inside = f"{prefix}{block_name(child)}::" if isinstance(child, Diagram) else prefix
+        inside = f"{prefix}{block_name(child)}::" if hasattr(child, "GetSystems") else prefix
         yield from _leaves(child, inside)
 
 

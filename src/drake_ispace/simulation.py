@@ -15,6 +15,7 @@ from drake_ispace.wiring.catalog import build_diagram
 
 _FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
 _LOST_M = 5.0  # metres from the middle of the room: the camera lost the robot long ago
+_SPINNING_RAD_S = 50.0  # eight turns a second
 _CHUNK = 200  # ticks between looks at progress and divergence
 
 
@@ -26,7 +27,7 @@ class Run:
         scenario: what was run.
         signals: name of the Diagram's output -> (ticks + 1, size). Row k is the value *before* the updates of tick k
             (x-), so row k of a sampled signal shows the sample of tick k - 1. docs/semantics.md.
-        diverged_s: when the robot fell or left for good, else None; rows after it are left away.
+        diverged_s: when the robot fell, spun or left for good, else None; rows after it are left away.
         wall_s: duration of the simulation itself.
     """
 
@@ -95,13 +96,15 @@ def _log(simulator, sink):
 
 
 def _first_divergence(simulator, sinks, start):
-    """The first row from `start` on in which a robot has fallen, is lost or is no number; None if there is none."""
+    """The first row from `start` on in which a robot has fallen, spins, is lost or is no number; None if there is none."""
     first = None
     for name, sink in sinks.items():
         rows = _log(simulator, sink)[start:]
         bad = ~np.isfinite(rows).all(axis=1)
         if name.endswith("_pose"):
             bad |= (np.abs(rows[:, :2]) > _LOST_M).any(axis=1)
+        if name.endswith(("_velocity", "_balance")):
+            bad |= np.abs(rows[:, 2]) > _SPINNING_RAD_S
         if name.endswith("_balance"):
             bad |= np.abs(rows[:, 0]) > _FALLEN_RAD
         if bad.any():
