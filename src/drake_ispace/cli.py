@@ -131,7 +131,7 @@ def schedule_(name: str, /, *, set_: Sets = None, as_json: Json = False) -> None
         return
     _table(
         ["block", "phase", "period", "ticks", "offset"],
-        [[r["block"], r["phase"], f"{1e3 * r['period_s']:.0f} ms", r["period_ticks"], f"{1e3 * r['offset_s']:.0f} ms"]
+        [[r["block"], r["phase"], f"{1e3 * r['period_s']:.4g} ms", r["period_ticks"], f"{1e3 * r['offset_s']:.4g} ms"]
          for r in rows],
     )
 

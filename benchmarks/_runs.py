@@ -1,0 +1,89 @@
+"""What the scripts of this folder share: their options, many runs in a few processes, and tables."""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from drake_ispace.metrics import measure
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import Run, simulate
+
+_RUNS_PER_PROCESS = 25  # Drake does not free a Diagram with Python blocks, so a process is replaced now and then
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run.
+
+    Attributes:
+        label: any key that can be hashed; results come back under it.
+        scenario: name of a packaged scenario.
+        overrides: "key=value" over it, as for `drake-ispace simulate --set`.
+    """
+
+    label: object
+    scenario: str
+    overrides: tuple[str, ...] = ()
+
+
+def summary(run: Run) -> dict:
+    """The metrics of a run of one robot."""
+    return measure(run, run.robots[0]).to_data()
+
+
+def run_all(jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary) -> dict[object, dict]:
+    """label -> summarise(run) of every job; `summarise` is a function at the top level of a module."""
+    jobs = list(jobs)
+    workers = min(os.cpu_count() or 1, len(jobs))
+    with ProcessPoolExecutor(workers, get_context("spawn"), max_tasks_per_child=_RUNS_PER_PROCESS) as pool:
+        results = list(pool.map(partial(_run, summarise), jobs))
+    return {job.label: result for job, result in zip(jobs, results, strict=True)}
+
+
+def _run(summarise, job):
+    return summarise(simulate(load_scenario(job.scenario, job.overrides)))
+
+
+def options(description: str) -> argparse.Namespace:
+    """json, quick, seed and figures from the command line."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else")
+    parser.add_argument("--quick", action="store_true", help="fewer and shorter runs")
+    parser.add_argument("--seed", type=int, default=0, help="of every random draw, default 0")
+    parser.add_argument("--figures", type=Path, help="folder to write pictures to; left out: none are drawn")
+    return parser.parse_args()
+
+
+def values(**settings) -> tuple[str, ...]:
+    """Overrides from keywords, "__" for a dot: values(omni__plant__mass_kg=8) is ("omni.plant.mass_kg=8",)."""
+    return tuple(f"{key.replace('__', '.')}={_text(value)}" for key, value in settings.items())
+
+
+def _text(value):
+    if isinstance(value, float):
+        return f"{value:.12f}"  # YAML reads 1e-05 as a word
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_text(float(entry)) for entry in value) + "]"
+    return json.dumps(value)
+
+
+def print_json(data: dict) -> None:
+    json.dump(data, sys.stdout, indent=2, allow_nan=False)
+    print()
+
+
+def print_table(title: str, titles: list[str], rows: list[list]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*titles, title=title, title_justify="left")
+    for row in rows:
+        table.add_row(*("-" if cell is None else str(cell) for cell in row))
+    Console(width=None if sys.stdout.isatty() else 150).print(table)

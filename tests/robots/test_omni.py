@@ -1,0 +1,292 @@
+"""The omni robot's plant, (2.70)-(2.76), its gains, and other wheel layouts on the same plant."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from pydrake.symbolic import Evaluate, Expression, Jacobian, MakeVectorContinuousVariable
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+
+from drake_ispace.control.dlqr import dlqr, spectral_radius
+from drake_ispace.rates import TICK_S, VISION_S
+from drake_ispace.robots.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
+from drake_ispace.robots.wheels import mecanum, omni3
+from drake_ispace.wiring.omni import linear_model
+
+R, B, I_W = 0.024, 0.36, 1e-6
+# a wheel inertia large enough for its terms to show: 2 I_w/r^2 = 2 kg
+HEAVY = OmniPlantParameters(wheel_inertia_kg_m2=R**2)
+PRINTED_INERTIA = OmniPlantParameters(inertia_kg_m2=7.29e-5)
+PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-11, max_step_size=0.1, use_error_control=True)
+
+
+def rates(parameters, phi=0.0, velocity=(0.0, 0.0, 0.0), torque=None):
+    """d/dt of the plant's continuous state."""
+    plant = OmniPlant(parameters, (0.3, -0.2, phi))
+    context = plant.CreateDefaultContext()
+    n = len(parameters.geometry.wheels)
+    plant.get_input_port().FixValue(context, np.zeros(n) if torque is None else torque)
+    for i in range(3):
+        context.get_mutable_continuous_state_vector()[3 + i] = velocity[i]
+    return plant.EvalTimeDerivatives(context).CopyToVector()
+
+
+def s_matrix(phi, r=R, b=B):
+    """S(q) (7, 3) after (2.72)."""
+    s, c = np.sin(phi), np.cos(phi)
+    wheels = np.array([[-s, c, b / 2], [-c, -s, b / 2], [s, -c, b / 2], [c, s, b / 2]]) / r
+    return np.vstack([np.eye(3), wheels])
+
+
+def a_matrix(phi, r=R, b=B):
+    """A(q) (3, 7) after (2.72)."""
+    s, c = np.sin(phi), np.cos(phi)
+    jacobian = r / 2 * np.array([[-s, -c, s, c], [c, -s, -c, s], [1 / b, 1 / b, 1 / b, 1 / b]])
+    return np.hstack([-np.eye(3), jacobian])
+
+
+ANGLES = [0.0, 0.7, 2.0, -3.0]
+
+
+# -- The equation of motion
+
+
+@pytest.mark.parametrize("parameters, m, i_phi", [(OmniPlantParameters(), 7.31, 7.29e-2), (HEAVY, 7.31, 7.29e-2)])
+def test_mass_matrix_is_2_74(parameters, m, i_phi):
+    i_w = parameters.wheel_inertia_kg_m2
+    translation, rotation = m + 2.0 / R**2 * i_w, i_phi + B**2 / R**2 * i_w
+    np.testing.assert_allclose(mass_matrix(parameters), np.diag([translation, translation, rotation]), atol=1e-13)
+
+
+def test_mass_matrix_in_numbers():
+    # 7.31 + 2e-6/5.76e-4 = 7.3135 kg, 0.0729 + 0.1296e-6/5.76e-4 = 0.073125 kg m^2
+    assert np.diag(mass_matrix(OmniPlantParameters())) == pytest.approx([7.313472, 7.313472, 0.073125], rel=1e-6)
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+def test_input_matrix_is_2_76(phi):
+    mass = np.diag([9.31, 9.31, 7.29e-2 + B**2])
+    s, c = np.sin(phi), np.cos(phi)
+    printed = np.array([[-s, -c, s, c], [c, -s, -c, s], [B / 2] * 4]) / R
+    for wheel in range(4):
+        force = mass @ rates(HEAVY, phi, torque=np.eye(4)[wheel])[3:6]
+        np.testing.assert_allclose(force, printed[:, wheel], atol=1e-12)
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+def test_velocity_term_is_2_75(phi):
+    vx, vy, wz = 0.4, -0.3, 1.7
+    mass = np.diag([9.31, 9.31, 7.29e-2 + B**2])
+    term = -mass @ rates(HEAVY, phi, (vx, vy, wz))[3:6]
+    np.testing.assert_allclose(term, 2.0 * wz * np.array([vy, -vx, 0.0]), atol=1e-12)
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+def test_the_general_plant_is_s_transposed_m_s(phi):
+    """(2.70) reduced with S(q): M = diag(m, m, I, I_w ...), V = 0 because I_w is constant."""
+    velocity, torque = np.array([0.4, -0.3, 1.7]), np.array([0.01, -0.02, 0.03, 0.005])
+    full = np.diag([7.31, 7.31, 7.29e-2, *[HEAVY.wheel_inertia_kg_m2] * 4])
+    s, h = s_matrix(phi), 1e-6
+    s_dot = (s_matrix(phi + h * velocity[2]) - s_matrix(phi - h * velocity[2])) / (2.0 * h)
+    expected = np.linalg.solve(s.T @ full @ s, s[3:].T @ torque - s.T @ full @ s_dot @ velocity)
+    np.testing.assert_allclose(rates(HEAVY, phi, velocity, torque)[3:6], expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+def test_s_spans_the_null_space_of_a(phi):
+    assert np.abs(a_matrix(phi) @ s_matrix(phi)).max() < 1e-13
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+def test_e_times_jacobian_transposed_is_one(phi):
+    np.testing.assert_allclose(s_matrix(phi)[3:].T @ a_matrix(phi)[:, 3:].T, np.eye(3), atol=1e-13)
+
+
+def test_a_simulated_motion_keeps_the_constraints():
+    plant = OmniPlant(HEAVY)
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    plant.get_input_port().FixValue(context, [0.05, -0.02, 0.03, 0.01])
+    for seconds in np.linspace(0.1, 2.0, 20):
+        simulator.AdvanceTo(seconds)
+        derivative = plant.EvalTimeDerivatives(context).CopyToVector()
+        q_dot = np.concatenate([derivative[:3], derivative[THETA:]])
+        phi = plant.GetOutputPort("pose").Eval(context)[2]
+        assert np.abs(a_matrix(phi) @ q_dot).max() < 1e-13 * np.abs(q_dot).max()
+    assert abs(phi) > 1.0
+
+
+def test_the_wheels_turn_as_their_rates_say():
+    plant = OmniPlant(HEAVY, (0.0, 0.0, 0.5))
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, np.zeros(4))
+    for i, speed in enumerate([0.2, -0.1, 0.6]):
+        context.get_mutable_continuous_state_vector()[3 + i] = speed
+    rate = plant.GetOutputPort("wheel_rate").Eval(context)
+    np.testing.assert_allclose(rate, s_matrix(0.5)[3:] @ [0.2, -0.1, 0.6], rtol=1e-13)
+    np.testing.assert_array_equal(plant.EvalTimeDerivatives(context).CopyToVector()[THETA:], rate)
+
+
+def kinetic_energy(parameters, plant, context):
+    vx, vy, wz = plant.GetOutputPort("velocity").Eval(context)
+    wheels = plant.GetOutputPort("wheel_rate").Eval(context)
+    return 0.5 * (
+        parameters.mass_kg * (vx**2 + vy**2) + parameters.inertia_kg_m2 * wz**2
+        + parameters.wheel_inertia_kg_m2 * wheels @ wheels
+    )
+
+
+def energy_drift(parameters, config):
+    """Largest relative change of kinetic energy over 10 s without torque and friction."""
+    plant = OmniPlant(parameters)
+    simulator = Simulator(plant)
+    ApplySimulatorConfig(config, simulator)
+    context = simulator.get_mutable_context()
+    plant.get_input_port().FixValue(context, np.zeros(len(parameters.geometry.wheels)))
+    for i, speed in enumerate([0.5, -0.3, 9.0]):
+        context.get_mutable_continuous_state_vector()[3 + i] = speed
+    start, drift = kinetic_energy(parameters, plant, context), 0.0
+    for seconds in np.linspace(0.5, 10.0, 20):
+        simulator.AdvanceTo(seconds)
+        drift = max(drift, abs(kinetic_energy(parameters, plant, context) / start - 1.0))
+    return drift
+
+
+def test_kinetic_energy_is_kept():
+    assert energy_drift(HEAVY, PRECISE) < 1e-9
+
+
+# -- Linearisation
+
+
+def test_linearisation_is_the_inverse_mass_matrix():
+    a, b = linear_model(HEAVY)
+    expected = np.zeros((6, 6))
+    expected[:3, 3:] = np.eye(3)
+    np.testing.assert_allclose(a, expected, atol=1e-14)
+    np.testing.assert_allclose(b, np.vstack([np.zeros((3, 3)), np.linalg.inv(mass_matrix(HEAVY))]), atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value encountered")  # of NumPy, on Expressions
+def test_the_symbolic_plants_derivative_is_the_linearisation():
+    plant = OmniPlant(HEAVY).ToSymbolic()
+    context = plant.CreateDefaultContext()
+    state, torque = MakeVectorContinuousVariable(13, "x"), MakeVectorContinuousVariable(4, "tau")
+    context.SetContinuousState([Expression(variable) for variable in state])
+    plant.get_input_port().FixValue(context, [Expression(variable) for variable in torque])
+    derivative = plant.EvalTimeDerivatives(context).CopyToVector()[:6]
+    at_rest = dict.fromkeys([*state, *torque], 0.0)
+    a = Evaluate(Jacobian(derivative, state[:6]), at_rest)
+    b = Evaluate(Jacobian(derivative, torque), at_rest) @ HEAVY.geometry.forward.T
+    for symbolic, numeric in zip((a, b), linear_model(HEAVY), strict=True):
+        np.testing.assert_allclose(symbolic, numeric, atol=1e-13)
+
+
+def test_mobility_is_wheel_acceleration_per_torque():
+    for wheel in range(4):
+        acceleration = s_matrix(0.0)[3:] @ rates(HEAVY, torque=np.eye(4)[wheel])[3:6]
+        np.testing.assert_allclose(mobility(HEAVY)[:, wheel], acceleration, atol=1e-9)
+
+
+# -- The printed gains and the plant's own (docs/fidelity.md, rows 12 and 13)
+
+Q, WEIGHTS_R = np.array([1.4, 1.4, 0.0975, 17.5, 17.55, 1.0]) * 1e4, np.array([23.0, 23.0, 5.0]) * 1e2  # (6.24), (6.25)
+PRINTED_GAIN = np.hstack([np.diag([2.45, 2.45, 1.23]), np.diag([10.0, 10.0, 4.0])])  # (6.26), (6.27)
+
+
+def own_gain(parameters, period_s=TICK_S):
+    gain = dlqr(*linear_model(parameters), Q, WEIGHTS_R, period_s)
+    return np.diag(gain[:, :3]), np.diag(gain[:, 3:])
+
+
+def test_row_13_dlqr_in_translation():
+    k_p, k_d = own_gain(OmniPlantParameters())
+    assert (k_p[0], k_d[0]) == pytest.approx((2.458, 10.56), abs=2e-3)
+    assert k_d[1] > k_d[0]  # 17.55 against 17.5
+
+
+def test_row_13_the_printed_rate_gain_is_that_of_5_kg():
+    k_p, k_d = own_gain(OmniPlantParameters(mass_kg=5.0))
+    assert (k_p[0], k_d[0]) == pytest.approx((2.455, 10.0), abs=0.01)
+
+
+def test_row_12_dlqr_in_yaw_asks_for_the_larger_inertia():
+    k_p, k_d = own_gain(OmniPlantParameters())
+    assert (k_p[2], k_d[2]) == pytest.approx((1.198, 3.86), abs=1e-3)  # printed (1.23, 4)
+
+
+def test_row_12_with_the_printed_inertia_the_yaw_gains_are_useless():
+    k_p, k_d = own_gain(PRINTED_INERTIA)
+    assert (k_p[2], k_d[2]) == pytest.approx((0.0186, 0.0596), abs=1e-4)
+
+
+def test_row_12_with_the_printed_inertia_the_printed_gains_are_unstable():
+    assert spectral_radius(*linear_model(PRINTED_INERTIA), PRINTED_GAIN, TICK_S) == pytest.approx(66.2, abs=0.1)
+    assert spectral_radius(*linear_model(OmniPlantParameters()), PRINTED_GAIN, TICK_S) == pytest.approx(0.9985, abs=1e-4)
+
+
+def test_row_19_the_printed_yaw_gains_are_lost_at_the_rate_of_vision():
+    # 1 - K_d T/I = 1 - 4 * 0.095/0.0731 = -4.2 and its like
+    assert spectral_radius(*linear_model(OmniPlantParameters()), PRINTED_GAIN, VISION_S) > 4.0
+
+
+# -- Other wheels
+
+
+@dataclass
+class ThreeWheels(OmniPlantParameters):
+    @property
+    def geometry(self):
+        return omni3(self.wheel_radius_m, self.wheel_distance_m / 2.0)
+
+
+@dataclass
+class Mecanum(OmniPlantParameters):
+    @property
+    def geometry(self):
+        return mecanum(self.wheel_radius_m, 0.2, 0.15)
+
+
+@dataclass
+class Lopsided(OmniPlantParameters):
+    """Three wheels of the four: N = G'G is full, x, y and yaw are coupled."""
+
+    @property
+    def geometry(self):
+        whole = super().geometry
+        return type(whole)(whole.wheels[:3])
+
+
+OTHERS = [ThreeWheels, Mecanum, Lopsided]
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_other_holonomic_robots_obey_their_own_mass_matrix(kind):
+    parameters = kind(wheel_inertia_kg_m2=R**2)
+    wheels = parameters.geometry.inverse
+    for i in range(len(wheels)):
+        acceleration = rates(parameters, torque=np.eye(len(wheels))[i])[3:6]  # at heading 0 body axes are world axes
+        np.testing.assert_allclose(mass_matrix(parameters) @ acceleration, wheels[i], atol=1e-11)
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_other_holonomic_robots_keep_their_energy(kind):
+    assert energy_drift(kind(wheel_inertia_kg_m2=R**2), PRECISE) < 1e-8
+
+
+def test_three_wheels_by_hand():
+    # N = G'G: 3/(2 r^2) in translation, 3 L^2/r^2 in yaw, times I_w = r^2
+    mass = mass_matrix(ThreeWheels(wheel_inertia_kg_m2=R**2))
+    np.testing.assert_allclose(mass, np.diag([7.31 + 1.5, 7.31 + 1.5, 0.0729 + 3.0 * 0.18**2]), atol=1e-12)
+
+
+def test_mecanum_by_hand():
+    # N = G'G: 4/r^2 in translation, 4 (a + b)^2/r^2 in yaw, times I_w = r^2
+    mass = mass_matrix(Mecanum(wheel_inertia_kg_m2=R**2))
+    np.testing.assert_allclose(mass, np.diag([11.31, 11.31, 0.0729 + 4.0 * 0.35**2]), atol=1e-12)
+
+
+def test_a_heavier_robot_is_slower():
+    push = [0.0, -0.024, 0.0, 0.024]
+    light, heavy = (rates(replace(HEAVY, mass_kg=m), torque=push)[3] for m in (3.0, 8.0))
+    assert (light, heavy) == pytest.approx((2.0 / 5.0, 2.0 / 10.0), rel=1e-12)
