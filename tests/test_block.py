@@ -52,7 +52,7 @@ def decay(xc, gain, out):
     out[0] = -gain * xc[0]
 
 
-def write_input(signal, out):
+def scribble(signal, out):
     signal[0] = 1.0
     out[0] = 0.0
 
@@ -148,10 +148,12 @@ def test_an_unconnected_input_is_named():
         value(block, "y")
 
 
-def test_a_kernel_cannot_write_its_inputs():
-    block = Block(Spec(inputs={"signal": 1}, outputs={"y": Output(1, write_input)}))
-    with pytest.raises(ValueError, match="read-only"):
-        value(block, "y", signal=[0.0])
+def test_what_a_kernel_scribbles_on_its_input_reaches_nobody():
+    block = Block(Spec(inputs={"signal": 1}, outputs={"y": Output(1, scribble), "echo": Output(1, follow)}))
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, [3.0])
+    assert block.GetOutputPort("y").Eval(context)[0] == 0.0
+    assert block.GetOutputPort("echo").Eval(context)[0] == 3.0
 
 
 def test_parameter_names_spell_out_vectors_and_groups():
@@ -265,6 +267,15 @@ def test_a_through_block_counts_a_repeated_sample_once():
     assert seen == [1.0, 1.0, 2.0, 2.0, 2.0]
 
 
+@pytest.mark.parametrize("updates", [
+    (Update(count_new, Phase.SENSE, through=True),),
+    (Update(count_new, Phase.COMPUTE, through=True), Update(count_new, Phase.SENSE)),
+])
+def test_a_through_update_stands_alone_in_the_compute_phase(updates):
+    with pytest.raises(ValueError, match="through update is its block's only update, in the compute phase"):
+        Block(Spec(inputs={"signal": 1}, discrete_state=np.zeros(2), updates=updates))
+
+
 def test_a_through_blocks_output_kernel_may_read_inputs_and_parameters_too():
     block = Block(Spec(
         inputs={"signal": 1}, outputs={"count": Output(1, recall)}, parameters={"gain": 1.0},
@@ -321,11 +332,8 @@ def test_the_plain_form_of_a_plants_kernels_equals_the_compiled_one(name):
         }
         for key, group in spec.parameters.items():
             arrays[key] = np.array(list(group.values())) if isinstance(group, dict) else group
-        for array in arrays.values():
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
         for function, size in kernels(spec):
-            values = [arrays[argument] if argument in arrays else int(rng.integers(1000)) for argument in arguments(function)]
+            values = [arrays.get(argument, 1234) for argument in arguments(function)]  # 1234: the tick
             compiled, interpreted = np.empty(size), np.empty(size)
             function(*values, compiled)
             with np.errstate(over="ignore"):

@@ -76,6 +76,8 @@ class Spec:
     derivatives: Callable | None = None
     discrete_state: np.ndarray | None = None
     updates: tuple[Update, ...] = ()
+    #: Name of the random stream whose key is the parameter `noise_stream` (noise.py).
+    noise_stream: str | None = None
 
     @property
     def parameter_names(self) -> list[str]:
@@ -110,7 +112,7 @@ def kernel(function: Callable) -> Dispatcher:
         if not isinstance(value, types.ModuleType):
             digest.update(f"{name}={getattr(value, 'digest', value)!r}".encode())
     saved = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder() / digest.hexdigest()[:16])
+    numba.config.CACHE_DIR = str(cache_folder() / digest.hexdigest()[:16])
     try:
         compiled = numba.njit(cache=True, error_model="numpy")(function)
     finally:
@@ -119,7 +121,7 @@ def kernel(function: Callable) -> Dispatcher:
     return compiled
 
 
-def _cache_folder() -> Path:
+def cache_folder() -> Path:
     """$DRAKE_ISPACE_CACHE, else the user's cache folder, else (where neither can be written) a temporary one."""
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(os.environ.get("DRAKE_ISPACE_CACHE") or Path(base) / "drake_ispace")
@@ -147,22 +149,12 @@ def arguments(function: Callable) -> list[str]:
     return list(inspect.signature(getattr(function, "py_func", function)).parameters)[:-1]
 
 
-def _frozen(array: np.ndarray) -> np.ndarray:
-    """Read-only, so that one compiled kernel signature serves and no kernel writes its inputs."""
-    array.flags.writeable = False
-    return array
-
-
-_EMPTY = _frozen(np.empty(0))
+_EMPTY = np.empty(0)
 
 
 @TemplateSystem.define("Block_")
 def Block_(T):
     scalar_is_float = T is float
-
-    def read(vector):
-        # Only vectors of floats can be looked at without a copy.
-        return _frozen(vector.value() if scalar_is_float else vector.CopyToVector())
 
     class Impl(LeafSystem_[T]):
         """A LeafSystem made of kernels; see the module."""
@@ -201,20 +193,18 @@ def Block_(T):
             size = len(self.spec.discrete_state)
             period_s, offset_s = update.period_ticks * TICK_S, update.offset_ticks * TICK_S
             if update.through:
+                if update.phase is not Phase.COMPUTE or len(self.spec.updates) > 1:
+                    raise ValueError("a through update is its block's only update, in the compute phase")
                 tickets = self._tickets(update.kernel)
                 self._through = self._declare_cache("stepped", lambda context: step(context, size), tickets)
-                evaluate = self._through.Eval
-            else:
-                def evaluate(context):
-                    return step(context, size)
 
-            # Updates of one block that fall on the same instant act one after the other, in the order declared.
             def sense(context, state):
+                # Updates of one block that fall on the same instant act one after the other, in the order declared.
                 stored = state.get_mutable_discrete_state()
-                stored.set_value(evaluate(context) if update.through else step(context, size, stored.value()))
+                stored.set_value(step(context, size, stored.value().copy()))
 
             def compute(context, stored):
-                stored.set_value(evaluate(context))
+                stored.set_value(self._through.Eval(context) if update.through else step(context, size))
 
             if update.phase is Phase.SENSE:
                 self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, offset_s, sense)
@@ -244,7 +234,7 @@ def Block_(T):
 
         def _unpack(self, context):
             """Parameter name -> float or vector, as kernels take them."""
-            flat, unpacked, start = read(context.get_numeric_parameter(0)), {}, 0
+            flat, unpacked, start = context.get_numeric_parameter(0).CopyToVector(), {}, 0
             for name, value in self.spec.parameters.items():
                 size = np.size(_values(value))
                 is_scalar = np.ndim(_values(value)) == 0
@@ -260,35 +250,41 @@ def Block_(T):
             if unknown := set(names) - known:
                 raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
             dtype = float if scalar_is_float else object
-            index = {name: i for i, name in enumerate(self.spec.inputs)}
-
-            def fetch(context, name, parameters, xd):
-                if name in index:
-                    vector = self.EvalVectorInput(context, index[name])
-                    if vector is None:
-                        raise RuntimeError(f"input port '{name}' of block '{self.get_name()}' is not connected")
-                    return read(vector)
-                if name == "xd":
-                    if xd is not None:
-                        return _frozen(np.array(xd))
-                    if stepped:
-                        return self._through.Eval(context)
-                    if self.spec.discrete_state is None:
-                        return _EMPTY
-                    return read(context.get_discrete_state_vector())
-                if name == "xc":
-                    return read(context.get_continuous_state_vector())
-                if name == "tick":
-                    return tick_at(float(context.get_time()))
-                return parameters[name]
+            getters = [self._getter(name, stepped) for name in names]
 
             def call(context, size, xd=None):
                 parameters = self._parameters.Eval(context)
                 out = np.empty(size, dtype)
-                run(*[fetch(context, name, parameters, xd) for name in names], out)
+                run(*[get(context, parameters, xd) for get in getters], out)
                 return out
 
             return call
+
+        def _getter(self, name, stepped):
+            """A function (context, parameters, x_d to use instead of the stored one) -> the argument called `name`."""
+            if name in self.spec.inputs:
+                index = list(self.spec.inputs).index(name)
+
+                def get(context, parameters, xd):
+                    vector = self.EvalVectorInput(context, index)
+                    if vector is None:
+                        raise RuntimeError(f"input port '{name}' of block '{self.get_name()}' is not connected")
+                    return vector.CopyToVector()
+
+                return get
+            if name == "xd" and self.spec.discrete_state is None:
+                return lambda context, parameters, xd: _EMPTY
+            if name == "xd" and stepped:
+                return lambda context, parameters, xd: self._through.Eval(context)
+            if name == "xd":
+                return lambda context, parameters, xd: (
+                    context.get_discrete_state_vector().CopyToVector() if xd is None else xd
+                )
+            if name == "xc":
+                return lambda context, parameters, xd: context.get_continuous_state_vector().CopyToVector()
+            if name == "tick":
+                return lambda context, parameters, xd: tick_at(float(context.get_time()))
+            return lambda context, parameters, xd: parameters[name]
 
         def DoCalcTimeDerivatives(self, context, derivatives):
             if self.spec.derivatives is not None:

@@ -1,15 +1,17 @@
 """The command line. Heavy libraries are imported by the commands that use them: `--help` answers at once."""
 
 import json
+import os
 import sys
 from collections.abc import Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
-from drake_ispace.errors import InputError
+from drake_ispace.errors import InputError, shown
+from drake_ispace.places import check_folder
 
 app = App(
     name="drake-ispace",
@@ -22,23 +24,51 @@ Sets = Annotated[
     list[str] | None,
     Parameter(name="--set", negative="", help="key=value over the scenario, as omni.plant.mass_kg=8"),
 ]
+
+
+def _whole(kind, tokens):
+    """cyclopts alone would cut 1.5 to 1."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"expected a whole number, got {shown(tokens[0].value)}") from None
+
+
 Seconds = Annotated[float | None, Parameter(help="simulated time [s]")]
-Seed = Annotated[int | None, Parameter(help="of every random draw")]
+Seed = Annotated[int | None, Parameter(help="of every random draw", converter=_whole)]
+Depth = Annotated[int | None, Parameter(help="levels of nested Diagrams to open", converter=_whole)]
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
     """Entry point: 0 when done, 2 and one sentence on bad input, 130 on Ctrl-C."""
     try:
-        app(arguments, exit_on_error=False, print_error=False)
+        try:
+            app(arguments, exit_on_error=False, print_error=False)
+        finally:
+            sys.stdout.flush()
+    except UnusedCliTokensError as error:
+        _refuse(f"unexpected {shown(' '.join(error.unused_tokens))}, expected only options after what it is about")
     except (InputError, CycloptsError) as error:
-        print(" ".join(f"drake-ispace: {error}".split()), file=sys.stderr)
-        sys.exit(2)
+        _refuse(str(error))
     except KeyboardInterrupt:
         print("drake-ispace: stopped, nothing half-written is left behind", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()
+        _drop_output()
         sys.exit(1)
+    except OSError as error:
+        _drop_output()
+        _refuse(f"{error.filename or 'standard output'}: cannot be written ({error.strerror or error})")
+
+
+def _refuse(sentence):
+    print(" ".join(f"drake-ispace: {sentence}".split()), file=sys.stderr)
+    sys.exit(2)
+
+
+def _drop_output():
+    """What is still in the buffer has nowhere to go, and Python would complain about that at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @app.command(name="list")
@@ -66,17 +96,16 @@ def simulate(
 ) -> None:
     """Simulate a scenario, given by name or YAML file, and optionally record it."""
     scenario = _scenario(name, seconds, set_, seed)
+    diagram = _diagram(name, scenario)
     from drake_ispace.alignment import to_recording
-    from drake_ispace.simulation import simulate as run_scenario
+    from drake_ispace.simulation import simulate_diagram
 
+    folders = _recording_folders(diagram, out) if out is not None else {}
     with _progress(scenario.seconds, scenario.diagram) as advance:
-        run = run_scenario(scenario, advance)
-    recordings = {}
-    if out is not None:
-        for robot in run.robots:
-            folder = out if len(run.robots) == 1 else out / robot
-            to_recording(run, robot).save(folder)
-            recordings[robot] = str(folder)
+        run = simulate_diagram(diagram, scenario, advance)
+    for robot, folder in folders.items():
+        to_recording(run, robot).save(folder)
+    recordings = {robot: str(folder) for robot, folder in folders.items()}
     final = {robot: dict(zip("x y phi".split(), map(float, run.signals[f"{robot}_pose"][-1]), strict=True))
              for robot in run.robots}
     simulated = float(run.time_s[-1])
@@ -104,14 +133,17 @@ def simulate(
 def draw(
     name: str, /, *, set_: Sets = None,
     out: Annotated[Path | None, Parameter(help="x.svg, x.png or x.dot; left out: the dot text is printed")] = None,
-    depth: Annotated[int | None, Parameter(help="levels of nested Diagrams to open")] = None, as_json: Json = False,
+    depth: Depth = None, as_json: Json = False,
 ) -> None:
     """Draw the wiring of a Diagram with Graphviz."""
-    diagram = _diagram(name, set_)
+    if depth is not None and not 0 <= depth <= 1000:
+        raise InputError(f"--depth: expected 0 (closed) to 1000 levels, got {depth}")
+    diagram = _diagram(name, _scenario(name, None, set_, None))
     from drake_ispace.drawing import dot_text
     from drake_ispace.drawing import draw as draw_diagram
 
     if out is not None:
+        check_folder(out.parent)
         draw_diagram(diagram, out, depth)
     if as_json:
         _print_json({"diagram": diagram.get_name(), "out": str(out) if out else None, "dot": dot_text(diagram, depth)})
@@ -122,7 +154,7 @@ def draw(
 @app.command(name="schedule")
 def schedule_(name: str, /, *, set_: Sets = None, as_json: Json = False) -> None:
     """Show every periodic update of a Diagram: which block, which phase, when."""
-    diagram = _diagram(name, set_)
+    diagram = _diagram(name, _scenario(name, None, set_, None))
     from drake_ispace.schedule import schedule
 
     rows = schedule(diagram)
@@ -144,8 +176,12 @@ def compare(
 ) -> None:
     """Run several Diagrams on the first one's reference with the same seed."""
     if not names:
-        raise InputError("compare: expected at least one Diagram or scenario, such as omni_multirate omni_vision_feedback")
+        raise InputError("compare: expected Diagrams or scenarios, such as omni_multirate omni_vision_feedback")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"compare: {shown(twice[0])} is named twice, expected different Diagrams or scenarios")
     scenarios = {name: _scenario(name, seconds, set_, seed) for name in names}
+    if out is not None:
+        check_folder(out)
     from drake_ispace.compare import compare as run_all
 
     total = sum(scenario.seconds for scenario in scenarios.values())
@@ -185,21 +221,35 @@ def demo(
 
 
 def _scenario(name, seconds, sets, seed):
-    from drake_ispace.scenario import load_scenario
+    from drake_ispace.scenario import load_scenario, with_option
 
-    overrides = list(sets or [])
-    if seconds is not None:
-        overrides.append(f"seconds={seconds!r}")
-    if seed is not None:
-        overrides.append(f"seed={seed}")
-    return load_scenario(name, overrides)
+    scenario = load_scenario(name, sets or [])
+    for option, value in (("seconds", seconds), ("seed", seed)):
+        if value is not None:
+            scenario = with_option(scenario, option, value)
+    return scenario
 
 
-def _diagram(name, sets):
-    scenario = _scenario(name, None, sets, None)
+def _diagram(name, scenario):
+    from drake_ispace.scenario import blaming
     from drake_ispace.wiring.catalog import build_diagram
 
-    return build_diagram(scenario)
+    with blaming(name):
+        return build_diagram(scenario)
+
+
+def _recording_folders(diagram, out):
+    """Robot -> the folder of its recording, each checked before the run."""
+    from drake_ispace.recording import check_place
+
+    ports = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    robots = [port.removesuffix("_pose") for port in ports if port.endswith("_pose")]
+    if len(robots) > 1 and (out / "recording.yaml").exists():
+        raise InputError(f"{out}: is a recording, expected a folder for those of {' and '.join(robots)}")
+    folders = {robot: out if len(robots) == 1 else out / robot for robot in robots}
+    for folder in folders.values():
+        check_place(folder)
+    return folders
 
 
 def _print_json(data) -> None:

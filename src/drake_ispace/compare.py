@@ -4,8 +4,9 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from drake_ispace.metrics import Metrics, measure
-from drake_ispace.scenario import Scenario
-from drake_ispace.simulation import Run, simulate
+from drake_ispace.scenario import Scenario, blaming
+from drake_ispace.simulation import Run, simulate_diagram
+from drake_ispace.wiring.catalog import build_diagram
 
 
 def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
@@ -39,11 +40,17 @@ def compare(
         name -> (run, robot, metrics); a Diagram of two robots gives "name.omni" and "name.pendulum".
 
     Raises:
-        InputError: values that do not go together.
+        InputError: values that do not go together, found before the first run starts.
     """
+    scenarios = dict(zip(named, on_one_reference(list(named.values())), strict=True))
+    diagrams = {}
+    for name, scenario in scenarios.items():
+        with blaming(name):
+            diagrams[name] = build_diagram(scenario)
     results = {}
-    for name, scenario in zip(named, on_one_reference(list(named.values())), strict=True):
-        run = simulate(scenario, (lambda t, name=name: progress(name, t)) if progress else None)
+    for name, scenario in scenarios.items():
+        tell = (lambda time_s, name=name: progress(name, time_s)) if progress else None
+        run = simulate_diagram(diagrams[name], scenario, tell)
         for robot in run.robots:
             label = name if len(run.robots) == 1 else f"{name}.{robot}"
             results[label] = (run, robot, measure(run, robot))

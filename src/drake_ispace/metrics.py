@@ -1,5 +1,6 @@
 """How well a run followed its reference."""
 
+import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ class Metrics:
     Attributes:
         rms_position_error_m, max_position_error_m: distance to the way point.
         rms_cross_track_m: distance to the path, whatever the way point does.
-        mean_lag_m: along the path behind the moving way point.
+        mean_lag_m: along the path behind where the way point should be by now (it is renewed every 95 ms only).
         rms_heading_error_rad: to the way point's heading; where that is along the path, only while it moves.
         overshoot_percent: of a step, beyond its goal.
         settling_time_s: after the way point's last move, until within 2 % of a step (20 mm of a path's end) for good.
@@ -45,7 +46,10 @@ class Metrics:
     diverged_at_s: float | None
 
     def to_data(self) -> dict:
-        return asdict(self)
+        """By name; None for what is no finite number, which JSON cannot hold."""
+        return {
+            name: value if value is None or math.isfinite(value) else None for name, value in asdict(self).items()
+        }
 
 
 def measure(run: Run, robot: str) -> Metrics:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.places import check_folder
 from drake_ispace.recording_tables import check_header, read_table, write_table
 from drake_ispace.yaml_guard import dump_yaml, load_yaml
 
@@ -114,7 +115,7 @@ class Recording:
             raise InputError(f"{path}: format is {format!r}, expected 'csv' or 'parquet'")
         path = Path(os.path.realpath(path))
         validate(self, str(path))
-        _refuse_to_overwrite_other_things(path)
+        check_place(path)
         fresh = path.with_name(f".{path.name}.{uuid.uuid4().hex}.new")
         try:
             fresh.mkdir(parents=True)
@@ -164,6 +165,26 @@ def validate(recording: Recording, where: str | Path) -> None:
                 raise InputError(f"{where}: channels.{name}.units.{column} is {unit!r}, expected {known!r}")
         _check_samples(channel, source, lambda sample: f"sample {sample + 1}")
         _check_period(name, channel, where)
+
+
+def check_place(path: str | Path) -> None:
+    """Raises InputError unless a recording can be saved as the folder `path`: there is nothing yet, or a recording and
+    nothing besides it. A long run asks before it starts."""
+    path = Path(os.path.realpath(path))
+    check_folder(path.parent if path.exists() else path)
+    if not path.exists():
+        return
+    try:
+        data = load_yaml(path / "recording.yaml", str(path))
+    except InputError:
+        data = {}
+    if not str(data.get("format")).startswith(FORMAT + "/"):
+        raise InputError(f"{path}: exists and is not a recording, expected a new folder or a recording to replace")
+    channels = data.get("channels") if isinstance(data.get("channels"), dict) else {}
+    own = {"recording.yaml"} | {str(entry.get("file")) for entry in channels.values() if isinstance(entry, dict)}
+    for file in path.rglob("*"):
+        if not file.is_dir() and str(file.relative_to(path)) not in own:
+            raise InputError(f"{file}: is no part of the recording to replace, expected it moved elsewhere first")
 
 
 def si_unit(column: str) -> str | None:
@@ -325,23 +346,6 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
     data |= {"channels": entries, "notes": recording.notes}
     text = dump_yaml({key: value for key, value in data.items() if value is not None})
     (folder / "recording.yaml").write_text(text, encoding="utf-8")
-
-
-def _refuse_to_overwrite_other_things(path: Path) -> None:
-    """Passes if there is nothing at `path`, or a folder with a recording and nothing besides it."""
-    if not path.exists():
-        return
-    try:
-        data = load_yaml(path / "recording.yaml", str(path))
-    except InputError:
-        data = {}
-    if not str(data.get("format")).startswith(FORMAT + "/"):
-        raise InputError(f"{path}: exists and is not a recording, expected a new folder or a recording to replace")
-    channels = data.get("channels") if isinstance(data.get("channels"), dict) else {}
-    own = {"recording.yaml"} | {str(entry.get("file")) for entry in channels.values() if isinstance(entry, dict)}
-    for file in path.rglob("*"):
-        if not file.is_dir() and str(file.relative_to(path)) not in own:
-            raise InputError(f"{file}: is no part of the recording to replace, expected it moved elsewhere first")
 
 
 def _put_in_place(fresh: Path, path: Path) -> None:

@@ -8,15 +8,19 @@ import copy
 import dataclasses
 import math
 import typing
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+
+import numpy as np
 
 from drake_ispace.control.friction_compensator import FrictionCompensation
 from drake_ispace.control.paths import Trajectory
 from drake_ispace.control.tracker import Tracker
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator
 from drake_ispace.robots.omni import OmniPlantParameters
 from drake_ispace.robots.pendulum import PendulumPlantParameters
@@ -25,6 +29,8 @@ from drake_ispace.sensing.imu import Imu
 from drake_ispace.sensing.tilt_filter import TiltFilter
 from drake_ispace.space.kinect import Space
 from drake_ispace.yaml_guard import load_yaml
+
+_SMALLEST, _LARGEST = 1e-12, 1e9  # what a number other than 0 can be without computations overflowing
 
 
 @dataclass
@@ -109,7 +115,7 @@ class Scenario:
 
     # a name of the catalog
     diagram: str = quantity("omni_multirate")
-    seconds: float = quantity(30.0, "s", above=0.0, maximum=40000.0)
+    seconds: float = quantity(30.0, "s", minimum=TICK_S, maximum=40000.0)
     seed: int = quantity(0, minimum=0)
     space: Space = field(default_factory=Space)
     omni: OmniRobot = field(default_factory=OmniRobot)
@@ -139,13 +145,58 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
     scenario = read(Scenario(), data, where)
     for override in overrides:
         key, equals, text = override.partition("=")
-        if not equals or not key.strip():
+        key = key.strip()
+        if not equals or not key or key.count(".") > 9 or not override.isprintable():
             raise InputError(f"--set {shown(override)}: expected key=value, such as omni.plant.mass_kg=8")
-        value = load_yaml(f"value: {text}\n", f"--set {key}").get("value")
-        for part in reversed(key.strip().split(".")):
+        value = load_yaml(f"value: {text}\n", f"--set {key}")["value"]
+        for part in reversed(key.split(".")):
             value = {part: value}
         scenario = read(scenario, value, "--set")
+    _check_places(scenario, where)
     return scenario
+
+
+def with_option(scenario: Scenario, name: str, value) -> Scenario:
+    """A copy with the top-level number `name` replaced, for an option --name.
+
+    Raises:
+        InputError: naming the option.
+    """
+    (found,) = (f for f in dataclasses.fields(scenario) if f.name == name)
+    return dataclasses.replace(scenario, **{name: _checked(value, found.type, found.metadata, f"--{name}")})
+
+
+@contextmanager
+def blaming(where: str):
+    """Put `where`, the scenario's name or file, in front of what is wrong with values that do not go together.
+
+    Raises:
+        InputError: for an InputError raised inside, and where no gain could be computed.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    except np.linalg.LinAlgError as error:
+        reason = str(error).rstrip(".")
+        raise InputError(
+            f"{where}: no feedback can be designed for this plant with these control.q and control.r ({reason}), "
+            "expected values closer to the defaults"
+        ) from None
+
+
+def _check_places(scenario, where):
+    width, depth = scenario.space.width_m, scenario.space.depth_m
+    for name in ("omni", "pendulum"):
+        robot = getattr(scenario, name)
+        pose, patch = robot.initial_pose, robot.plant.slip.patch_m
+        if pose is not None and not (abs(pose[0]) <= width / 2 and abs(pose[1]) <= depth / 2):
+            raise InputError(
+                f"{where}: {name}.initial_pose: ({pose[0]:.3g}, {pose[1]:.3g}) m lies outside of the {width:g} x "
+                f"{depth:g} m space, expected |x| <= {width / 2:g} and |y| <= {depth / 2:g}"
+            )
+        if patch is not None and not (patch[0] < patch[1] and patch[2] < patch[3]):
+            raise InputError(f"{where}: {name}.plant.slip.patch_m: expected x_min < x_max and y_min < y_max, got {patch}")
 
 
 def read(defaults, data: dict, where: str):
@@ -205,7 +256,7 @@ def _checked(value, kind, rules, where):
         (inner,) = typing.get_args(kind)
         length = rules.get("length")
         if not isinstance(value, list) or (length is not None and len(value) != length):
-            raise InputError(f"{where}: expected a list of {length or 'some'} values, got {shown(value)}")
+            raise InputError(f"{where}: expected a list of {f'{length} ' if length else ''}values, got {shown(value)}")
         return [_checked(entry, inner, {**rules, "length": None}, f"{where}[{i}]") for i, entry in enumerate(value)]
     unit = f" [{rules['unit']}]" if rules.get("unit") else ""
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
@@ -223,6 +274,8 @@ def _checked(value, kind, rules, where):
     for rule, (holds, words) in tests.items():
         if rules.get(rule) is not None and not holds(rules[rule]):
             raise InputError(f"{where}: expected {words} {rules[rule]:g}{unit}, got {value:g}")
+    if kind is float and value and not _SMALLEST <= abs(value) <= _LARGEST:
+        raise InputError(f"{where}: expected a size between {_SMALLEST:g} and {_LARGEST:g}{unit}, got {value:g}")
     if rules.get("choices") and value not in rules["choices"]:
         raise InputError(f"{where}: {shown(value)} is not known, expected one of {', '.join(rules['choices'])}")
     return value

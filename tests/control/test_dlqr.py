@@ -74,7 +74,8 @@ def test_the_discretisation_can_be_chosen():
 
 def test_spectral_radius_of_a_deadbeat_loop_is_zero():
     # x+ = x + T u with u = -x/T
-    assert spectral_radius(np.array([[0.0]]), np.array([[1.0]]), np.array([[1.0 / T]]), T) == pytest.approx(0.0, abs=1e-15)
+    radius = spectral_radius(np.array([[0.0]]), np.array([[1.0]]), np.array([[1.0 / T]]), T)
+    assert radius == pytest.approx(0.0, abs=1e-15)
 
 
 def test_spectral_radius_without_feedback_is_the_plants_own():

@@ -50,7 +50,8 @@ def test_torque_is_limited_both_ways():
 
 
 def test_the_converter_rounds_to_its_steps():
-    assert run(Actuator(resolution_n_m=0.01), [0.0149, 0.0151, -0.0149, 0.004])[0] == pytest.approx([0.01, 0.02, -0.01, 0.0])
+    torque = run(Actuator(resolution_n_m=0.01), [0.0149, 0.0151, -0.0149, 0.004])[0]
+    assert torque == pytest.approx([0.01, 0.02, -0.01, 0.0])
 
 
 def test_the_driver_is_a_first_order_lag():

@@ -9,6 +9,7 @@ from drake_ispace.robots.omni import LAG, OmniPlant, OmniPlantParameters
 from drake_ispace.robots.pendulum import S_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
 from drake_ispace.robots.slip import GRAVITY, Slip
 
+PRECISE = SimulatorConfig(integration_scheme="runge_kutta3", accuracy=1e-9, max_step_size=0.1, use_error_control=True)
 FORWARD_2_N = np.array([0.0, -0.024, 0.0, 0.024])  # wheel torques of the omni robot at heading 0: 2 N along x
 
 
@@ -148,8 +149,7 @@ def test_traction_slip_builds_up_over_the_relaxation_length():
     length, target = 0.2, 0.5 * 2.0 / (0.6 * 7.31 * GRAVITY)
     plant = OmniPlant(OmniPlantParameters(slip=Slip(traction_gain=[0.5, 0.0, 0.0], relaxation_length_m=length)))
     simulator = Simulator(plant)
-    precise = SimulatorConfig(integration_scheme="runge_kutta3", accuracy=1e-9, max_step_size=0.1, use_error_control=True)
-    ApplySimulatorConfig(precise, simulator)
+    ApplySimulatorConfig(PRECISE, simulator)
     context = simulator.get_mutable_context()
     plant.get_input_port().FixValue(context, FORWARD_2_N)
     for seconds in (0.5, 1.0, 2.0, 5.0):

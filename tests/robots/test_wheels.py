@@ -84,7 +84,7 @@ def test_a_plain_wheel_off_the_axis_is_held_across_its_drive():
     ((Wheel(0.1, 0.0, 0.0, float("nan")),), "wheel 1: radius_m is nan"),
     ((Wheel(0.1, 0.0, 0.0, 0.05, np.pi / 2),), "roller lies along the axle"),
     ((Wheel(0.1, 0.0, 0.0, 0.05),), "direction of motion unseen"),
-    ((Wheel(0.0, 0.1, 0.0, 0.05), Wheel(0.0, 0.1, 0.0, 0.05), Wheel(0.0, -0.1, 0.0, 0.05)), "direction of motion unseen"),
+    (tuple(Wheel(0.0, y, 0.0, 0.05) for y in (0.1, 0.1, -0.1)), "direction of motion unseen"),
 ])
 def test_a_geometry_that_cannot_work_is_refused(wheels, message):
     with pytest.raises(ValueError, match=message):

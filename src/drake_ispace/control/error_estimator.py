@@ -5,12 +5,15 @@ import numpy as np
 from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
 from drake_ispace.control.tracker import TRACKING_ERROR
 
-TICK, ORDER, TARGET, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), TARGET: P_d,V (s, phi), RING: past (tick, s, phi)
+TICK, ORDER, FIXED, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), FIXED: P_r,l[i] (s, phi), RING: past (tick, s, phi)
 
 
 @kernel
 def step(xd, path, error, out):
-    """P_d,V[i] = P_e[i] + P_r,l[i] with P_r,l of the tick in which the fix behind the error was captured."""
+    """Remember this tick's path and, for a new error, P_r,l[i]: the path in the tick its fix was captured in.
+
+    While the robot is not seen, the way point moves on and the fix stays: such an error finds P_r,l[i] still there.
+    """
     out[:] = xd
     depth = (xd.shape[0] - RING) // 3
     if path[0] != xd[TICK]:
@@ -18,18 +21,22 @@ def step(xd, path, error, out):
         out[slot : slot + 3] = path
         out[TICK] = path[0]
         if xd[TICK] < 0.0:
-            out[TARGET], out[TARGET + 1] = path[1], path[2]
+            out[FIXED], out[FIXED + 1] = path[1], path[2]
     is_new = error[0] != xd[ORDER] or error[1] != xd[ORDER + 1]
     if is_new and error[0] >= 0.0:
         slot = RING + 3 * (int(error[0]) % depth)
         if out[slot] == error[0]:
-            out[TARGET], out[TARGET + 1] = error[2] + out[slot + 1], error[3] + out[slot + 2]
+            out[FIXED], out[FIXED + 1] = out[slot + 1], out[slot + 2]
+        if out[slot] == error[0] or xd[ORDER] == error[0]:
             out[ORDER : ORDER + 5] = error
 
 
 @kernel
 def estimated(xd, path, out):
-    out[0], out[1], out[2] = xd[TARGET] - path[1], xd[TARGET + 1] - path[2], xd[ORDER + 4]
+    """P_d,V[i] - P_r,h[k] with P_d,V[i] = P_e[i] + P_r,l[i]."""
+    out[0] = xd[ORDER + 2] + xd[FIXED] - path[1]
+    out[1] = xd[ORDER + 3] + xd[FIXED + 1] - path[2]
+    out[2] = xd[ORDER + 4]
 
 
 @kernel
@@ -53,7 +60,7 @@ class ErrorEstimator(Block):
     phi_h [rad], speed to feed forward [m/s]. P_e,es of (6.32).
 
     Args:
-        oldest_fix_ticks: the greatest age of the fix behind an error on its arrival; an older one is ignored.
+        oldest_fix_ticks: the greatest age of a fix on its first arrival; an error from an older one is ignored.
     """
 
     def __init__(self, oldest_fix_ticks: int = 0):

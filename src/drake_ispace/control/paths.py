@@ -1,16 +1,18 @@
 """Paths on the floor, as a table over arc length, and the distance of points to them."""
 
-import csv
-import io
+import os
 from dataclasses import dataclass
-from pathlib import Path as FilePath
 
 import numpy as np
 
-from drake_ispace.errors import InputError
+from drake_ispace.errors import InputError, shown
 from drake_ispace.quantity import quantity
 
 KINDS = ("step", "pulse", "line", "square", "circle", "figure_eight", "polyline")
+_SAME_M = 1e-9
+_FARTHEST_M = 1e9
+_MOST_POINTS = 10_000
+_LARGEST_FILE = 1 << 20  # bytes
 
 
 @dataclass
@@ -28,7 +30,7 @@ class Trajectory:
     goal_m: list[float] = quantity([1.0, 0.0], "m", length=2)
     # of a polyline: [[x, y], ...]
     points_m: list[list[float]] = quantity([], "m", length=None)
-    # or from a file with the header x,y
+    # or from a file with the header x,y and metres below; its place is taken from the current folder
     csv: str | None = quantity(None)
     # how long the pulse stays at its goal
     width_s: float = quantity(5.0, "s", above=0.0)
@@ -69,10 +71,12 @@ class Path:
         """Distance [m] to the path and arc length [m] of its nearest place, each (k,), for (k, 2) points."""
         if len(self.table) == 1:
             return np.linalg.norm(points_m - self.points_m[0], axis=1), np.zeros(len(points_m))
-        gaps, arcs = np.array([self._project(point) for point in points_m]).transpose(1, 0, 2)
-        best = np.argmin(gaps, axis=1)
-        rows = np.arange(len(points_m))
-        return gaps[rows, best], arcs[rows, best]
+        gaps, arcs = np.empty(len(points_m)), np.empty(len(points_m))
+        for row, point in enumerate(points_m):
+            gap, arc = self._project(point)
+            best = np.argmin(gap)
+            gaps[row], arcs[row] = gap[best], arc[best]
+        return gaps, arcs
 
     def progress(self, point_m: np.ndarray, arc_m: float) -> float:
         """How far [m] beyond `arc_m` the place nearest to a point (2,) lies, looked for within a sixth of the path
@@ -98,13 +102,17 @@ def build_path(trajectory: Trajectory, where: str) -> Path:
     """The path of a trajectory.
 
     Raises:
-        InputError: a polyline with fewer than two different points, or an unreadable file; `where` names the section.
+        InputError: a line or polyline without two different points, or an unreadable file; `where` names the section.
     """
     centre = np.array(trajectory.centre_m)
     kind = trajectory.kind
+    if trajectory.csv is not None and (kind != "polyline" or trajectory.points_m):
+        raise InputError(f"{where}.csv: expected kind polyline and no points_m with it, or null")
     if kind in ("step", "pulse"):
         return _polyline(np.array([trajectory.goal_m]), closed=False)
     if kind == "line":
+        if np.linalg.norm(centre - trajectory.goal_m) < _SAME_M:
+            raise InputError(f"{where}.goal_m: the line would start there, expected another place than centre_m")
         return _polyline(np.array([centre, trajectory.goal_m]), closed=False)
     if kind == "square":
         half = trajectory.side_m / 2.0
@@ -115,12 +123,22 @@ def build_path(trajectory: Trajectory, where: str) -> Path:
     if kind == "figure_eight":
         r = trajectory.radius_m
         return _curve(lambda a: centre + r * np.column_stack([2.0 * np.sin(a), np.sin(2.0 * a)]))
-    points = _read_csv(trajectory.csv, f"{where}.csv") if trajectory.csv else np.array(trajectory.points_m, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-        raise InputError(f"{where}.points_m: expected at least two points [x, y] for a polyline")
-    repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-9)
+    if trajectory.csv is None:
+        source, points = f"{where}.points_m", trajectory.points_m
+        places = [f"{source}[{i}]" for i in range(len(points))]
+    else:
+        source = f"{where}.csv: {shown(trajectory.csv, 200)}"
+        points, lines = _read_csv(trajectory.csv, source)
+        places = [f"{source} line {line}" for line in lines]
+    for place, point in zip(places, points, strict=True):
+        if len(point) != 2:
+            raise InputError(f"{place}: expected [x, y], got {shown(point)}")
+    if not 2 <= len(points) <= _MOST_POINTS:
+        raise InputError(f"{source}: expected 2 to {_MOST_POINTS} points x, y for a polyline, got {len(points)}")
+    points = np.array(points)
+    repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) < _SAME_M)
     if len(repeated):
-        raise InputError(f"{where}.points_m: point {repeated[0] + 2} repeats the one before it, expected another place")
+        raise InputError(f"{places[repeated[0] + 1]}: repeats the point before it, expected another place")
     return _polyline(points, closed=bool(np.allclose(points[0], points[-1])))
 
 
@@ -148,28 +166,38 @@ def _curve(at, count=720):
     return Path(np.column_stack([arc, points, velocity / speed[:, None], curvature]), closed=True)
 
 
-def _read_csv(name, where):
+def _read_csv(name, source):
+    """Points and the numbers of their lines; `source` names the file in messages."""
+    header = "expected a CSV file with the header x,y"
     try:
-        text = FilePath(name).read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{where}: cannot read {name} ({error.strerror}), expected a CSV file with the header x,y") from None
+        if not os.path.isfile(name):  # a pipe or a device might never end
+            raise InputError(f"{source} is {'no file' if os.path.exists(name) else 'not there'}, {header}")
+        with open(name, "rb") as file:
+            data = file.read(_LARGEST_FILE + 1)
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{where}: {name} is not UTF-8 text, expected a CSV file with the header x,y") from None
+        raise InputError(f"{source} is not UTF-8 text, {header}") from None
+    except OSError as error:
+        raise InputError(f"{source} cannot be read ({error.strerror}), {header}") from None
+    if len(data) > _LARGEST_FILE:
+        raise InputError(f"{source} is larger than {_LARGEST_FILE} bytes, {header}")
     if "\0" in text:
-        raise InputError(f"{where}: {name} holds NUL bytes, expected a CSV file with the header x,y")
-    rows = [row for row in csv.reader(io.StringIO(text)) if row]
-    if not rows or [cell.strip() for cell in rows[0]] != ["x", "y"]:
-        raise InputError(f"{where}: {name} line 1: expected the header x,y")
+        raise InputError(f"{source} holds NUL bytes, {header}")
+    rows = [(line, row) for line, row in enumerate(text.splitlines(), 1) if row.strip()]
+    if not rows or [cell.strip() for cell in rows[0][1].split(",")] != ["x", "y"]:
+        raise InputError(f"{source} line 1: expected the header x,y, got {shown(rows[0][1] if rows else '')}")
     points = []
-    for line, row in enumerate(rows[1:], 2):
+    for line, row in rows[1:]:
         try:
-            x, y = (float(cell) for cell in row)
+            x, y = (float(cell) for cell in row.split(",") if row.isascii() and "_" not in row)
         except ValueError:
-            raise InputError(f"{where}: {name} line {line}: expected two numbers x,y with decimal points, got {','.join(row)!r}") from None
-        if not np.isfinite([x, y]).all():
-            raise InputError(f"{where}: {name} line {line}: expected finite numbers, got {','.join(row)!r}")
+            raise InputError(
+                f"{source} line {line}: expected two numbers x,y with decimal points, got {shown(row)}"
+            ) from None
+        if not (abs(x) < _FARTHEST_M and abs(y) < _FARTHEST_M):
+            raise InputError(f"{source} line {line}: expected finite numbers of metres, got {shown(row)}")
         points.append([x, y])
-    return np.array(points)
+    return points, [line for line, _ in rows[1:]]
 
 
 def check_inside(path: Path, width_m: float, depth_m: float, where: str) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
 from drake_ispace.control.paths import Path, Trajectory
-from drake_ispace.rates import TICK_S, VISION_TICKS
+from drake_ispace.rates import TICK_S, VISION_TICKS, ticks_in
 
 WAY_POINT = 10  # a message: tick, x, y, phi, vx, vy, wz, ax, ay, yaw acceleration
 _COLUMNS = 6
@@ -24,8 +24,8 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
         return
     travelled = min(max(speed_m_s * (time - start_s), 0.0), end_m)
     moving = start_s <= time and travelled < end_m
-    arc = travelled
-    if end_m > length_m:
+    arc = min(travelled, length_m)  # at the end of the last lap, not at the start of another
+    if moving and end_m > length_m:
         arc = travelled - length_m * np.floor(travelled / length_m)
     low, high = 0, rows - 1
     while high - low > 1:
@@ -75,14 +75,16 @@ class WayPoint(Block):
         laps = (trajectory.laps or np.inf) if path.closed else 1
         start = np.zeros(WAY_POINT)
         start[0] = -1.0
+        start_s = ticks_in(trajectory.start_s) * TICK_S  # whole ticks, or 0.95 s would wait for the camera after it
+        pulse_s = ticks_in(trajectory.width_s) * TICK_S if trajectory.kind == "pulse" else np.inf
         super().__init__(Spec(
             outputs={"way_point": Output(WAY_POINT, message)},
             parameters={
-                "table": path.table.ravel(), "start_s": trajectory.start_s, "speed_m_s": trajectory.speed_m_s,
+                "table": path.table.ravel(), "start_s": start_s, "speed_m_s": trajectory.speed_m_s,
                 "end_m": laps * path.length_m if path.length_m > 0.0 else 0.0, "length_m": path.length_m,
                 "tangent": float(trajectory.heading == "tangent"), "heading_rad": trajectory.heading_rad,
                 "first": np.asarray(first, dtype=float),
-                "pulse_end_s": trajectory.start_s + trajectory.width_s if trajectory.kind == "pulse" else np.inf,
+                "pulse_end_s": start_s + pulse_s,
             },
             discrete_state=start, updates=(Update(slide, Phase.SENSE, VISION_TICKS),),
         ))

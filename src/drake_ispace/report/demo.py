@@ -1,6 +1,9 @@
 """The demonstration: both robots driven through the space, compared, drawn, on one page."""
 
 import json
+import os
+import shutil
+import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,13 +11,14 @@ import numpy as np
 
 from drake_ispace.compare import compare
 from drake_ispace.drawing import draw
+from drake_ispace.errors import InputError
 from drake_ispace.metrics import Metrics
+from drake_ispace.places import check_folder
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plot_comparison, plt, save
-from drake_ispace.scenario import load_scenario
+from drake_ispace.scenario import load_scenario, with_option
 from drake_ispace.wiring.catalog import build_diagram
 
-_SLIP = "plant.slip.ratio=[0.1, 0.1, 0.1]"
 _COMPARISONS = (
     (
         "omni_square", "The omni robot on a square",
@@ -32,7 +36,7 @@ _COMPARISONS = (
     (
         "omni_step", "What the position estimator is for (Fig. 6.11)",
         "A 1 m step on carpet that adds 130 % to every movement. With the estimator the robot comes to rest at the "
-        "reference, without it the raw odometry takes it 2.15 m away.",
+        "reference, without it where the raw odometry takes it.",
         ("omni_multirate", "omni_conventional_multirate"),
         ["omni.trajectory.kind=step", "omni.plant.slip.frame=additive", "omni.plant.slip.ratio=[1.3, 1.3, 1.3]",
          "space.width_m=6", "space.depth_m=6", "omni.control.gains=given"],
@@ -58,39 +62,70 @@ def write_demo(
         The page and the numbers on it.
 
     Raises:
-        InputError: the folder cannot be written.
+        InputError: seconds or seed out of range, or a folder that cannot be written or holds something else.
     """
+    _check_place(out)
     sections, numbers, simulated_s, wall_s = [], {}, 0.0, 0.0
-    common = [f"omni.{_SLIP}", f"pendulum.{_SLIP}", f"seed={seed or 0}"]
-    common += [f"seconds={seconds!r}"] if seconds else []
-    for key, title, text, names, overrides in _COMPARISONS:
-        progress(title)
-        results = compare({name: load_scenario(name, common + overrides) for name in names})
-        if key == "shared_space":
-            _plot_shared(results, out / f"{key}.png")
-        else:
-            plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, out / f"{key}.png")
-        for name, (run, _, metrics) in results.items():
-            numbers[f"{key}/{name}"] = metrics.to_data()
-            simulated_s, wall_s = simulated_s + float(run.time_s[-1]), wall_s + run.wall_s
-        rows = [_row(name, metrics) for name, (_, _, metrics) in results.items()]
-        sections.append({"title": title, "text": text, "rows": rows, "picture": f"{key}.png", "wiring": False})
-    for name in ("omni_multirate", "pendulum_multirate"):
-        progress(f"drawing {name}")
-        draw(build_diagram(load_scenario(name)), out / f"{name}.svg")
-        sections.append({
-            "title": f"The wiring of {name}", "text": "Every box is a LeafSystem; drawn from the Diagram itself.",
-            "rows": [], "picture": f"{name}.svg", "wiring": True,
-        })
-    space = load_scenario("omni_multirate").space
-    data = {"runs": numbers, "simulated_s": simulated_s, "wall_s": wall_s, "seed": seed or 0}
-    write_text(out / "demo.json", json.dumps(data, indent=2))
-    page = out / "index.html"
-    write_text(page, render(
-        "demo.html.j2", sections=sections, width=space.width_m, depth=space.depth_m, simulated_s=simulated_s,
-        wall_s=wall_s, seed=seed or 0,
-    ))
-    return page, data
+    seed = seed or 0
+    # Everything is made in a folder beside and moved at the end, so that a page never shows pictures of another run.
+    out = Path(os.path.realpath(out))
+    fresh = out.with_name(f".{out.name}.{uuid.uuid4().hex}.new")
+    try:
+        for key, title, text, names, overrides in _COMPARISONS:
+            progress(title)
+            results = compare({name: _scenario(name, overrides, seconds, seed) for name in names})
+            if key == "shared_space":
+                _plot_shared(results, fresh / f"{key}.png")
+            else:
+                plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, fresh / f"{key}.png")
+            for name, (run, _, metrics) in results.items():
+                numbers[f"{key}/{name}"] = metrics.to_data()
+            runs = {id(run): run for run, _, _ in results.values()}.values()  # two robots may share one
+            simulated_s += sum(float(run.time_s[-1]) for run in runs)
+            wall_s += sum(run.wall_s for run in runs)
+            rows = [_row(name, metrics) for name, (_, _, metrics) in results.items()]
+            sections.append({"title": title, "text": text, "rows": rows, "picture": f"{key}.png", "wiring": False})
+        for name in ("omni_multirate", "pendulum_multirate"):
+            progress(f"drawing {name}")
+            draw(build_diagram(load_scenario(name)), fresh / f"{name}.svg")
+            sections.append({
+                "title": f"The wiring of {name}", "text": "Every box is a LeafSystem; drawn from the Diagram itself.",
+                "rows": [], "picture": f"{name}.svg", "wiring": True,
+            })
+        space = load_scenario("omni_multirate").space
+        data = {"runs": numbers, "simulated_s": simulated_s, "wall_s": wall_s, "seed": seed}
+        write_text(fresh / "demo.json", json.dumps(data, indent=2, allow_nan=False))
+        write_text(fresh / "index.html", render(
+            "demo.html.j2", sections=sections, width=space.width_m, depth=space.depth_m, simulated_s=simulated_s,
+            wall_s=wall_s, seed=seed,
+        ))
+        _move(fresh, out)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+    return out / "index.html", data
+
+
+def _scenario(name, overrides, seconds, seed):
+    slip = [f"{robot}.plant.slip.ratio=[0.1, 0.1, 0.1]" for robot in ("omni", "pendulum")]
+    scenario = with_option(load_scenario(name, slip + overrides), "seed", seed)
+    return scenario if seconds is None else with_option(scenario, "seconds", seconds)
+
+
+def _check_place(out):
+    check_folder(out)
+    if out.is_dir() and any(out.iterdir()) and not (out / "demo.json").is_file():
+        raise InputError(f"{out}: holds something else than a demonstration, expected a new or an empty folder")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, expected a new or an empty folder")
+
+
+def _move(fresh, out):
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for file in sorted(fresh.iterdir()):
+            file.replace(out / file.name)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
 
 
 def _row(name: str, metrics: Metrics) -> dict:

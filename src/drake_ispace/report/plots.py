@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 
 from drake_ispace.control.paths import build_path
-from drake_ispace.errors import InputError
+from drake_ispace.places import whole_file
 from drake_ispace.simulation import Run
 
 matplotlib.use("Agg")
@@ -33,7 +33,8 @@ def plot_comparison(runs: dict[str, tuple[Run, str]], out: Path) -> None:
     for row, (name, (run, robot)) in zip(axes, runs.items(), strict=True):
         curves = _curves(run, robot)
         plot_floor(row[0], curves, run)
-        row[0].set_title(name + (f"  (lost at {run.diverged_s:.2f} s)" if run.diverged_s is not None else ""))
+        title = name.replace("$", r"\$")  # a file's name is no formula
+        row[0].set_title(title + (f"  (lost at {run.diverged_s:.2f} s)" if run.diverged_s is not None else ""))
         for label, (time, pose) in curves.items():
             row[1].plot(time, pose[:, 0], label=label, **_STYLES[label])
         row[1].set(xlabel="time [s]", ylabel="x [m]", title="x over time")
@@ -82,13 +83,8 @@ def save(figure, out: Path) -> None:
     Raises:
         InputError: the folder cannot be written.
     """
-    beside = out.with_name(f".{out.name}.part{out.suffix}")
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(beside, dpi=110)
-        beside.replace(out)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
+        with whole_file(out) as beside:
+            figure.savefig(beside, dpi=110)
     finally:
-        beside.unlink(missing_ok=True) if beside.parent.is_dir() else None
         plt.close(figure)

@@ -78,5 +78,5 @@ class TorqueActuator(Block):
                 "memory": float(np.exp(-TICK_S / time_constant)) if time_constant > 0.0 else 0.0,
                 "noise_std_n_m": actuator.noise_std_n_m, "noise_stream": stream(seed, where),
             },
-            discrete_state=np.zeros(3 * wheels), updates=(Update(hold, Phase.COMPUTE),),
+            noise_stream=where, discrete_state=np.zeros(3 * wheels), updates=(Update(hold, Phase.COMPUTE),),
         ))

@@ -174,7 +174,7 @@ class OmniPlant(Block):
                 "slip": slip_parameters(parameters.slip, lever_m), "noise_stream": stream(seed, f"{where}/slip"),
             },
             continuous_state=start, derivatives=derivatives,
-            **tick_memory(parameters.slip, parameters.friction, tick_update, n),
+            noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, n),
         ))
 
 

@@ -248,7 +248,7 @@ class PendulumPlant(Block):
                 "noise_stream": stream(seed, f"{where}/slip"),
             },
             continuous_state=start, derivatives=derivatives,
-            **tick_memory(parameters.slip, parameters.friction, tick_update, 2),
+            noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, 2),
         ))
 
 

@@ -27,7 +27,10 @@ m_b, m_w, I_xx, I_yy, I_zz, I_w, I_wz, I_r, I_rz, z, b, r, n, g, kappa = CONSTAN
 x, y, phi, theta, _, _ = Q
 _, _, phi_dot, theta_dot, theta_r_dot, theta_l_dot = Q_DOT
 
+quiet = np.errstate(invalid="ignore")  # NumPy takes the inside of an Expression for a not-a-number
 
+
+@quiet
 def rate(value: np.ndarray) -> np.ndarray:
     """d/dt of expressions in q."""
     return Jacobian(value, Q) @ Q_DOT
@@ -76,10 +79,12 @@ class Part:
     spin: np.ndarray
 
     @property
+    @quiet
     def translation(self) -> Expression:
         return 0.5 * self.mass * (self.velocity @ self.velocity)
 
     @property
+    @quiet
     def rotation(self) -> Expression:
         return 0.5 * (self.spin @ (self.inertia @ self.spin))
 
@@ -108,6 +113,7 @@ E = np.vstack([np.zeros((4, 2)), np.eye(2)])  # (2.30)
 
 
 @functools.cache
+@quiet
 def lagrangian() -> tuple[Expression, Expression, np.ndarray, np.ndarray, np.ndarray]:
     """(T, U, M (6, 6), V (6,), G (6,)) of M q_ddot + V + G = E tau, (2.24)-(2.28)."""
     kinetic = sum((part.translation + part.rotation for part in PARTS), Expression(0.0))
@@ -119,6 +125,7 @@ def lagrangian() -> tuple[Expression, Expression, np.ndarray, np.ndarray, np.nda
 
 
 @functools.cache
+@quiet
 def newton_euler() -> tuple[np.ndarray, np.ndarray]:
     """(M (6, 6), V + G (6,)) without energies: d/dt of each part's momenta along the motions that q_dot allows.
 
@@ -153,10 +160,12 @@ def environment(parameters: PendulumPlantParameters, q=None, q_dot=None) -> dict
 
 def numbers(expressions, where: dict[Variable, float]) -> np.ndarray:
     """An array of expressions, evaluated."""
-    array = np.asarray(expressions, dtype=object) + Expression(0.0)
-    return Evaluate(array.reshape(-1, 1), where).reshape(array.shape)
+    array = np.asarray(expressions, dtype=object)
+    column = np.array([Expression(0.0) + entry for entry in array.ravel()]).reshape(-1, 1)
+    return Evaluate(column, where).reshape(array.shape)
 
 
+@quiet
 def reduced(
     parameters: PendulumPlantParameters, tilt: float, rates, yaw: float = 0.0, route: str = "lagrange"
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -122,6 +122,6 @@ class RoomLink(Block):
                 "delay": float(delay), "loss": 1.0 - (1.0 - link.loss) * (1.0 - link.corruption),
                 "noise_stream": stream(seed, where),
             },
-            discrete_state=np.concatenate([[-1.0], empty, empty, queue]),
+            noise_stream=where, discrete_state=np.concatenate([[-1.0], empty, empty, queue]),
             updates=(Update(step, Phase.COMPUTE, through=True),),
         ))

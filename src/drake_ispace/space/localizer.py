@@ -113,7 +113,7 @@ class KinectLocalizer(Block):
                 },
                 "latency_ticks": float(latency), "noise_stream": stream(seed, "kinect"),
             },
-            discrete_state=np.tile(record, 2 + latency // VISION_TICKS),
+            noise_stream="kinect", discrete_state=np.tile(record, 2 + latency // VISION_TICKS),
             updates=(
                 Update(capture, Phase.SENSE, VISION_TICKS),
                 Update(deliver, Phase.SENSE, VISION_TICKS, offset_ticks=latency),

@@ -1,0 +1,48 @@
+"""Places on disk that a command is about to write: looked at before the work, written whole or not at all."""
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from drake_ispace.errors import InputError
+
+
+def check_folder(folder: Path) -> None:
+    """Make sure that `folder` exists or can be made, and can be written into; nothing is left behind.
+
+    Raises:
+        InputError: a file is in the way, or the folder cannot be written.
+    """
+    nearest = Path(os.path.realpath(folder))
+    name = nearest.name
+    while not os.path.lexists(nearest) and nearest != nearest.parent:
+        nearest = nearest.parent
+    trial = nearest / f".{name}.{uuid.uuid4().hex}.new"  # permissions alone do not tell: /proc lets root in, not files
+    try:
+        trial.mkdir()
+        trial.rmdir()
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}), expected a folder that exists or can be made"
+        ) from None
+
+
+@contextmanager
+def whole_file(out: Path) -> Iterator[Path]:
+    """A path beside `out` to write to: renamed to `out` at the end, deleted where something goes wrong.
+
+    Raises:
+        InputError: the file or its folder cannot be written.
+    """
+    beside = out.with_name(f".{uuid.uuid4().hex}.{out.name}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        yield beside
+        beside.replace(out)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from None
+    finally:
+        with suppress(OSError):
+            beside.unlink()

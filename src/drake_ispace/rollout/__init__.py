@@ -1,0 +1,1 @@
+"""The same Diagram at machine speed."""

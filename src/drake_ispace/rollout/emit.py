@@ -1,0 +1,361 @@
+"""From a Network to the text of one Python function that does what Drake's Simulator does with the Diagram.
+
+Per tick k: log x-; sense (every update on the state before the phase, then all stored); compute (likewise); one step of
+Drake's fixed-step Runge-Kutta 3. Outputs are evaluated where they are needed, in the order of direct feed-through, and
+again only when something they depend on has changed. docs/semantics.md.
+"""
+
+import itertools
+import re
+from dataclasses import dataclass, field
+
+from drake_ispace.block import Phase, Update, arguments
+from drake_ispace.rates import TICK_S
+from drake_ispace.rollout.network import Network, Port
+
+_CHECK_TICKS = 256  # between looks for a state that is no number
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each leaf's numbers lie in the packed vectors: leaf -> slice."""
+
+    continuous: dict[str, slice]
+    discrete: dict[str, slice]
+    parameters: dict[str, slice]
+
+
+@dataclass
+class _Code:
+    """Lines, and what is up to date at this point of them."""
+
+    lines: list[str]
+    fresh: set = field(default_factory=set)
+    depth: int = 2
+
+    def add(self, line: str) -> None:
+        self.lines.append("    " * self.depth + line)
+
+    def inside(self, condition: str | None) -> "_Code":
+        """The code below `if condition`; what it evaluates does not count outside."""
+        if condition is None:
+            return self
+        self.add(f"if {condition}:")
+        return _Code(self.lines, set(self.fresh), self.depth + 1)
+
+
+class Emitter:
+    """Writes the function for a Network.
+
+    Attributes:
+        source: its text; kernels: name in the text -> kernel; layout: of the packed vectors.
+    """
+
+    def __init__(self, network: Network, log: dict[str, tuple[Port, int]]):
+        """`log`: name of a logged signal -> (port, its divisor in ticks)."""
+        self._network = network
+        self._log = log
+        self._alias = _unique_names(network.leaves)
+        self.kernels: dict[str, object] = {}
+        self.layout = Layout(
+            _slices({name: len(leaf.continuous_state) for name, leaf in network.leaves.items()}),
+            _slices({name: len(leaf.discrete_state) for name, leaf in network.leaves.items()}),
+            _slices({name: len(leaf.parameters) for name, leaf in network.leaves.items()}),
+        )
+        self._ports: dict[Port, str] = {}  # in order of first use: their place in the work vector
+        self._steps: dict[str, str] = {}
+        self._dependencies: dict[object, frozenset] = {}
+        self.source = self._write()
+
+    # -- the function as a whole -----------------------------------------------------------------------------------
+
+    def _write(self) -> str:
+        body = _Code([])
+        self._write_logs(body, "k")
+        body.add("if k == last:")
+        body.add("    break")
+        if self._network.inputs:
+            body.add("u[:] = recorded[k]")
+            body.fresh = {item for item in body.fresh if "u" not in self._depends(item)}
+        for phase in (Phase.SENSE, Phase.COMPUTE):
+            self._write_phase(body, phase)
+        self._write_step(body)
+        logs = "".join(f", {_log_name(name)}" for name in self._log)
+        head = [
+            f"def rollout(first, last, x, d, p, recorded{logs}):",
+            '    """Ticks first to last; x, d: continuous and discrete state, changed in place; p: parameters;',
+            "    recorded (ticks, inputs): what drives the exported inputs. Returns the tick that was reached.\"\"\"",
+            *self._views(),
+            "    for k in range(first, last + 1):",
+        ]
+        return "\n".join([*head, *body.lines, "    return last", ""])
+
+    def _views(self) -> list[str]:
+        """Names for the parts of the packed vectors, made once before the loop."""
+        lines = []
+        states = sum(len(leaf.continuous_state) for leaf in self._network.leaves.values())
+        memory = sum(len(leaf.discrete_state) for leaf in self._network.leaves.values())
+        inputs = sum(self._network.inputs.values())
+        lines += [f"    {name} = np.zeros({states})" for name in ("x0", "dx", "k1", "k2")]
+        lines += [f"    {name} = np.zeros({memory})" for name in ("d_next", "d_held")]
+        lines += [f"    u = np.zeros({inputs})", "    empty = np.zeros(0)"]
+        for name, leaf in self._network.leaves.items():
+            alias = self._alias[name]
+            if leaf.spec.derivatives is not None:
+                part = _text(self.layout.continuous[name])
+                lines += [f"    {alias}_x = x[{part}]", f"    {alias}_dx = dx[{part}]"]
+            if len(leaf.discrete_state):
+                part = _text(self.layout.discrete[name])
+                lines += [f"    {alias}_d = d[{part}]", f"    {alias}_next = d_next[{part}]"]
+                if len(leaf.spec.updates) > 1:
+                    lines.append(f"    {alias}_held = d_held[{part}]")
+            lines += self._parameter_views(name)
+        work = _slices({port: self._network.source_size(port) for port in self._ports if port.leaf is not None})
+        total = sum(s.stop - s.start for s in work.values())
+        lines.append(f"    w = np.zeros({total})")
+        lines += [f"    {self._ports[port]} = w[{_text(part)}]" for port, part in work.items()]
+        start = 0
+        for name, size in self._network.inputs.items():
+            if Port(None, name) in self._ports:
+                lines.append(f"    {self._ports[Port(None, name)]} = u[{start}:{start + size}]")
+            start += size
+        return lines
+
+    def _parameter_views(self, name):
+        start, lines = self.layout.parameters[name].start, []
+        for parameter, size, is_scalar in _parameter_sizes(self._network.leaves[name].spec):
+            part = f"{start}" if is_scalar else f"{start}:{start + size}"
+            lines.append(f"    {self._alias[name]}_{parameter} = p[{part}]")
+            start += size
+        return lines
+
+    # -- phases ----------------------------------------------------------------------------------------------------
+
+    def _write_logs(self, code: _Code, tick: str) -> None:
+        for divisor in sorted({divisor for _, divisor in self._log.values()}):
+            inner = code.inside(None if divisor == 1 else f"k % {divisor} == 0")
+            for name, (port, its) in self._log.items():
+                if its == divisor:
+                    self._evaluate(inner, port, tick)
+                    row = "k" if divisor == 1 else f"k // {divisor}"
+                    inner.add(f"{_log_name(name)}[{row}] = {self._port(port)}")
+
+    def _write_phase(self, code: _Code, phase: Phase) -> None:
+        """All updates of a phase see the state before it; then all are stored."""
+        due: dict[str | None, list[tuple[str, Update]]] = {}
+        for name, leaf in self._network.leaves.items():
+            for update in leaf.spec.updates:
+                if update.phase is phase:
+                    due.setdefault(_condition(update), []).append((name, update))
+        if not due:
+            return
+        code.add(f"# {phase.value}")
+        several = {name for _, group in due.items() for name, _ in group if self._has_several(name)}
+        for name in sorted(several):
+            code.add(f"{self._alias[name]}_next[:] = {self._alias[name]}_d")
+        for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
+            inner = code.inside(condition)
+            for name, update in group:
+                self._write_update(inner, name, update)
+        for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
+            inner = code.inside(condition)
+            for name, _ in group:
+                inner.add(f"{self._alias[name]}_d[:] = {self._alias[name]}_next")
+        changed = {("d", name) for group in due.values() for name, _ in group}
+        code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
+
+    def _has_several(self, name):
+        return len(self._network.leaves[name].spec.updates) > 1
+
+    def _write_update(self, code: _Code, name: str, update: Update) -> None:
+        alias = self._alias[name]
+        if update.through:
+            self._step(code, name, "k")
+            return
+        values = self._arguments(code, name, update.kernel, "k")
+        if self._has_several(name):  # one after the other, in the order declared
+            code.add(f"{alias}_held[:] = {alias}_next")
+            values = [f"{alias}_held" if value == f"{alias}_d" else value for value in values]
+        code.add(f"{self._kernel(name, update.kernel)}({', '.join([*values, f'{alias}_next'])})")
+
+    def _write_step(self, code: _Code) -> None:
+        """Drake's fixed-step Runge-Kutta 3, in its own order of operations."""
+        leaves = [name for name, leaf in self._network.leaves.items() if leaf.spec.derivatives is not None]
+        if not leaves:
+            return
+        code.add("# integrate over [t_k, t_k+1)")
+        code.add(f"h = (k + 1) * {TICK_S!r} - k * {TICK_S!r}")
+        steady = _Code(code.lines, set(code.fresh), code.depth)
+        for name in leaves:  # what does not change during the step is evaluated once
+            for port in self._sources(name, self._network.leaves[name].spec.derivatives):
+                self._evaluate_steady(steady, port)
+        states = "x.shape[0]"
+        stages = (
+            ("k", None), ("k", ["k1[i] = dx[i]", "x0[i] = x[i]", "x[i] = x0[i] + (0.5 * h) * k1[i]"]),
+            ("k + 1", ["k2[i] = dx[i]", "x[i] = x0[i] + (-h * k1[i] + (2.0 * h) * k2[i])"]),
+        )
+        for tick, lines in stages:
+            if lines:
+                code.add(f"for i in range({states}):")
+                for line in lines:
+                    code.add("    " + line)
+            moved = lambda item: any(atom[0] in ("x", "tick") for atom in self._depends(item))  # noqa: E731
+            inner = _Code(code.lines, {item for item in steady.fresh if not moved(item)}, code.depth)
+            for name in leaves:
+                function = self._network.leaves[name].spec.derivatives
+                values = self._arguments(inner, name, function, tick)
+                code.add(f"{self._kernel(name, function)}({', '.join([*values, f'{self._alias[name]}_dx'])})")
+        code.add("h6 = h / 6.0")
+        code.add("finite = True")
+        code.add(f"for i in range({states}):")
+        code.add("    x[i] = x0[i] + ((h6 * k1[i] + (4.0 * h6) * k2[i]) + h6 * dx[i])")
+        code.add("    finite = finite and np.isfinite(x[i])")
+        code.add(f"if not finite and k % {_CHECK_TICKS} == 0:")
+        code.add("    return k")
+
+    # -- evaluating outputs ----------------------------------------------------------------------------------------
+
+    def _evaluate(self, code: _Code, port: Port, tick: str) -> None:
+        if port in code.fresh or port.leaf is None:
+            self._port(port)
+            return
+        leaf = self._network.leaves[port.leaf]
+        function = leaf.spec.outputs[port.name].kernel
+        stepped = _through(leaf.spec) is not None and "xd" in arguments(function)
+        if stepped:
+            self._step(code, port.leaf, tick)
+        values = self._arguments(code, port.leaf, function, tick, stepped)
+        code.add(f"{self._kernel(port.leaf, function)}({', '.join([*values, self._port(port)])})")
+        code.fresh.add(port)
+
+    def _evaluate_steady(self, code: _Code, port: Port) -> None:
+        """Evaluate `port`, or what feeds it, as far as it does not depend on the continuous state or the tick."""
+        if port.leaf is None or port in code.fresh:
+            return
+        if not any(atom[0] in ("x", "tick") for atom in self._depends(port)):
+            self._evaluate(code, port, "k")
+            return
+        leaf = self._network.leaves[port.leaf]
+        for name in arguments(leaf.spec.outputs[port.name].kernel):
+            if name in leaf.sources:
+                self._evaluate_steady(code, leaf.sources[name])
+
+    def _step(self, code: _Code, name: str, tick: str) -> None:
+        """Evaluate the state of a direct feed-through block after its newest samples."""
+        if ("step", name) in code.fresh:
+            return
+        function = _through(self._network.leaves[name].spec).kernel
+        values = self._arguments(code, name, function, tick)
+        code.add(f"{self._kernel(name, function)}({', '.join([*values, f'{self._alias[name]}_next'])})")
+        code.fresh.add(("step", name))
+
+    def _arguments(self, code: _Code, name: str, function, tick: str, stepped: bool = False) -> list[str]:
+        leaf, alias, values = self._network.leaves[name], self._alias[name], []
+        for argument in arguments(function):
+            if argument in leaf.spec.inputs:
+                self._evaluate(code, leaf.sources[argument], tick)
+                values.append(self._port(leaf.sources[argument]))
+            elif argument == "xd":
+                values.append("empty" if not len(leaf.discrete_state) else f"{alias}_{'next' if stepped else 'd'}")
+            elif argument == "xc":
+                values.append(f"{alias}_x")
+            else:
+                values.append(tick if argument == "tick" else f"{alias}_{argument}")
+        return values
+
+    def _sources(self, name, function):
+        leaf = self._network.leaves[name]
+        return [leaf.sources[argument] for argument in arguments(function) if argument in leaf.sources]
+
+    def _depends(self, item) -> frozenset:
+        """The atoms ("x", leaf), ("d", leaf), ("tick",), ("u",) that a port, or a leaf's step, depends on."""
+        if item in self._dependencies:
+            return self._dependencies[item]
+        if isinstance(item, Port) and item.leaf is None:
+            return frozenset({"u", ("u",)})
+        name = item.leaf if isinstance(item, Port) else item[1]
+        leaf = self._network.leaves[name]
+        through = _through(leaf.spec)
+        function = leaf.spec.outputs[item.name].kernel if isinstance(item, Port) else through.kernel
+        atoms: set = set()
+        for argument in arguments(function):
+            if argument in leaf.sources:
+                atoms |= self._depends(leaf.sources[argument])
+            elif argument == "xd":
+                atoms.add(("d", name))
+                if through is not None and isinstance(item, Port):
+                    atoms |= self._depends(("step", name))
+            elif argument == "xc":
+                atoms.add(("x", name))
+            elif argument == "tick":
+                atoms.add(("tick",))
+        self._dependencies[item] = frozenset(atoms)
+        return self._dependencies[item]
+
+    # -- names -----------------------------------------------------------------------------------------------------
+
+    def _port(self, port: Port) -> str:
+        if port not in self._ports:
+            owner = "input" if port.leaf is None else self._alias[port.leaf]
+            self._ports[port] = f"{owner}__{_identifier(port.name)}"
+        return self._ports[port]
+
+    def _kernel(self, name: str, function) -> str:
+        """The kernel's name in the text: module and function, which tells equal names of different blocks apart."""
+        module = getattr(function, "py_func", function).__module__.rpartition(".")[2]
+        base = _identifier(f"{module}_{function.__name__}")
+        for number in itertools.count(1):
+            text = base if number == 1 else f"{base}_{number}"
+            if self.kernels.setdefault(text, function) is function:
+                return text
+        raise AssertionError("unreachable")
+
+
+def _through(spec) -> Update | None:
+    return next((update for update in spec.updates if update.through), None)
+
+
+def _condition(update: Update) -> str | None:
+    """When an update is due, None for every tick."""
+    if update.period_ticks == 1 and update.offset_ticks == 0:
+        return None
+    if update.offset_ticks == 0:
+        return f"k % {update.period_ticks} == 0"
+    return f"k >= {update.offset_ticks} and (k - {update.offset_ticks}) % {update.period_ticks} == 0"
+
+
+def _parameter_sizes(spec):
+    """(name, number of floats, whether it is passed as a float) of every parameter."""
+    names = spec.parameter_names
+    for name, value in spec.parameters.items():
+        size = sum(1 for full in names if full == name or full.startswith((f"{name}.", f"{name}[")))
+        yield name, size, names.count(name) == 1 and not isinstance(value, dict)
+
+
+def _slices(sizes: dict) -> dict:
+    start, parts = 0, {}
+    for name, size in sizes.items():
+        parts[name] = slice(start, start + size)
+        start += size
+    return parts
+
+
+def _text(part: slice) -> str:
+    return f"{part.start}:{part.stop}"
+
+
+def _identifier(text: str) -> str:
+    return re.sub(r"\W", "_", text)
+
+
+def _log_name(name: str) -> str:
+    return f"log_{_identifier(name)}"
+
+
+def _unique_names(leaves) -> dict[str, str]:
+    names: dict[str, str] = {}
+    for path in leaves:
+        base = _identifier(path)
+        name = next(n for n in itertools.chain([base], (f"{base}_{i}" for i in itertools.count(2))) if n not in names.values())
+        names[path] = name
+    return names

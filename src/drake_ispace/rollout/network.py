@@ -1,0 +1,119 @@
+"""A Diagram taken apart: its leaves as Specs with initial values, and who feeds whom, nested Diagrams opened."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.framework import Context, Diagram, InputPortIndex, OutputPortIndex, System
+from pydrake.systems.primitives import VectorLogSink
+
+from drake_ispace.block import Spec, arguments
+from drake_ispace.errors import InputError
+from drake_ispace.rollout.primitives import specification
+
+
+@dataclass(frozen=True)
+class Port:
+    """An output port of a leaf, or an input port of the whole Diagram (`leaf` None)."""
+
+    leaf: str | None
+    name: str
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A leaf system: its Spec, the values its Context holds, and the source of every input port."""
+
+    name: str
+    spec: Spec
+    parameters: np.ndarray
+    continuous_state: np.ndarray
+    discrete_state: np.ndarray
+    sources: dict[str, Port]
+
+
+@dataclass(frozen=True)
+class Network:
+    """The leaves in the Diagram's order, the outputs and the inputs of the whole Diagram (input name -> size)."""
+
+    leaves: dict[str, Leaf]
+    outputs: dict[str, Port]
+    inputs: dict[str, int]
+
+    def source_size(self, port: Port) -> int:
+        return self.inputs[port.name] if port.leaf is None else self.leaves[port.leaf].spec.outputs[port.name].size
+
+
+def take_apart(diagram: Diagram, context: Context) -> Network:
+    """The Network of `diagram` with the values of `context`.
+
+    Raises:
+        InputError: a system that a compiled rollout does not know, or an input port that nothing feeds.
+    """
+    leaves: dict[str, Leaf] = {}
+    inputs = {}
+    for i in range(diagram.num_input_ports()):
+        inputs[diagram.get_input_port(i).get_name()] = diagram.get_input_port(i).size()
+    fed = {i: Port(None, name) for i, name in enumerate(inputs)}
+    _open(diagram, context, "", fed, leaves)
+    outputs = {}
+    for i in range(diagram.num_output_ports()):
+        outputs[diagram.get_output_port(i).get_name()] = _source(diagram, i, "")
+    return Network(leaves, outputs, inputs)
+
+
+def _open(diagram: Diagram, context, prefix, fed, leaves):
+    """Add the leaves of `diagram`; `fed`: what feeds each of its own input ports."""
+    wires: dict[tuple[System, int], Port] = {}
+    for (target, port), (source, out) in diagram.connection_map().items():
+        wires[target, int(port)] = _output(source, int(out), prefix)
+    for i in range(diagram.num_input_ports()):
+        for target, port in diagram.GetInputPortLocators(InputPortIndex(i)):
+            wires[target, int(port)] = fed.get(i)
+    for system in diagram.GetSystems():
+        if isinstance(system, VectorLogSink):
+            continue
+        path = prefix + system.get_name()
+        feeds = {i: wires.get((system, i)) for i in range(system.num_input_ports())}
+        own = diagram.GetSubsystemContext(system, context)
+        if isinstance(system, Diagram):
+            _open(system, own, f"{path}/", feeds, leaves)
+        else:
+            leaves[path] = _leaf(system, own, path, feeds)
+
+
+def _output(system, index, prefix) -> Port:
+    path = prefix + system.get_name()
+    if isinstance(system, Diagram):
+        return _source(system, index, f"{path}/")
+    return Port(path, system.get_output_port(index).get_name())
+
+
+def _source(diagram, index, prefix) -> Port:
+    system, out = diagram.get_output_port_locator(OutputPortIndex(index))
+    return _output(system, int(out), prefix)
+
+
+def _leaf(system, context, path, feeds) -> Leaf:
+    spec = getattr(system, "spec", None)
+    if not isinstance(spec, Spec):
+        spec = specification(system, context, path)
+        parameters = spec.parameter_values
+    else:
+        parameters = context.get_numeric_parameter(0).CopyToVector()
+    sources = {}
+    read = {name for function in _kernels(spec) for name in arguments(function)}
+    for i, name in enumerate(spec.inputs):
+        if feeds.get(i) is not None:
+            sources[name] = feeds[i]
+        elif name in read:
+            raise InputError(f"{path}: nothing feeds the input port {name!r}, expected it to be connected or exported")
+    state = context.get_continuous_state_vector().CopyToVector() if spec.derivatives else np.empty(0)
+    memory = context.get_discrete_state_vector().CopyToVector() if spec.discrete_state is not None else np.empty(0)
+    return Leaf(path, spec, parameters, state, memory, sources)
+
+
+def _kernels(spec):
+    yield from (output.kernel for output in spec.outputs.values())
+    yield from (update.kernel for update in spec.updates)
+    if spec.derivatives is not None:
+        yield spec.derivatives
