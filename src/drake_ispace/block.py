@@ -132,6 +132,13 @@ def cache_folder() -> Path:
         return Path(tempfile.gettempdir()) / "drake_ispace"
 
 
+@kernel
+def copy(source, out):
+    """out <- the first entries of source. A slice assignment would check for overlap every time."""
+    for i in range(out.shape[0]):
+        out[i] = source[i]
+
+
 def plain(compiled: Callable) -> Callable:
     """The plain Python form of a kernel, its helper kernels included: it takes AutoDiffXd and Expression too."""
     if not isinstance(compiled, Dispatcher):

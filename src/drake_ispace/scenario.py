@@ -171,17 +171,18 @@ def blaming(where: str):
     """Put `where`, the scenario's name or file, in front of what is wrong with values that do not go together.
 
     Raises:
-        InputError: for an InputError raised inside, and where no gain could be computed.
+        InputError: for an InputError raised inside, and for extreme values with which no Diagram can be computed.
     """
     try:
-        yield
+        with np.errstate(all="ignore"):
+            yield
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    except np.linalg.LinAlgError as error:
+    except ValueError as error:  # a singular matrix too
         reason = str(error).rstrip(".")
         raise InputError(
-            f"{where}: no feedback can be designed for this plant with these control.q and control.r ({reason}), "
-            "expected values closer to the defaults"
+            f"{where}: no Diagram can be computed from these values ({reason}), expected plant and control closer to "
+            "the defaults"
         ) from None
 
 

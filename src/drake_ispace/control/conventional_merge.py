@@ -6,27 +6,27 @@ directly used": P_ev in the ticks in which a fix arrives, raw P_lo in all others
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.space.localizer import FIX
 
 
 @kernel
 def step(xd, odometry, fix, out):
     """x_d = [tick, tick of the last fix, pose used (3)]."""
-    out[:] = xd
+    copy(xd, out)
     if odometry[0] == xd[0]:
         return
     out[0] = odometry[0]
-    out[2:] = odometry[1:]
+    copy(odometry[1:], out[2:])
     if fix[1] > 0.0 and fix[0] > xd[1]:
         out[1] = fix[0]
-        out[2:] = fix[2:]
+        copy(fix[2:], out[2:])
 
 
 @kernel
 def used(xd, out):
     out[0] = xd[0]
-    out[1:] = xd[2:]
+    copy(xd[2:], out[1:])
 
 
 class ConventionalMerge(Block):

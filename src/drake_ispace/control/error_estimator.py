@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.control.tracker import TRACKING_ERROR
 
 TICK, ORDER, FIXED, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), FIXED: P_r,l[i] (s, phi), RING: past (tick, s, phi)
@@ -14,11 +14,11 @@ def step(xd, path, error, out):
 
     While the robot is not seen, the way point moves on and the fix stays: such an error finds P_r,l[i] still there.
     """
-    out[:] = xd
+    copy(xd, out)
     depth = (xd.shape[0] - RING) // 3
     if path[0] != xd[TICK]:
         slot = RING + 3 * (int(path[0]) % depth)
-        out[slot : slot + 3] = path
+        copy(path, out[slot : slot + 3])
         out[TICK] = path[0]
         if xd[TICK] < 0.0:
             out[FIXED], out[FIXED + 1] = path[1], path[2]
@@ -28,7 +28,7 @@ def step(xd, path, error, out):
         if out[slot] == error[0]:
             out[FIXED], out[FIXED + 1] = out[slot + 1], out[slot + 2]
         if out[slot] == error[0] or xd[ORDER] == error[0]:
-            out[ORDER : ORDER + 5] = error
+            copy(error, out[ORDER : ORDER + 5])
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.robots.wheels import WheelGeometry
 
 TICK, X, Y, PHI, PATH, BEFORE = 0, 1, 2, 3, 4, 5  # x_d; BEFORE: wheel angles (and tilt) of the last sample
@@ -22,7 +22,7 @@ def advance(xd, forward, side, turn, out):
 @kernel
 def omni_step(xd, encoder, jacobian, out):
     """x_d = [tick, x, y, phi, path, theta (n)]; jacobian: J in frame B (3, n), row by row."""
-    out[:] = xd
+    copy(xd, out)
     if encoder[0] == xd[TICK]:
         return
     n = xd.shape[0] - BEFORE
@@ -33,7 +33,7 @@ def omni_step(xd, encoder, jacobian, out):
             dx, dy, turn = dx + jacobian[i] * change, dy + jacobian[n + i] * change, turn + jacobian[2 * n + i] * change
     advance(xd, dx, dy, turn, out)
     out[TICK] = encoder[0]
-    out[BEFORE:] = encoder[1 : 1 + n]
+    copy(encoder[1 : 1 + n], out[BEFORE:])
 
 
 @kernel
@@ -48,7 +48,7 @@ def omni_velocity(encoder, jacobian, out):
 @kernel
 def pendulum_step(xd, encoder, tilt, radius_m, half_track_m, body_share, out):
     """x_d = [tick, x, y, phi, path, theta_r, theta_l, theta_b], (2.37)-(2.39)."""
-    out[:] = xd
+    copy(xd, out)
     if encoder[0] == xd[TICK]:
         return
     if xd[TICK] >= 0.0:
@@ -68,7 +68,7 @@ def pendulum_velocity(encoder, tilt, radius_m, half_track_m, body_share, out):
 
 @kernel
 def pose(xd, out):
-    out[:] = xd[: PHI + 1]
+    copy(xd[: PHI + 1], out)
 
 
 @kernel

@@ -7,7 +7,7 @@ late one does no harm.
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.frames import wrap
 from drake_ispace.space.localizer import FIX
 
@@ -17,14 +17,14 @@ TICK, SEEN_TICK, EV, LO, RING = 0, 1, 2, 5, 8  # x_d; EV: P_ev[i], LO: P_lo[i] o
 @kernel
 def step(xd, odometry, fix, rotate, out):
     """Remember this tick's odometry, then take in a new fix; samples seen before change nothing."""
-    out[:] = xd
+    copy(xd, out)
     depth = (xd.shape[0] - RING) // 4
     if odometry[0] != xd[TICK]:
         slot = RING + 4 * (int(odometry[0]) % depth)
-        out[slot : slot + 4] = odometry[:4]
+        copy(odometry[:4], out[slot : slot + 4])
         if xd[TICK] < 0.0 and xd[SEEN_TICK] < 0.0:  # until the first fix: odometry from where the robot starts
-            out[EV : EV + 3] = odometry[1:4]
-            out[LO : LO + 3] = odometry[1:4]
+            copy(odometry[1:4], out[EV : EV + 3])
+            copy(odometry[1:4], out[LO : LO + 3])
         out[TICK] = odometry[0]
     if fix[1] > 0.0 and fix[0] > xd[SEEN_TICK]:
         out[SEEN_TICK] = fix[0]

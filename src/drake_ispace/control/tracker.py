@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.quantity import quantity
@@ -41,7 +41,7 @@ class Tracker:
 @kernel
 def step(xd, fix, way_point, out):
     """x_d = the last fix in which the robot was seen."""
-    out[:] = fix if fix[1] > 0.0 else xd
+    copy(fix if fix[1] > 0.0 else xd, out)
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.control.paths import Path, Trajectory
 from drake_ispace.rates import TICK_S, VISION_TICKS, ticks_in
 
@@ -52,7 +52,7 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
 
 @kernel
 def message(xd, out):
-    out[:] = xd
+    copy(xd, out)
 
 
 class WayPoint(Block):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S, VISION_TICKS
@@ -14,7 +14,7 @@ TICK, POSE, RATE, INTEGRAL = 0, 1, 4, 7  # x_d: tick of the last seen fix, its p
 @kernel
 def step(xd, fix, way_point, k_p, k_i, limit, out):
     """Take in a new fix; one seen before changes nothing, nor does one in which the robot is not seen."""
-    out[:] = xd
+    copy(xd, out)
     if not (fix[1] > 0.0 and fix[0] > xd[TICK]):
         return
     elapsed = (fix[0] - xd[TICK]) * TICK_S
@@ -51,7 +51,7 @@ def force(xd, way_point, k_p, k_i, k_d, limit, mass, velocity_share, acceleratio
 
 @kernel
 def pose(xd, out):
-    out[:] = xd[: POSE + 3]
+    copy(xd[: POSE + 3], out)
 
 
 class VisionFeedback(Block):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.noise import normal, stream
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
@@ -40,12 +40,12 @@ def hold(tick, xd, command, limit_n_m, resolution_n_m, memory, noise_std_n_m, no
 
 @kernel
 def held_command(xd, out):
-    out[:] = xd[: out.shape[0]]
+    copy(xd[: out.shape[0]], out)
 
 
 @kernel
 def torque(xd, out):
-    out[:] = xd[2 * out.shape[0] :]
+    copy(xd[2 * out.shape[0] :], out)
 
 
 class TorqueActuator(Block):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec, kernel
+from drake_ispace.block import Block, Output, Spec, copy, kernel
 from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
 from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
@@ -156,17 +156,17 @@ def tick_update(tick, xc, xd, noise_stream, friction, slip, out):
 
 @kernel
 def pose(xc, out):
-    out[:] = xc[X : PHI + 1]
+    copy(xc[X : PHI + 1], out)
 
 
 @kernel
 def balance(xc, out):
-    out[:] = xc[TILT : TILT_RATE + 1]
+    copy(xc[TILT : TILT_RATE + 1], out)
 
 
 @kernel
 def wheel_angle(xc, out):
-    out[:] = xc[THETA_R : THETA_L + 1]
+    copy(xc[THETA_R : THETA_L + 1], out)
 
 
 @kernel

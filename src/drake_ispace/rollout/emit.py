@@ -36,6 +36,11 @@ class _Code:
     def add(self, line: str) -> None:
         self.lines.append("    " * self.depth + line)
 
+    def copy(self, source: str, target: str) -> None:
+        """An element-wise copy: a slice assignment would check for overlap every time."""
+        self.add(f"for i in range({source}.shape[0]):")
+        self.add(f"    {target} = {source}[i]")
+
     def inside(self, condition: str | None) -> "_Code":
         """The code below `if condition`; what it evaluates does not count outside."""
         if condition is None:
@@ -138,7 +143,7 @@ class Emitter:
                 if its == divisor:
                     self._evaluate(inner, port, tick)
                     row = "k" if divisor == 1 else f"k // {divisor}"
-                    inner.add(f"{_log_name(name)}[{row}] = {self._port(port)}")
+                    inner.copy(self._port(port), f"{_log_name(name)}[{row}, i]")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
         """All updates of a phase see the state before it; then all are stored."""
@@ -152,15 +157,15 @@ class Emitter:
         code.add(f"# {phase.value}")
         several = {name for _, group in due.items() for name, _ in group if self._has_several(name)}
         for name in sorted(several):
-            code.add(f"{self._alias[name]}_next[:] = {self._alias[name]}_d")
+            code.copy(f"{self._alias[name]}_d", f"{self._alias[name]}_next[i]")
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
             inner = code.inside(condition)
             for name, update in group:
                 self._write_update(inner, name, update)
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
             inner = code.inside(condition)
-            for name, _ in group:
-                inner.add(f"{self._alias[name]}_d[:] = {self._alias[name]}_next")
+            for name in dict.fromkeys(name for name, _ in group):
+                inner.copy(f"{self._alias[name]}_next", f"{self._alias[name]}_d[i]")
         changed = {("d", name) for group in due.values() for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
 
@@ -174,7 +179,7 @@ class Emitter:
             return
         values = self._arguments(code, name, update.kernel, "k")
         if self._has_several(name):  # one after the other, in the order declared
-            code.add(f"{alias}_held[:] = {alias}_next")
+            code.copy(f"{alias}_next", f"{alias}_held[i]")
             values = [f"{alias}_held" if value == f"{alias}_d" else value for value in values]
         code.add(f"{self._kernel(name, update.kernel)}({', '.join([*values, f'{alias}_next'])})")
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 
@@ -45,7 +45,7 @@ def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, me
 
 @kernel
 def message(xd, out):
-    out[:] = xd
+    copy(xd, out)
 
 
 @kernel

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.noise import normal, stream
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
@@ -34,7 +34,7 @@ def sample(tick, body_motion, bias, noise_std, noise_stream, out):
 
 @kernel
 def message(xd, out):
-    out[:] = xd
+    copy(xd, out)
 
 
 class InertialSensor(Block):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 
@@ -33,7 +33,7 @@ TICK, TILT, RATE, BIAS, P = 0, 1, 2, 3, 4  # x_d; P: p00 p01 p02 p11 p12 p22
 @kernel
 def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_variance, out):
     """Predict one tick and take in the sample; a sample seen before changes nothing."""
-    out[:] = xd
+    copy(xd, out)
     if imu[0] == xd[TICK]:
         return
     h = TICK_S
@@ -64,7 +64,7 @@ def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_var
 
 @kernel
 def estimate(xd, out):
-    out[:] = xd[: P]
+    copy(xd[: P], out)
 
 
 class TiltKalmanFilter(Block):

@@ -9,7 +9,7 @@ import struct
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.noise import stream, uniform
 from drake_ispace.rates import TICK_S
 from drake_ispace.space.kinect import Link
@@ -49,7 +49,7 @@ CLOCK = 0  # x_d = [robot's tick, last sent (m), delivered (m), queue of (tick o
 @kernel
 def step(xd, fix, order, robot_tick, delay, loss, noise_stream, out):
     """Send what is new, deliver what is due; a robot's tick seen before changes nothing."""
-    out[:] = xd
+    copy(xd, out)
     tick = robot_tick[0]
     if tick == xd[CLOCK]:
         return
@@ -79,13 +79,13 @@ def step(xd, fix, order, robot_tick, delay, loss, noise_stream, out):
 @kernel
 def delivered_fix(xd, fix, order, out):
     m = fix.shape[0] + order.shape[0]
-    out[:] = xd[1 + m : 1 + m + fix.shape[0]]
+    copy(xd[1 + m : 1 + m + fix.shape[0]], out)
 
 
 @kernel
 def delivered_order(xd, fix, order, out):
     m = fix.shape[0] + order.shape[0]
-    out[:] = xd[1 + m + fix.shape[0] : 1 + 2 * m]
+    copy(xd[1 + m + fix.shape[0] : 1 + 2 * m], out)
 
 
 class RoomLink(Block):

@@ -6,7 +6,7 @@ the floor, and the pose is computed back from them. An image mode keeps the same
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.noise import normal, stream, uniform
 from drake_ispace.rates import VISION_TICKS
 from drake_ispace.space.kinect import Space
@@ -54,8 +54,8 @@ def capture(tick, xd, poses, camera, noise_stream, out):
     """x_d = [delivered messages, then captured ones, oldest first]: forget the oldest, add the newest."""
     robots = poses.shape[0] // 3
     size = FIX * robots
-    out[:size] = xd[:size]
-    out[size:-size] = xd[2 * size :]
+    copy(xd[:size], out[:size])
+    copy(xd[2 * size :], out[size:-size])
     for robot in range(robots):
         x, y, phi = poses[3 * robot], poses[3 * robot + 1], poses[3 * robot + 2]
         start = out.shape[0] - size + FIX * robot
@@ -65,16 +65,16 @@ def capture(tick, xd, poses, camera, noise_stream, out):
 @kernel
 def deliver(tick, xd, poses, latency_ticks, out):
     """Make the newest capture that is at least `latency_ticks` old the delivered one."""
-    out[:] = xd
+    copy(xd, out)
     size = FIX * (poses.shape[0] // 3)
     for start in range(size, xd.shape[0], size):
         if 0.0 <= xd[start] and xd[start] <= tick - latency_ticks:
-            out[:size] = xd[start : start + size]
+            copy(xd[start : start + size], out[:size])
 
 
 @kernel
 def fixes(xd, out):
-    out[:] = xd[: out.shape[0]]
+    copy(xd[: out.shape[0]], out)
 
 
 class KinectLocalizer(Block):
