@@ -66,12 +66,19 @@ def simulate_diagram(diagram: Diagram, scenario: Scenario, progress: Callable[[f
         simulator.AdvanceTo(min(tick, ticks) * TICK_S)
         if progress:
             progress(simulator.get_context().get_time())
-        diverged = _first_divergence(simulator, sinks, max(tick - _CHUNK - 1, 0))
+        start = max(tick - _CHUNK - 1, 0)
+        diverged = first_divergence({name: _log(simulator, sink)[start:] for name, sink in sinks.items()})
         if diverged is not None:
+            diverged += start
             break
     wall_s = time.perf_counter() - started
+    return make_run(scenario, {name: _log(simulator, sink) for name, sink in sinks.items()}, diverged, wall_s)
+
+
+def make_run(scenario: Scenario, logs: dict[str, np.ndarray], diverged: int | None, wall_s: float) -> Run:
+    """The Run of these logs, cut where the robot was lost (`diverged`: row, None if it was not)."""
     rows = slice(0, None if diverged is None else max(diverged, 1))
-    signals = {name: _log(simulator, sink)[rows].copy() for name, sink in sinks.items()}
+    signals = {name: log[rows].copy() for name, log in logs.items()}
     return Run(scenario, signals, None if diverged is None else diverged * TICK_S, wall_s)
 
 
@@ -95,11 +102,10 @@ def _log(simulator, sink):
     return sink.FindLog(simulator.get_context()).data().T
 
 
-def _first_divergence(simulator, sinks, start):
-    """The first row from `start` on in which a robot has fallen, spins, is lost or is no number; None if there is none."""
+def first_divergence(logs: dict[str, np.ndarray]) -> int | None:
+    """The first row in which a robot has fallen, spins, is lost or is no number; None if there is none."""
     first = None
-    for name, sink in sinks.items():
-        rows = _log(simulator, sink)[start:]
+    for name, rows in logs.items():
         bad = ~np.isfinite(rows).all(axis=1)
         if name.endswith("_pose"):
             bad |= (np.abs(rows[:, :2]) > _LOST_M).any(axis=1)
@@ -108,6 +114,5 @@ def _first_divergence(simulator, sinks, start):
         if name.endswith("_balance"):
             bad |= np.abs(rows[:, 0]) > _FALLEN_RAD
         if bad.any():
-            row = start + int(np.argmax(bad))
-            first = row if first is None else min(first, row)
+            first = int(np.argmax(bad)) if first is None else min(first, int(np.argmax(bad)))
     return first

@@ -87,8 +87,8 @@ def test_motion_equals_finite_differences_in_the_world_while_the_robot_turns_and
     spin = attitude(now).T @ (attitude(after) - attitude(before)) / (2.0 * h)
     rate_b = [spin[2, 1], spin[0, 2], spin[1, 0]]
     motion = body_motion(plant, torque, state)
-    assert np.abs(motion[[1, 3, 5]]).min() > 0.3  # all axes at work
-    assert motion == pytest.approx([*force_b, *rate_b], abs=2e-5)
+    assert np.abs(motion[[1, 3, 5]]).min() > 0.1  # all axes at work
+    assert motion == pytest.approx([*force_b, *rate_b], abs=5e-5)
 
 
 def test_noise_of_a_sample_is_the_density_over_the_root_of_the_period():

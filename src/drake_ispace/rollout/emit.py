@@ -7,6 +7,7 @@ again only when something they depend on has changed. docs/semantics.md.
 
 import itertools
 import re
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from drake_ispace.block import Phase, Update, arguments
@@ -41,12 +42,17 @@ class _Code:
         self.add(f"for i in range({source}.shape[0]):")
         self.add(f"    {target} = {source}[i]")
 
-    def inside(self, condition: str | None) -> "_Code":
+    @contextmanager
+    def inside(self, condition: str | None):
         """The code below `if condition`; what it evaluates does not count outside."""
         if condition is None:
-            return self
-        self.add(f"if {condition}:")
-        return _Code(self.lines, set(self.fresh), self.depth + 1)
+            yield self
+            return
+        inner = _Code([], set(self.fresh), self.depth + 1)
+        yield inner
+        if inner.lines:
+            self.add(f"if {condition}:")
+            self.lines += inner.lines
 
 
 class Emitter:
@@ -138,12 +144,12 @@ class Emitter:
 
     def _write_logs(self, code: _Code, tick: str) -> None:
         for divisor in sorted({divisor for _, divisor in self._log.values()}):
-            inner = code.inside(None if divisor == 1 else f"k % {divisor} == 0")
-            for name, (port, its) in self._log.items():
-                if its == divisor:
-                    self._evaluate(inner, port, tick)
-                    row = "k" if divisor == 1 else f"k // {divisor}"
-                    inner.copy(self._port(port), f"{_log_name(name)}[{row}, i]")
+            with code.inside(None if divisor == 1 else f"k % {divisor} == 0") as inner:
+                for name, (port, its) in self._log.items():
+                    if its == divisor:
+                        self._evaluate(inner, port, tick)
+                        row = "k" if divisor == 1 else f"k // {divisor}"
+                        inner.copy(self._port(port), f"{_log_name(name)}[{row}, i]")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
         """All updates of a phase see the state before it; then all are stored."""
@@ -159,13 +165,13 @@ class Emitter:
         for name in sorted(several):
             code.copy(f"{self._alias[name]}_d", f"{self._alias[name]}_next[i]")
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
-            inner = code.inside(condition)
-            for name, update in group:
-                self._write_update(inner, name, update)
+            with code.inside(condition) as inner:
+                for name, update in group:
+                    self._write_update(inner, name, update)
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
-            inner = code.inside(condition)
-            for name in dict.fromkeys(name for name, _ in group):
-                inner.copy(f"{self._alias[name]}_next", f"{self._alias[name]}_d[i]")
+            with code.inside(condition) as inner:
+                for name in dict.fromkeys(name for name, _ in group):
+                    inner.copy(f"{self._alias[name]}_next", f"{self._alias[name]}_d[i]")
         changed = {("d", name) for group in due.values() for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
 

@@ -27,7 +27,7 @@ from drake_ispace.rates import TICK_S
 def _kernel(text: str):
     """A kernel from its text: the argument names of a primitive's kernels are the names of its ports."""
     namespace = {}
-    exec(text, {"np": np}, namespace)
+    exec(text, {"__name__": "drake"}, namespace)
     (function,) = namespace.values()
     compiled = numba.njit(error_model="numpy")(function)
     compiled.digest = hashlib.sha256(text.encode()).hexdigest()
