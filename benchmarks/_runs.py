@@ -15,7 +15,9 @@ from drake_ispace.metrics import measure
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import Run, simulate
 
-_RUNS_PER_PROCESS = 25  # Drake does not free a Diagram with Python blocks, so a process is replaced now and then
+# Drake does not free a Diagram with Python blocks, so the processes are replaced now and then. (The executor's own
+# max_tasks_per_child hangs under Python 3.11.)
+_RUNS_PER_PROCESS = 25
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,11 @@ def summary(run: Run) -> dict:
 
 def run_all(jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary) -> dict[object, dict]:
     """label -> summarise(run) of every job; `summarise` is a function at the top level of a module."""
-    jobs = list(jobs)
+    jobs, results = list(jobs), []
     workers = min(os.cpu_count() or 1, len(jobs))
-    with ProcessPoolExecutor(workers, get_context("spawn"), max_tasks_per_child=_RUNS_PER_PROCESS) as pool:
-        results = list(pool.map(partial(_run, summarise), jobs))
+    for batch in range(0, len(jobs), workers * _RUNS_PER_PROCESS):
+        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+            results += pool.map(partial(_run, summarise), jobs[batch : batch + workers * _RUNS_PER_PROCESS])
     return {job.label: result for job, result in zip(jobs, results, strict=True)}
 
 

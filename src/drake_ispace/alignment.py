@@ -20,7 +20,8 @@ _TRUTH = {
 
 def to_recording(run: Run, robot: str) -> Recording:
     """The recording of `robot` ("omni" or "pendulum") in `run`, truth included; channels without a sample left out."""
-    signal = {name.removeprefix(f"{robot}_"): rows for name, rows in run.signals.items() if name.startswith(f"{robot}_")}
+    own = f"{robot}_"
+    signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}
     wheels = _WHEELS[robot]
     n = len(wheels)
     ticks = np.arange(len(signal["pose"]))
@@ -38,7 +39,8 @@ def to_recording(run: Run, robot: str) -> Recording:
         _time(ticks), ("x", "y", "phi", *columns), truth, dict(zip(columns, units, strict=True)), round(TICK_S, 6)
     )
     channels = {name: channel for name, channel in channels.items() if len(channel.t)}
-    return Recording(robot=robot, scenario=run.scenario.diagram, channels=channels, notes=f"simulated, seed {run.scenario.seed}")
+    notes = f"simulated, seed {run.scenario.seed}"
+    return Recording(robot=robot, scenario=run.scenario.diagram, channels=channels, notes=notes)
 
 
 def _time(ticks):

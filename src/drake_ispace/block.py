@@ -10,6 +10,7 @@ that `Linearize` works on a plant.
 """
 
 import enum
+import functools
 import hashlib
 import inspect
 import os
@@ -103,18 +104,23 @@ def _values(value):
     return list(value.values()) if isinstance(value, Mapping) else value
 
 
-def kernel(function: Callable) -> Dispatcher:
-    """Compile `function` with numba, cached on disk under a hash of its source, its constants and its helpers."""
+def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatcher:
+    """Compile `function` with numba, cached on disk under a hash of its source, its constants and its helpers.
+
+    nogil: other threads run meanwhile, for a kernel that takes long and is called from Python.
+    """
+    if function is None:
+        return functools.partial(kernel, nogil=nogil)
     names = function.__code__.co_names
     referenced = {name: function.__globals__[name] for name in names if name in function.__globals__}
-    digest = hashlib.sha256(inspect.getsource(function).encode())
+    digest = hashlib.sha256(f"forceinline {nogil}\n{inspect.getsource(function)}".encode())
     for name, value in sorted(referenced.items()):
         if not isinstance(value, types.ModuleType):
             digest.update(f"{name}={getattr(value, 'digest', value)!r}".encode())
     saved = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(cache_folder() / digest.hexdigest()[:16])
     try:
-        compiled = numba.njit(cache=True, error_model="numpy")(function)
+        compiled = numba.njit(cache=True, nogil=nogil, forceinline=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = saved
     compiled.digest = digest.hexdigest()

@@ -1,17 +1,20 @@
 """The command line. Heavy libraries are imported by the commands that use them: `--help` answers at once."""
 
 import json
+import math
 import os
+import signal
 import sys
 from collections.abc import Iterable
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from drake_ispace.errors import InputError, shown
 from drake_ispace.places import check_folder
+from drake_ispace.terminal import print_json, print_metrics, print_spread, print_table, progress
 
 app = App(
     name="drake-ispace",
@@ -42,16 +45,20 @@ Depth = Annotated[int | None, Parameter(help="levels of nested Diagrams to open"
 def main(arguments: Iterable[str] | None = None) -> None:
     """Entry point: 0 when done, 2 and one sentence on bad input, 130 on Ctrl-C."""
     try:
-        try:
-            app(arguments, exit_on_error=False, print_error=False)
-        finally:
-            sys.stdout.flush()
+        with _interrupts():
+            try:
+                app(arguments, exit_on_error=False, print_error=False)
+            finally:
+                sys.stdout.flush()
     except UnusedCliTokensError as error:
         _refuse(f"unexpected {shown(' '.join(error.unused_tokens))}, expected only options after what it is about")
     except (InputError, CycloptsError) as error:
         _refuse(str(error))
-    except KeyboardInterrupt:
-        print("drake-ispace: stopped, nothing half-written is left behind", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        said = str(error) or "stopped, nothing half-written is left behind"
+        print(f"drake-ispace: {said}", file=sys.stderr, flush=True)
+        if arguments is None:
+            os._exit(130)  # Python's own way out crashes where the import of Drake was interrupted
         sys.exit(130)
     except BrokenPipeError:
         _drop_output()
@@ -59,6 +66,29 @@ def main(arguments: Iterable[str] | None = None) -> None:
     except OSError as error:
         _drop_output()
         _refuse(f"{error.filename or 'standard output'}: cannot be written ({error.strerror or error})")
+
+
+@contextmanager
+def _interrupts():
+    """Ctrl-C stays a KeyboardInterrupt where a library, such as numba while it compiles, makes something else of it."""
+    seen = []
+
+    def interrupt(number, frame):
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:  # ignored, or somebody else's
+        yield
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    except Exception:
+        if seen:
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _refuse(sentence):
@@ -78,7 +108,7 @@ def list_(*, as_json: Json = False) -> None:
     from drake_ispace.wiring.catalog import CATALOG
 
     if as_json:
-        _print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": []})
+        print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": []})
         return
     print("Diagrams")
     for name, builder in CATALOG.items():
@@ -92,6 +122,7 @@ def list_(*, as_json: Json = False) -> None:
 def simulate(
     name: str, /, *, seconds: Seconds = None, set_: Sets = None, seed: Seed = None,
     out: Annotated[Path | None, Parameter(help="folder of the recording, truth included")] = None,
+    engine: Annotated[Literal["drake", "compiled"], Parameter(help="the same numbers; compiled is faster")] = "drake",
     as_json: Json = False,
 ) -> None:
     """Simulate a scenario, given by name or YAML file, and optionally record it."""
@@ -101,8 +132,13 @@ def simulate(
     from drake_ispace.simulation import simulate_diagram
 
     folders = _recording_folders(diagram, out) if out is not None else {}
-    with _progress(scenario.seconds, scenario.diagram) as advance:
-        run = simulate_diagram(diagram, scenario, advance)
+    with progress(scenario.seconds, scenario.diagram) as advance:
+        if engine == "compiled":
+            from drake_ispace.rollout.engine import simulate_compiled
+
+            run = simulate_compiled(scenario)
+        else:
+            run = simulate_diagram(diagram, scenario, advance)
     for robot, folder in folders.items():
         to_recording(run, robot).save(folder)
     recordings = {robot: str(folder) for robot, folder in folders.items()}
@@ -118,7 +154,7 @@ def simulate(
     if len(run.robots) > 1:
         result |= {"finals": final, "recordings": recordings}
     if as_json:
-        _print_json(result)
+        print_json(result)
         return
     print(f"{scenario.diagram}: {simulated:g} s in {run.wall_s:.2f} s, {result['realtime_factor']:.0f} times real time")
     if run.diverged_s is not None:
@@ -133,7 +169,9 @@ def simulate(
 def draw(
     name: str, /, *, set_: Sets = None,
     out: Annotated[Path | None, Parameter(help="x.svg, x.png or x.dot; left out: the dot text is printed")] = None,
-    depth: Depth = None, as_json: Json = False,
+    depth: Depth = None,
+    kernel: Annotated[bool, Parameter(negative="", help="the function that the Diagram is compiled to, as text")] = False,
+    as_json: Json = False,
 ) -> None:
     """Draw the wiring of a Diagram with Graphviz."""
     if depth is not None and not 0 <= depth <= 1000:
@@ -145,10 +183,15 @@ def draw(
     if out is not None:
         check_folder(out.parent)
         draw_diagram(diagram, out, depth)
+    data = {"diagram": diagram.get_name(), "out": str(out) if out else None, "dot": dot_text(diagram, depth)}
+    if kernel:
+        from drake_ispace.rollout.compile import compile_diagram
+
+        data["kernel"] = compile_diagram(diagram).source
     if as_json:
-        _print_json({"diagram": diagram.get_name(), "out": str(out) if out else None, "dot": dot_text(diagram, depth)})
+        print_json(data)
     else:
-        print(out if out is not None else dot_text(diagram, depth))
+        print(data["kernel"] if kernel else out if out is not None else data["dot"])
 
 
 @app.command(name="schedule")
@@ -159,9 +202,9 @@ def schedule_(name: str, /, *, set_: Sets = None, as_json: Json = False) -> None
 
     rows = schedule(diagram)
     if as_json:
-        _print_json({"updates": rows})
+        print_json({"updates": rows})
         return
-    _table(
+    print_table(
         ["block", "phase", "period", "ticks", "offset"],
         [[r["block"], r["phase"], f"{1e3 * r['period_s']:.4g} ms", r["period_ticks"], f"{1e3 * r['offset_s']:.4g} ms"]
          for r in rows],
@@ -185,7 +228,7 @@ def compare(
     from drake_ispace.compare import compare as run_all
 
     total = sum(scenario.seconds for scenario in scenarios.values())
-    with _progress(total, "compare") as advance:
+    with progress(total, "compare") as advance:
         order, span = list(scenarios), next(iter(scenarios.values())).seconds
         results = run_all(scenarios, lambda name, t: advance(order.index(name) * span + t))
     data = {"runs": {name: metrics.to_data() for name, (_, _, metrics) in results.items()}}
@@ -196,11 +239,78 @@ def compare(
         plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, out / "comparison.png")
         write_text(out / "comparison.json", json.dumps(data, indent=2))
     if as_json:
-        _print_json(data)
+        print_json(data)
         return
-    _print_metrics(data["runs"])
+    print_metrics(data["runs"])
     if out is not None:
         print(f"plot: {out / 'comparison.png'}")
+
+
+@app.command
+def montecarlo(
+    name: str, /, *, runs: Annotated[int, Parameter(help="how many", converter=_whole)] = 100,
+    vary: Annotated[
+        list[str] | None,
+        Parameter(negative="", help="key=normal(mean,std), uniform(a,b), loguniform(a,b) or choice(a,b,...)"),
+    ] = None,
+    seconds: Seconds = None, seed: Seed = None, set_: Sets = None,
+    threads: Annotated[int | None, Parameter(help="runs at once, default one per core", converter=_whole)] = None,
+    cluster: Annotated[str | None, Parameter(help="a Dask scheduler, as tcp://host:8786, instead of threads")] = None,
+    out: Annotated[Path | None, Parameter(help="folder of rows and figure; the same call resumes it")] = None,
+    parameters: Annotated[bool, Parameter(negative="", help="list what can be varied, with its value")] = False,
+    as_json: Json = False,
+) -> None:
+    """Run a scenario many times with varied parameters and noise: the spread of its tracking error."""
+    scenario = _scenario(name, seconds, set_, seed)
+    _diagram(name, scenario)
+    from drake_ispace.rollout.campaign import parameters_of, run_campaign
+    from drake_ispace.rollout.draws import split_vary
+    from drake_ispace.rollout.table import spread
+
+    if parameters:
+        values = parameters_of(scenario)
+        if as_json:
+            print_json({key: value if math.isfinite(value) else None for key, value in values.items()})
+        else:
+            print_table(["parameter", "value"], [[key, f"{value:.6g}"] for key, value in values.items()])
+        return
+    with progress(runs, scenario.diagram, "runs") as advance:
+        campaign = run_campaign(
+            scenario, runs, vary=split_vary(vary or []), seed=scenario.seed, out=out, threads=threads, cluster=cluster,
+            progress=lambda done, total: advance(done),
+        )
+    if out is not None:
+        from drake_ispace.report.montecarlo_plot import plot_campaign
+
+        plot_campaign(campaign, out / "montecarlo.png")
+    simulated = campaign.runs_now * scenario.seconds
+    result = {
+        "diagram": scenario.diagram, "runs": runs, "seconds": scenario.seconds,
+        "diverged": sum(campaign.table["diverged"].to_pylist()), "metrics": spread(campaign.table, campaign.metrics),
+        "wall_s": campaign.wall_s, "realtime_factor": simulated / campaign.wall_s if campaign.runs_now else None,
+        "out": str(out) if out is not None else None,
+    }
+    if as_json:
+        print_json(result)
+        return
+    print_spread(result)
+
+
+@app.command(name="parity")
+def parity_(
+    name: str, /, *, seconds: Seconds = 20.0, set_: Sets = None, seed: Seed = None, as_json: Json = False,
+) -> None:
+    """Compare Drake's Simulator with the compiled rollout, every output at every tick."""
+    scenario = _scenario(name, seconds, set_, seed)
+    _diagram(name, scenario)
+    from drake_ispace.rollout.engine import parity
+
+    result = parity(scenario)
+    if as_json:
+        print_json({key: None if value == math.inf else value for key, value in result.items()})
+        return
+    print_table(["output", "largest difference"], [[key, f"{gap:.3g}"] for key, gap in result["signals"].items()])
+    print(f"{result['diagram']}: {result['max_abs_difference']:.3g} at most over {result['ticks']} ticks")
 
 
 @app.command
@@ -211,12 +321,12 @@ def demo(
     """Drive both robots through the space and write a folder with pictures and an index page."""
     from drake_ispace.report.demo import write_demo
 
-    with _progress(None, "demo") as advance:
+    with progress(None, "demo") as advance:
         page, data = write_demo(out, seconds, seed, advance)
     if as_json:
-        _print_json(data | {"page": str(page)})
+        print_json(data | {"page": str(page)})
         return
-    _print_metrics(data["runs"])
+    print_metrics(data["runs"])
     print(f"open {page}")
 
 
@@ -250,54 +360,3 @@ def _recording_folders(diagram, out):
     for folder in folders.values():
         check_place(folder)
     return folders
-
-
-def _print_json(data) -> None:
-    json.dump(data, sys.stdout, indent=2, allow_nan=False)
-    print()
-
-
-def _print_metrics(runs) -> None:
-    shown = {
-        "rms_position_error_m": ("rms error", 1e3, "mm"), "max_position_error_m": ("max", 1e3, "mm"),
-        "rms_cross_track_m": ("cross-track", 1e3, "mm"), "mean_lag_m": ("lag", 1e3, "mm"),
-        "overshoot_percent": ("overshoot", 1.0, "%"), "time_to_end_s": ("to the end", 1.0, "s"),
-        "iae_m_s": ("IAE", 1.0, "m s"),
-    }
-    rows = []
-    for name, metrics in runs.items():
-        cells = ["-" if metrics[key] is None else f"{scale * metrics[key]:.1f} {unit}"
-                 for key, (_, scale, unit) in shown.items()]
-        rows.append([name, *cells, f"lost at {metrics['diverged_at_s']:.2f} s" if metrics["diverged"] else "ok"])
-    _table(["run", *[title for title, _, _ in shown.values()], ""], rows)
-
-
-def _table(titles, rows) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(*titles)
-    for row in rows:
-        table.add_row(*map(str, row))
-    Console(width=None if sys.stdout.isatty() else 140).print(table)
-
-
-@contextmanager
-def _progress(total, title):
-    """A bar on standard error, where that is a terminal; yields a function that takes what is done so far."""
-    if not sys.stderr.isatty():
-        yield lambda done: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=total)
-
-        def advance(done):
-            if isinstance(done, str):
-                progress.update(task, description=done)
-            else:
-                progress.update(task, completed=done)
-
-        yield advance

@@ -87,7 +87,8 @@ def measure(run: Run, robot: str) -> Metrics:
         overshoot = 100.0 * max(float(beyond.max()), 0.0) / step_m
     return Metrics(
         rms_position_error_m=_rms(error), max_position_error_m=float(error.max()), rms_cross_track_m=_rms(cross_track),
-        mean_lag_m=_mean_lag(path, trajectory, time, pose[:, :2], moving), rms_heading_error_rad=_rms(turned) if len(turned) else None,
+        mean_lag_m=_mean_lag(path, trajectory, time, pose[:, :2], moving),
+        rms_heading_error_rad=_rms(turned) if len(turned) else None,
         overshoot_percent=overshoot, settling_time_s=_settling_time(time, error, resting, tolerance),
         time_to_end_s=_first(time, resting & (error <= _ARRIVED_M)), iae_m_s=float(error.sum() * TICK_S),
         control_effort=float((torque**2).sum() * TICK_S), final_error_m=float(error[-1]),
@@ -108,11 +109,8 @@ def _mean_lag(path, trajectory, time, points, moving):
     if not moving.any():
         return None
     rows = np.arange(0, len(time), VISION_TICKS)  # the way point is renewed only that often
-    reached, lags = 0.0, []
-    for row in rows[moving[rows]]:
-        reached += path.progress(points[row], reached)
-        lags.append(trajectory.speed_m_s * time[row] - reached)
-    return float(np.mean(lags))
+    rows = rows[moving[rows]]
+    return float(np.mean(trajectory.speed_m_s * time[rows] - path.follow(points[rows])))
 
 
 def _settling_time(time, error, resting, tolerance):

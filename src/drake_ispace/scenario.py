@@ -141,7 +141,8 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
     elif name_or_file.endswith((".yaml", ".yml")) or "/" in name_or_file:
         data, where = load_yaml(Path(name_or_file), name_or_file), name_or_file
     else:
-        raise InputError(f"there is no scenario {shown(name_or_file)}, {expected_one_of(name_or_file, scenario_names())}")
+        hint = expected_one_of(name_or_file, scenario_names())
+        raise InputError(f"there is no scenario {shown(name_or_file)}, {hint}")
     scenario = read(Scenario(), data, where)
     for override in overrides:
         key, equals, text = override.partition("=")
@@ -197,7 +198,9 @@ def _check_places(scenario, where):
                 f"{depth:g} m space, expected |x| <= {width / 2:g} and |y| <= {depth / 2:g}"
             )
         if patch is not None and not (patch[0] < patch[1] and patch[2] < patch[3]):
-            raise InputError(f"{where}: {name}.plant.slip.patch_m: expected x_min < x_max and y_min < y_max, got {patch}")
+            raise InputError(
+                f"{where}: {name}.plant.slip.patch_m: expected x_min < x_max and y_min < y_max, got {patch}"
+            )
 
 
 def read(defaults, data: dict, where: str):
@@ -235,7 +238,8 @@ def _difference(data, defaults):
 def _merge(target, data, where, path):
     fields = {f.name: f for f in dataclasses.fields(target)}
     if not isinstance(data, dict):
-        raise InputError(f"{where}: {path}: expected a mapping with keys such as {', '.join(list(fields)[:3])}, got {shown(data)}")
+        keys = ", ".join(list(fields)[:3])
+        raise InputError(f"{where}: {path}: expected a mapping with keys such as {keys}, got {shown(data)}")
     for key, value in data.items():
         dotted = f"{path}.{key}" if path else key
         if key not in fields:

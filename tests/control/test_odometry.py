@@ -64,13 +64,15 @@ def test_a_circle_closes_and_is_as_wide_as_its_chords(drive, geometry):
 def test_body_velocity_by_hand(drive):
     # (2.66): all wheels at 1 rad/s turn the robot at r / (b / 2) = 0.1333 rad/s
     ticks = [{"encoder": [0, 0, 0, 0, 0, 1.0, 1.0, 1.0, 1.0]}]
-    assert drive(OmniOdometry(omni4(R, B)), "body_velocity", ticks)[0] == pytest.approx([0.0, 0.0, 0.024 / 0.18], abs=1e-15)
+    velocity = drive(OmniOdometry(omni4(R, B)), "body_velocity", ticks)[0]
+    assert velocity == pytest.approx([0.0, 0.0, 0.024 / 0.18], abs=1e-15)
 
 
 def test_both_wheels_of_the_pendulum_drive_it_straight(drive):
     block = PendulumOdometry(RADIUS, HALF_TRACK, [0.0, 0.0, np.pi / 2.0])
-    assert drive(block, "pose", pendulum_ticks(5.0, 5.0, 0.0, 50))[-1] == pytest.approx([50, 0.0, 0.4, np.pi / 2.0], abs=1e-12)
-    assert drive(block, "path", pendulum_ticks(5.0, 5.0, 0.0, 50))[-1] == pytest.approx([50, 0.4, np.pi / 2.0])
+    ticks = pendulum_ticks(5.0, 5.0, 0.0, 50)
+    assert drive(block, "pose", ticks)[-1] == pytest.approx([50, 0.0, 0.4, np.pi / 2.0], abs=1e-12)
+    assert drive(block, "path", ticks)[-1] == pytest.approx([50, 0.4, np.pi / 2.0])
 
 
 def test_opposite_wheels_turn_the_pendulum_in_place(drive):

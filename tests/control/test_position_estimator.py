@@ -68,7 +68,7 @@ def test_a_late_fix_is_fused_with_the_odometry_of_its_capture(drive, latency):
 
 def test_without_its_stamp_a_late_fix_would_pull_back(drive):
     fixes = [late(18, k) for k in range(120)]
-    for k, fix in enumerate(fixes):
+    for fix in fixes:
         if fix[0] >= 0:
             fix[0] = 18 + fix[0]  # as if captured on arrival
     rows = drive(PositionEstimator(18), "pose", ticks(ahead, fixes))

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from drake_ispace.control.dlqr import dlqr, spectral_radius
 from drake_ispace.rates import TICK_S, VISION_S
 from drake_ispace.robots.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
-from drake_ispace.robots.wheels import mecanum, omni3
+from drake_ispace.robots.wheels import Wheel, WheelGeometry, mecanum, omni3
 from drake_ispace.wiring.omni import linear_model
 
 R, B, I_W = 0.024, 0.36, 1e-6
@@ -250,12 +250,12 @@ class Mecanum(OmniPlantParameters):
 
 @dataclass
 class Lopsided(OmniPlantParameters):
-    """Three wheels of the four: N = G'G is full, x, y and yaw are coupled."""
+    """Three wheels anywhere: N = G'G is full, so that x, y and yaw are coupled."""
 
     @property
     def geometry(self):
-        whole = super().geometry
-        return type(whole)(whole.wheels[:3])
+        places = ((0.2, 0.05, 1.9), (-0.1, 0.15, 3.0), (-0.05, -0.2, -0.4))
+        return WheelGeometry(tuple(Wheel(x, y, drive, self.wheel_radius_m) for x, y, drive in places))
 
 
 OTHERS = [ThreeWheels, Mecanum, Lopsided]
@@ -268,6 +268,10 @@ def test_other_holonomic_robots_obey_their_own_mass_matrix(kind):
     for i in range(len(wheels)):
         acceleration = rates(parameters, torque=np.eye(len(wheels))[i])[3:6]  # at heading 0 body axes are world axes
         np.testing.assert_allclose(mass_matrix(parameters) @ acceleration, wheels[i], atol=1e-11)
+
+
+def test_a_lopsided_robot_couples_all_axes():
+    assert np.abs(mass_matrix(Lopsided(wheel_inertia_kg_m2=R**2))).min() > 0.01
 
 
 @pytest.mark.parametrize("kind", OTHERS)

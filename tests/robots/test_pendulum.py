@@ -492,6 +492,14 @@ def test_row_5_the_printed_plant_is_3_41_and_3_42():
     assert rates == pytest.approx([1.21 * 0.1 - 1.73 * 1.5, 101.46 * 0.5, -9.87 * 0.1 + 35.39 * 1.5], rel=1e-13)
 
 
+def test_row_5_the_printed_plants_imu_to_first_order():
+    plant = LinearPendulumPlant(FREE, initial_tilt_rad=0.1, imu_height_m=0.3)
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, [0.0, 0.0])
+    # s_ddot = 0.121, 0.3 m * theta_ddot = -0.2961, gravity -0.980665
+    assert plant.GetOutputPort("body_motion").Eval(context) == pytest.approx([-1.155765, 0, GRAVITY, 0, 0, 0], rel=1e-9)
+
+
 def test_row_5_negated_it_is_no_robot_either():
     """M^-1 [0, m_b g z] = (-1.21, 9.87) and M^-1 [1/r, -1] = (1.73, -35.39) leave no positive definite M for any r."""
     for radius in np.linspace(0.005, 1.0, 200):

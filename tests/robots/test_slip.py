@@ -137,25 +137,30 @@ def test_traction_slip_of_yaw_has_the_wheels_lever():
 
 
 def test_the_pendulums_traction_slip():
-    plant = PendulumPlant(PendulumPlantParameters(slip=Slip(traction_gain=[0.5, 0.0, 0.0])))
+    plant = PendulumPlant(PendulumPlantParameters(slip=Slip(traction_gain=[0.5, 0.0, 0.25])))
     context = plant.CreateDefaultContext()
-    plant.get_input_port().FixValue(context, [0.08, 0.08])  # 2 N, of 0.6 * 4 kg * g = 23.536 N
-    context.get_mutable_continuous_state_vector()[S_RATE] = 1.0
+    # right 3 N, left -1 N at the floor: 2 N forward, 0.2 m * 4 N = 0.8 N m to the left
+    plant.get_input_port().FixValue(context, [0.24, -0.08])
+    state = context.get_mutable_continuous_state_vector()
+    state[S_RATE], state[YAW_RATE] = 1.0, 2.0
     rates = plant.EvalTimeDerivatives(context).CopyToVector()
+    # mu M g = 0.6 * 4 kg * g = 23.536 N, times the half-track 0.2 m for yaw
     assert rates[0] == pytest.approx(1.0 - 0.5 * 2.0 / 23.536, rel=1e-6)
+    assert rates[2] == pytest.approx(2.0 - 2.0 * 0.25 * 0.8 / (23.536 * 0.2), rel=1e-6)
 
 
-def test_traction_slip_builds_up_over_the_relaxation_length():
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_traction_slip_builds_up_over_the_relaxation_length(direction):
     length, target = 0.2, 0.5 * 2.0 / (0.6 * 7.31 * GRAVITY)
     plant = OmniPlant(OmniPlantParameters(slip=Slip(traction_gain=[0.5, 0.0, 0.0], relaxation_length_m=length)))
     simulator = Simulator(plant)
     ApplySimulatorConfig(PRECISE, simulator)
     context = simulator.get_mutable_context()
-    plant.get_input_port().FixValue(context, FORWARD_2_N)
+    plant.get_input_port().FixValue(context, direction * FORWARD_2_N)
     for seconds in (0.5, 1.0, 2.0, 5.0):
         simulator.AdvanceTo(seconds)
-        rolled = 0.024 * plant.GetOutputPort("wheel_angle").Eval(context)[3]
-        lagged = context.get_continuous_state_vector()[LAG]
+        rolled = direction * 0.024 * plant.GetOutputPort("wheel_angle").Eval(context)[3]
+        lagged = direction * context.get_continuous_state_vector()[LAG]
         assert lagged == pytest.approx(target * (1.0 - np.exp(-rolled / length)), rel=1e-6)
     assert lagged > 0.99 * target
 

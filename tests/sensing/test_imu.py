@@ -49,7 +49,8 @@ def test_leaning_forward_by_10_degrees_gravity_shows_backward_along_the_body():
 def point_in_world(q, height):
     """The IMU's place in W for q = x, y, phi, tilt: R_z(phi) R_y(tilt) [0, 0, height] above the axle."""
     x, y, phi, tilt = q
-    return np.array([x + height * np.sin(tilt) * np.cos(phi), y + height * np.sin(tilt) * np.sin(phi), height * np.cos(tilt)])
+    ahead = height * np.sin(tilt)
+    return np.array([x + ahead * np.cos(phi), y + ahead * np.sin(phi), height * np.cos(tilt)])
 
 
 def attitude(q):
@@ -82,7 +83,8 @@ def test_motion_equals_finite_differences_in_the_world_while_the_robot_turns_and
     state = np.array([0.2, -0.1, 0.7, 0.3, 0.6, 2.0, -1.5, 0.0, 0.0, 0.3, 0.4])
     h = 1e-4
     before, now, after = (x[:4] for x in (moved(plant, state, torque, -h), state, moved(plant, state, torque, h)))
-    acceleration = (point_in_world(after, height) - 2.0 * point_in_world(now, height) + point_in_world(before, height)) / h**2
+    p0, p1, p2 = (point_in_world(q, height) for q in (before, now, after))
+    acceleration = (p2 - 2.0 * p1 + p0) / h**2
     force_b = attitude(now).T @ (acceleration + [0.0, 0.0, GRAVITY])
     spin = attitude(now).T @ (attitude(after) - attitude(before)) / (2.0 * h)
     rate_b = [spin[2, 1], spin[0, 2], spin[1, 0]]

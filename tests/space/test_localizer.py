@@ -105,7 +105,8 @@ def test_noise_differs_between_robots_ticks_and_seeds():
 
 
 @pytest.mark.parametrize("x, y, found", [
-    (1.25, 1.0, 1.0), (1.2501, 0.0, 0.0), (-1.2501, 0.0, 0.0), (0.0, 1.0001, 0.0), (0.0, -1.0001, 0.0), (np.nan, 0.0, 0.0),
+    (1.25, 1.0, 1.0), (1.2501, 0.0, 0.0), (-1.2501, 0.0, 0.0), (0.0, 1.0001, 0.0), (0.0, -1.0001, 0.0),
+    (np.nan, 0.0, 0.0),
 ])
 def test_a_robot_outside_of_the_space_is_not_seen(x, y, found):
     message = seen(x, y, 0.5, tick=57)

@@ -1,4 +1,4 @@
-"""State feedback for the pendulum, (6.39) with its signs as meant: tau = -K x, x = [-s_e, -phi_h, th, s', phi', th']."""
+"""State feedback for the pendulum, (6.39) with signs as meant: tau = -K x, x = [-s_e, -phi_h, th, s', phi', th']."""
 
 import numpy as np
 

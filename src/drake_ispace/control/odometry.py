@@ -125,9 +125,9 @@ class PendulumOdometry(Block):
         - path
         - velocity
 
-    encoder (5,): tick, theta_r, theta_l [rad], omega_r, omega_l [rad/s]. tilt (4,): tick, tilt [rad], rate [rad/s], bias.
-    pose (4,): tick, x, y [m], phi [rad], not wrapped. path (3,): tick, s [m], phi [rad], P_r of (6.32).
-    velocity (2,): s_dot [m/s], phi_dot [rad/s].
+    encoder (5,): tick, theta_r, theta_l [rad], omega_r, omega_l [rad/s]. tilt (4,): tick, tilt [rad], rate [rad/s],
+    gyro bias [rad/s]. pose (4,): tick, x, y [m], phi [rad], not wrapped. path (3,): tick, s [m], phi [rad], P_r of
+    (6.32). velocity (2,): s_dot [m/s], phi_dot [rad/s].
 
     Args:
         radius_m: r_w; half_track_m: b of (2.36); initial_pose: where the robot is told to start.

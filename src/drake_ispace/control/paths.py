@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.block import kernel
 from drake_ispace.errors import InputError, shown
 from drake_ispace.quantity import quantity
 
@@ -72,30 +73,63 @@ class Path:
         if len(self.table) == 1:
             return np.linalg.norm(points_m - self.points_m[0], axis=1), np.zeros(len(points_m))
         gaps, arcs = np.empty(len(points_m)), np.empty(len(points_m))
-        for row, point in enumerate(points_m):
-            gap, arc = self._project(point)
-            best = np.argmin(gap)
-            gaps[row], arcs[row] = gap[best], arc[best]
+        _nearest(self.table, np.ascontiguousarray(points_m, dtype=float), gaps, arcs)
         return gaps, arcs
 
     def progress(self, point_m: np.ndarray, arc_m: float) -> float:
         """How far [m] beyond `arc_m` the place nearest to a point (2,) lies, looked for within a sixth of the path
         only, so that a path that crosses itself or goes round many times keeps its order."""
-        reach_m = self.length_m / 6.0
-        gaps, arcs = self._project(point_m)
-        ahead = arcs - arc_m
-        if self.closed:
-            ahead = (ahead + self.length_m / 2.0) % self.length_m - self.length_m / 2.0
-        gaps = np.where(np.abs(ahead) <= reach_m, gaps, np.inf)
-        return float(ahead[np.argmin(gaps)]) if np.isfinite(gaps).any() else 0.0
+        return _ahead(self.table, self.closed, float(point_m[0]), float(point_m[1]), float(arc_m))
 
-    def _project(self, point):
-        """Distance and arc length of the nearest place on every edge."""
-        a, b = self.points_m[:-1], self.points_m[1:]
-        edge = b - a
-        along = np.clip(np.sum((point - a) * edge, axis=1) / np.maximum(np.sum(edge**2, axis=1), 1e-30), 0.0, 1.0)
-        gaps = np.linalg.norm(a + along[:, None] * edge - point, axis=1)
-        return gaps, self.table[:-1, 0] + along * np.diff(self.table[:, 0])
+    def follow(self, points_m: np.ndarray) -> np.ndarray:
+        """Arc lengths [m] (k,) reached at points (k, 2) met one after the other: the sum of their `progress` from 0."""
+        arcs = np.empty(len(points_m))
+        _follow(self.table, self.closed, np.ascontiguousarray(points_m, dtype=float), arcs)
+        return arcs
+
+
+@kernel
+def _project(table, edge, x, y):
+    """Squared distance and arc length of the place on an edge that is nearest to (x, y)."""
+    ax, ay = table[edge, 1], table[edge, 2]
+    ex, ey = table[edge + 1, 1] - ax, table[edge + 1, 2] - ay
+    along = ((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30)
+    along = min(max(along, 0.0), 1.0)
+    gap_x, gap_y = ax + along * ex - x, ay + along * ey - y
+    return gap_x * gap_x + gap_y * gap_y, table[edge, 0] + along * (table[edge + 1, 0] - table[edge, 0])
+
+
+@kernel(nogil=True)
+def _nearest(table, points, gaps, arcs):
+    for k in range(points.shape[0]):
+        least, best = np.inf, 0.0
+        for edge in range(table.shape[0] - 1):
+            squared, arc = _project(table, edge, points[k, 0], points[k, 1])
+            if squared < least:
+                least, best = squared, arc
+        gaps[k], arcs[k] = np.sqrt(least), best
+
+
+@kernel(nogil=True)
+def _ahead(table, closed, x, y, reached):
+    length = table[-1, 0]
+    least, best = np.inf, 0.0
+    for edge in range(table.shape[0] - 1):
+        squared, arc = _project(table, edge, x, y)
+        ahead = arc - reached
+        if closed:
+            ahead = (ahead + length / 2.0) % length - length / 2.0
+        if abs(ahead) <= length / 6.0 and squared < least:
+            least, best = squared, ahead
+    return best
+
+
+@kernel(nogil=True)
+def _follow(table, closed, points, arcs):
+    reached = 0.0
+    for k in range(points.shape[0]):
+        reached += _ahead(table, closed, points[k, 0], points[k, 1], reached)
+        arcs[k] = reached
 
 
 def build_path(trajectory: Trajectory, where: str) -> Path:

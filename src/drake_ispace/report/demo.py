@@ -28,8 +28,8 @@ _COMPARISONS = (
     ),
     (
         "pendulum_circle", "The inverted pendulum on a circle",
-        "It balances at 5 ms on encoders and IMU; way point and trajectory tracker live in the room and act every 95 ms. "
-        "Look-ahead 0.2 m, which is most of the lag; friction compensated.",
+        "It balances at 5 ms on encoders and IMU; way point and trajectory tracker live in the room and act every 95 "
+        "ms. Look-ahead 0.2 m, which is most of the lag; friction compensated.",
         ("pendulum_multirate", "pendulum_vision_feedback", "pendulum_jacobian_tracking"),
         ["pendulum.trajectory.kind=circle"],
     ),
@@ -78,7 +78,7 @@ def write_demo(
                 _plot_shared(results, fresh / f"{key}.png")
             else:
                 plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, fresh / f"{key}.png")
-            for name, (run, _, metrics) in results.items():
+            for name, (_, _, metrics) in results.items():
                 numbers[f"{key}/{name}"] = metrics.to_data()
             runs = {id(run): run for run, _, _ in results.values()}.values()  # two robots may share one
             simulated_s += sum(float(run.time_s[-1]) for run in runs)

@@ -1,6 +1,7 @@
 """A Diagram as one machine-code function."""
 
 import hashlib
+import inspect
 import linecache
 import os
 import platform
@@ -17,6 +18,7 @@ from pydrake.systems.framework import Context, Diagram
 from drake_ispace.block import cache_folder
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.noise import stream
+from drake_ispace.rollout import views
 from drake_ispace.rollout.emit import Emitter, Layout
 from drake_ispace.rollout.network import Network, Port, take_apart
 
@@ -155,6 +157,7 @@ def _machine_code(emitter: Emitter):
     digest = hashlib.sha256(emitter.source.encode())
     for name, kernel in sorted(emitter.kernels.items()):
         digest.update(f"{name}={kernel.digest}".encode())
+    digest.update(inspect.getsource(views).encode())
     digest.update(f"{numba.__version__} {np.__version__} {platform.machine()}".encode())
     folder = cache_folder() / "rollouts" / digest.hexdigest()[:24]
     try:
@@ -171,7 +174,8 @@ def _load(emitter: Emitter, folder: Path):
         beside = folder / f"{uuid.uuid4().hex}.part"
         beside.write_text(emitter.source)
         os.replace(beside, file)
-    names = {"np": np, "__name__": "drake_ispace_rollout", "__file__": str(file), **emitter.kernels}
+    names = {"np": np, "local": views.local, "part": views.part, **emitter.kernels}
+    names |= {"__name__": "drake_ispace_rollout", "__file__": str(file)}
     exec(compile(emitter.source, str(file), "exec"), names)
     linecache.checkcache(str(file))
     saved = numba.config.CACHE_DIR

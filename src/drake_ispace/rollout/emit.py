@@ -15,6 +15,7 @@ from drake_ispace.rates import TICK_S
 from drake_ispace.rollout.network import Network, Port
 
 _CHECK_TICKS = 256  # between looks for a state that is no number
+_LONGEST_COPY = 64  # floats; a longer parameter, a path's table, is read where it lies
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,10 @@ class _Code:
     def add(self, line: str) -> None:
         self.lines.append("    " * self.depth + line)
 
-    def copy(self, source: str, target: str) -> None:
-        """An element-wise copy: a slice assignment would check for overlap every time."""
-        self.add(f"for i in range({source}.shape[0]):")
-        self.add(f"    {target} = {source}[i]")
+    def copy(self, size: int, source: str, target: str) -> None:
+        """An element-wise copy, with `i` in both texts: a slice assignment would check for overlap every time."""
+        self.add(f"for i in range({size}):")
+        self.add(f"    {target} = {source}")
 
     @contextmanager
     def inside(self, condition: str | None):
@@ -86,7 +87,10 @@ class Emitter:
         body.add("if k == last:")
         body.add("    break")
         if self._network.inputs:
-            body.add("u[:] = recorded[k]")
+            start = 0
+            for name, size in self._network.inputs.items():
+                body.copy(size, f"recorded[k, {_at(start)}]", f"{self._port(Port(None, name))}[i]")
+                start += size
             body.fresh = {item for item in body.fresh if "u" not in self._depends(item)}
         for phase in (Phase.SENSE, Phase.COMPUTE):
             self._write_phase(body, phase)
@@ -96,49 +100,51 @@ class Emitter:
             f"def rollout(first, last, x, d, p, recorded{logs}):",
             '    """Ticks first to last; x, d: continuous and discrete state, changed in place; p: parameters;',
             "    recorded (ticks, inputs): what drives the exported inputs. Returns the tick that was reached.\"\"\"",
-            *self._views(),
+            *self._vectors(),
+            "    reached = last",
             "    for k in range(first, last + 1):",
         ]
-        return "\n".join([*head, *body.lines, "    return last", ""])
+        return "\n".join([*head, *body.lines, *self._store(), "    return reached", ""])
 
-    def _views(self) -> list[str]:
-        """Names for the parts of the packed vectors, made once before the loop."""
-        lines = []
-        states = sum(len(leaf.continuous_state) for leaf in self._network.leaves.values())
-        memory = sum(len(leaf.discrete_state) for leaf in self._network.leaves.values())
-        inputs = sum(self._network.inputs.values())
-        lines += [f"    {name} = np.zeros({states})" for name in ("x0", "dx", "k1", "k2")]
-        lines += [f"    {name} = np.zeros({memory})" for name in ("d_next", "d_held")]
-        lines += [f"    u = np.zeros({inputs})", "    empty = np.zeros(0)"]
+    def _vectors(self) -> list[str]:
+        """State, parameters and ports as vectors of constant size (views.py), made once before the loop."""
+        code = _Code([], depth=1)
         for name, leaf in self._network.leaves.items():
             alias = self._alias[name]
             if leaf.spec.derivatives is not None:
-                part = _text(self.layout.continuous[name])
-                lines += [f"    {alias}_x = x[{part}]", f"    {alias}_dx = dx[{part}]"]
-            if len(leaf.discrete_state):
-                part = _text(self.layout.discrete[name])
-                lines += [f"    {alias}_d = d[{part}]", f"    {alias}_next = d_next[{part}]"]
-                if len(leaf.spec.updates) > 1:
-                    lines.append(f"    {alias}_held = d_held[{part}]")
-            lines += self._parameter_views(name)
-        work = _slices({port: self._network.source_size(port) for port in self._ports if port.leaf is not None})
-        total = sum(s.stop - s.start for s in work.values())
-        lines.append(f"    w = np.zeros({total})")
-        lines += [f"    {self._ports[port]} = w[{_text(part)}]" for port, part in work.items()]
-        start = 0
-        for name, size in self._network.inputs.items():
-            if Port(None, name) in self._ports:
-                lines.append(f"    {self._ports[Port(None, name)]} = u[{start}:{start + size}]")
-            start += size
-        return lines
+                size = len(leaf.continuous_state)
+                for vector in ("x", "x0", "k1", "k2", "dx"):
+                    code.add(f"{alias}_{vector} = local({size})")
+                code.copy(size, f"x[{_at(self.layout.continuous[name].start)}]", f"{alias}_x[i]")
+            if size := len(leaf.discrete_state):
+                for vector in ("d", "next", *(["held"] if self._has_several(name) else [])):
+                    code.add(f"{alias}_{vector} = local({size})")
+                code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{alias}_d[i]")
+            start = self.layout.parameters[name].start
+            for parameter, size, is_scalar in _parameter_sizes(leaf.spec):
+                own = f"{alias}_{parameter}"
+                if is_scalar:
+                    code.add(f"{own} = p[{start}]")
+                elif size > _LONGEST_COPY:
+                    code.add(f"{own} = part(p, {start}, {size})")
+                else:
+                    code.add(f"{own} = local({size})")
+                    code.copy(size, f"p[{_at(start)}]", f"{own}[i]")
+                start += size
+        for port, name in self._ports.items():
+            code.add(f"{name} = local({self._network.source_size(port)})")
+        code.add("empty = local(0)")
+        return code.lines
 
-    def _parameter_views(self, name):
-        start, lines = self.layout.parameters[name].start, []
-        for parameter, size, is_scalar in _parameter_sizes(self._network.leaves[name].spec):
-            part = f"{start}" if is_scalar else f"{start}:{start + size}"
-            lines.append(f"    {self._alias[name]}_{parameter} = p[{part}]")
-            start += size
-        return lines
+    def _store(self) -> list[str]:
+        """Put the state back into the packed vectors."""
+        code = _Code([], depth=1)
+        for name, leaf in self._network.leaves.items():
+            if size := len(leaf.continuous_state):
+                code.copy(size, f"{self._alias[name]}_x[i]", f"x[{_at(self.layout.continuous[name].start)}]")
+            if size := len(leaf.discrete_state):
+                code.copy(size, f"{self._alias[name]}_d[i]", f"d[{_at(self.layout.discrete[name].start)}]")
+        return code.lines
 
     # -- phases ----------------------------------------------------------------------------------------------------
 
@@ -149,7 +155,7 @@ class Emitter:
                     if its == divisor:
                         self._evaluate(inner, port, tick)
                         row = "k" if divisor == 1 else f"k // {divisor}"
-                        inner.copy(self._port(port), f"{_log_name(name)}[{row}, i]")
+                        inner.copy(self._network.source_size(port), f"{self._port(port)}[i]", f"{_log_name(name)}[{row}, i]")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
         """All updates of a phase see the state before it; then all are stored."""
@@ -163,7 +169,7 @@ class Emitter:
         code.add(f"# {phase.value}")
         several = {name for _, group in due.items() for name, _ in group if self._has_several(name)}
         for name in sorted(several):
-            code.copy(f"{self._alias[name]}_d", f"{self._alias[name]}_next[i]")
+            self._copy_memory(code, name, "d", "next")
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
             with code.inside(condition) as inner:
                 for name, update in group:
@@ -171,9 +177,13 @@ class Emitter:
         for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
             with code.inside(condition) as inner:
                 for name in dict.fromkeys(name for name, _ in group):
-                    inner.copy(f"{self._alias[name]}_next", f"{self._alias[name]}_d[i]")
+                    self._copy_memory(inner, name, "next", "d")
         changed = {("d", name) for group in due.values() for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
+
+    def _copy_memory(self, code, name, source, target):
+        alias = self._alias[name]
+        code.copy(len(self._network.leaves[name].discrete_state), f"{alias}_{source}[i]", f"{alias}_{target}[i]")
 
     def _has_several(self, name):
         return len(self._network.leaves[name].spec.updates) > 1
@@ -185,7 +195,7 @@ class Emitter:
             return
         values = self._arguments(code, name, update.kernel, "k")
         if self._has_several(name):  # one after the other, in the order declared
-            code.copy(f"{alias}_next", f"{alias}_held[i]")
+            self._copy_memory(code, name, "next", "held")
             values = [f"{alias}_held" if value == f"{alias}_d" else value for value in values]
         code.add(f"{self._kernel(name, update.kernel)}({', '.join([*values, f'{alias}_next'])})")
 
@@ -200,16 +210,12 @@ class Emitter:
         for name in leaves:  # what does not change during the step is evaluated once
             for port in self._sources(name, self._network.leaves[name].spec.derivatives):
                 self._evaluate_steady(steady, port)
-        states = "x.shape[0]"
         stages = (
-            ("k", None), ("k", ["k1[i] = dx[i]", "x0[i] = x[i]", "x[i] = x0[i] + (0.5 * h) * k1[i]"]),
-            ("k + 1", ["k2[i] = dx[i]", "x[i] = x0[i] + (-h * k1[i] + (2.0 * h) * k2[i])"]),
+            ("k", []), ("k", ["{0}_k1[i] = {0}_dx[i]", "{0}_x0[i] = {0}_x[i]", "{0}_x[i] = {0}_x0[i] + (0.5 * h) * {0}_k1[i]"]),
+            ("k + 1", ["{0}_k2[i] = {0}_dx[i]", "{0}_x[i] = {0}_x0[i] + (-h * {0}_k1[i] + (2.0 * h) * {0}_k2[i])"]),
         )
         for tick, lines in stages:
-            if lines:
-                code.add(f"for i in range({states}):")
-                for line in lines:
-                    code.add("    " + line)
+            self._for_each_state(code, lines)
             moved = lambda item: any(atom[0] in ("x", "tick") for atom in self._depends(item))  # noqa: E731
             inner = _Code(code.lines, {item for item in steady.fresh if not moved(item)}, code.depth)
             for name in leaves:
@@ -217,12 +223,24 @@ class Emitter:
                 values = self._arguments(inner, name, function, tick)
                 code.add(f"{self._kernel(name, function)}({', '.join([*values, f'{self._alias[name]}_dx'])})")
         code.add("h6 = h / 6.0")
-        code.add("finite = True")
-        code.add(f"for i in range({states}):")
-        code.add("    x[i] = x0[i] + ((h6 * k1[i] + (4.0 * h6) * k2[i]) + h6 * dx[i])")
-        code.add("    finite = finite and np.isfinite(x[i])")
-        code.add(f"if not finite and k % {_CHECK_TICKS} == 0:")
-        code.add("    return k")
+        self._for_each_state(code, [
+            "{0}_x[i] = {0}_x0[i] + ((h6 * {0}_k1[i] + (4.0 * h6) * {0}_k2[i]) + h6 * {0}_dx[i])",
+        ])
+        code.add(f"if k % {_CHECK_TICKS} == 0:")
+        inner = _Code(code.lines, depth=code.depth + 1)
+        inner.add("finite = True")
+        self._for_each_state(inner, ["finite = finite and np.isfinite({0}_x[i])"])
+        inner.add("if not finite:")
+        inner.add("    reached = k")
+        inner.add("    break")
+
+    def _for_each_state(self, code: _Code, lines: list[str]) -> None:
+        """The lines for every element `i` of every leaf `{0}` with a continuous state."""
+        for name, leaf in self._network.leaves.items():
+            if lines and leaf.spec.derivatives is not None:
+                code.add(f"for i in range({len(leaf.continuous_state)}):")
+                for line in lines:
+                    code.add("    " + line.format(self._alias[name]))
 
     # -- evaluating outputs ----------------------------------------------------------------------------------------
 
@@ -343,16 +361,17 @@ def _parameter_sizes(spec):
         yield name, size, names.count(name) == 1 and not isinstance(value, dict)
 
 
+def _at(start: int) -> str:
+    """The index of element `i` of a part that begins at `start`."""
+    return f"{start} + i" if start else "i"
+
+
 def _slices(sizes: dict) -> dict:
     start, parts = 0, {}
     for name, size in sizes.items():
         parts[name] = slice(start, start + size)
         start += size
     return parts
-
-
-def _text(part: slice) -> str:
-    return f"{part.start}:{part.stop}"
 
 
 def _identifier(text: str) -> str:

@@ -29,7 +29,7 @@ def _kernel(text: str):
     namespace = {}
     exec(text, {"__name__": "drake"}, namespace)
     (function,) = namespace.values()
-    compiled = numba.njit(error_model="numpy")(function)
+    compiled = numba.njit(forceinline=True, error_model="numpy")(function)
     compiled.digest = hashlib.sha256(text.encode()).hexdigest()
     return compiled
 

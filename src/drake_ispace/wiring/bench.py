@@ -30,6 +30,11 @@ class Bench:
         for signal, port in ports.items():
             self._builder.ExportOutput(self._output(port), signal)
 
+    def let_in(self, **ports: str) -> None:
+        """Export inputs of the Diagram: signal="block.input"."""
+        for signal, port in ports.items():
+            self._builder.ExportInput(self._input(port), signal)
+
     def build(self, name: str) -> Diagram:
         diagram = self._builder.Build()
         diagram.set_name(name)

@@ -1,0 +1,360 @@
+"""Many runs of one or several scenarios: on the threads of this machine, or on a Dask cluster.
+
+Every run becomes a row at once, so memory does not grow with the number of runs. What a run draws depends only on its
+number (draws.py): the table does not depend on threads, machines, or interruptions.
+"""
+
+import contextlib
+import dataclasses
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pyarrow as pa
+
+from drake_ispace.control.paths import build_path
+from drake_ispace.errors import InputError, shown
+from drake_ispace.metrics import measure
+from drake_ispace.rates import MAX_TICK, ticks_in
+from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
+from drake_ispace.rollout.table import Rows, campaign_folder
+from drake_ispace.scenario import Scenario, blaming, difference, read
+from drake_ispace.simulation import first_divergence, make_run
+from drake_ispace.wiring.catalog import build_diagram
+
+#: Columns of every robot; metrics.py says what they are.
+METRICS = (
+    "rms_position_error_m", "max_position_error_m", "rms_cross_track_m", "final_error_m", "iae_m_s", "control_effort",
+)
+_MOST_RUNS = 1_000_000
+_BATCH_TICKS = 400_000  # simulated by one call of a worker: some tenths of a second
+
+
+class CampaignStopped(KeyboardInterrupt):
+    """Ctrl-C in a campaign; its text says what was kept."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What a campaign gave.
+
+    Attributes:
+        table: a row per run, sorted by number: run, scenario, seed (of the noise; `simulate --seed` repeats it), every
+            parameter that differs between runs, diverged, diverged_at_s, and METRICS for each robot (null in a run
+            that diverged), prefixed "robot." where a scenario has several.
+        metrics: names of the columns of METRICS.
+        runs_now, wall_s: runs of this call, and how long they took, compiling apart.
+    """
+
+    table: pa.Table
+    metrics: list[str]
+    runs_now: int
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a campaign is to do; plain data, so that it can be sent to other machines.
+
+    For every scenario and every parameter set, runs 0 to `runs` - 1. A run's draws depend on its number within its
+    scenario and set only, so scenarios and sets are compared on the same random numbers. Numbers of the table go on
+    from cell to cell.
+    """
+
+    scenarios: dict[str, dict]
+    parameter_sets: list[dict[str, float]]
+    vary: dict[str, str]
+    runs: int
+    seed: int
+
+    def __len__(self) -> int:
+        return len(self.scenarios) * len(self.parameter_sets) * self.runs
+
+    def place(self, number: int) -> tuple[str, int, int]:
+        """(scenario, number of its parameter set, number of the run within these) of a row."""
+        cell, run = divmod(number, self.runs)
+        scenario, parameters = divmod(cell, len(self.parameter_sets))
+        return list(self.scenarios)[scenario], parameters, run
+
+    @property
+    def keys(self) -> list[str]:
+        """Parameters that differ between runs."""
+        return list(dict.fromkeys([key for parameters in self.parameter_sets for key in parameters] + list(self.vary)))
+
+
+def run_campaign(
+    scenarios: Scenario | Mapping[str, Scenario], runs: int, *, vary: Mapping[str, str] | None = None,
+    parameter_sets: Sequence[Mapping[str, float]] = ({},), seed: int = 0, out: Path | None = None,
+    threads: int | None = None, cluster: str | None = None, progress: Callable[[int, int], None] | None = None,
+) -> Campaign:
+    """Roll out every scenario with every parameter set under `runs` seeds.
+
+    Args:
+        scenarios: one, or several by name; each is compiled once.
+        runs: per scenario and parameter set.
+        vary: parameter -> "normal(mean, std)", "uniform(a, b)", "loguniform(a, b)" or "choice(a, b, ...)", in the
+            parameter's own unit. Parameters are those of the compiled blocks (`Rollout.parameter_names`), so a varied
+            "omni_plant.mass_kg" changes the robot and not what its controller believes of it.
+        parameter_sets: parameter -> value, over those of the scenario and below `vary`.
+        seed: of all draws and all noise.
+        out: folder for the plan and the rows. A call with the plan of an existing folder does what is missing there.
+        threads: rollouts at once on this machine, default one per core.
+        cluster: address of a Dask scheduler, as "tcp://host:8786", instead of threads.
+        progress: is told (rows done, rows in all).
+
+    Raises:
+        InputError: unknown parameters or distributions, values out of range, a folder with another plan, a cluster
+            that does not answer or a missing library.
+        CampaignStopped: Ctrl-C; rows done so far are in `out`.
+    """
+    plan = make_plan(scenarios, runs, vary or {}, parameter_sets, seed)
+    text = json.dumps(dataclasses.asdict(plan))
+    robots = _robots(plan)
+    with contextlib.ExitStack() as stack:
+        if out is not None:
+            stack.enter_context(campaign_folder(out, dataclasses.asdict(plan)))
+        rows = Rows(_schema(plan, robots), out)
+        before, started = len(rows.done), time.perf_counter()
+        tell = progress or (lambda done, total: None)
+        tell(before, len(plan))
+        try:
+            if len(rows.done) < len(plan):
+                _run(plan, text, rows, stack.enter_context(_workers(threads, cluster)), tell)
+        except KeyboardInterrupt:
+            raise CampaignStopped(_stopped(len(rows.done), len(plan), out)) from None
+        finally:
+            rows.flush()
+        wall_s = time.perf_counter() - started
+        return Campaign(rows.table(), _columns(robots), len(rows.done) - before, wall_s)
+
+
+def make_plan(
+    scenarios: Scenario | Mapping[str, Scenario], runs: int, vary: Mapping[str, str],
+    parameter_sets: Sequence[Mapping[str, float]], seed: int,
+) -> Plan:
+    """The Plan of `run_campaign`, every name and number checked.
+
+    Raises:
+        InputError: as `run_campaign`.
+    """
+    named = {scenarios.diagram: scenarios} if isinstance(scenarios, Scenario) else dict(scenarios)
+    if not 1 <= runs <= _MOST_RUNS:
+        raise InputError(f"--runs: expected 1 to {_MOST_RUNS} runs, got {runs}")
+    if not named or not parameter_sets:
+        raise InputError("a campaign needs at least one scenario and one parameter set, got none")
+    data = {name: _plain(scenario) for name, scenario in named.items()}
+    rollouts = {name: rollout_of(_text(scenario)) for name, scenario in data.items()}
+
+    def known(key, where):
+        return [find_parameter(key, rollout.parameter_names, where) for rollout in rollouts.values()][0]
+
+    drawn = {
+        known(key, "--vary"): parse_distribution(distribution, f"--vary {key}") for key, distribution in vary.items()
+    }
+    if len(drawn) < len(vary):
+        raise InputError("--vary: the same parameter is named twice, expected once")
+    sets = [{known(key, "parameter_sets"): float(value) for key, value in one.items()} for one in parameter_sets]
+    for scenario in named.values():
+        for key, distribution in drawn.items():
+            draws = distribution.draws(seed, key, range(runs))
+            _check_range(scenario, key, (draws.min(), draws.max()), f"--vary {key}={distribution}")
+        for key in {key for one in sets for key in one}:
+            values = [one[key] for one in sets if key in one]
+            _check_range(scenario, key, (min(values), max(values)), "parameter_sets")
+    return Plan(data, sets, {key: str(distribution) for key, distribution in drawn.items()}, runs, seed)
+
+
+def parameters_of(scenario: Scenario) -> dict[str, float]:
+    """name -> value of what a campaign of `scenario` can vary.
+
+    Raises:
+        InputError: values that do not go together.
+    """
+    rollout = rollout_of(_text(_plain(scenario)))
+    values = dict(zip(rollout.parameter_names, map(float, rollout.parameters), strict=True))
+    return {name: values[name] for name in variable(rollout.parameter_names)}
+
+
+def run_rows(plan_text: str, numbers: Sequence[int]) -> list[dict]:
+    """The rows of the runs of these numbers; what a worker does, on whichever machine it is."""
+    plan = _plan(plan_text)
+    rows = []
+    for number in numbers:
+        name, parameter_set, run = plan.place(number)
+        text = _text(plan.scenarios[name])
+        rollout, scenario = rollout_of(text), _scenario(text)
+        values = plan.parameter_sets[parameter_set] | {
+            key: float(distribution.draws(plan.seed, key, [run])[0])
+            for key, distribution in _distributions(plan_text).items()
+        }
+        seed = noise_seed(plan.seed, run)
+        parameters = rollout.with_seed(seed, rollout.with_parameters(values))
+        logs = rollout.run(min(ticks_in(scenario.seconds), MAX_TICK), parameters)
+        current = {key: float(parameters[rollout.index(key)]) for key in plan.keys}
+        rows.append({"run": number, "scenario": name, "seed": seed, **current, **_reduced(scenario, logs)})
+    return rows
+
+
+def _reduced(scenario, logs):
+    """The metrics of a run, for columns of the table."""
+    run = make_run(scenario, logs, first_divergence(logs), 0.0)
+    row = {"diverged": run.diverged_s is not None, "diverged_at_s": run.diverged_s}
+    if not row["diverged"]:
+        for robot in run.robots:
+            metrics = measure(run, robot)
+            row |= {_column(robot, name, run.robots): getattr(metrics, name) for name in METRICS}
+    return row
+
+
+# -- where the work is done ----------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parallel]:
+    """What runs batches: threads here (the compiled function holds no lock), or the workers of a Dask cluster."""
+    options = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "3 * n_jobs"}
+    if cluster is None:
+        if threads is not None and not 1 <= threads <= 1024:
+            raise InputError(f"--threads: expected 1 to 1024, got {threads}")
+        yield joblib.Parallel(threads or joblib.cpu_count(), backend="threading", **options)
+        return
+    if threads is not None:
+        raise InputError("--threads: is for this machine, expected it left out with --cluster")
+    try:
+        from dask.distributed import Client
+    except ImportError:
+        raise InputError("--cluster: needs Dask, expected `pip install drake_ispace[cluster]`") from None
+    try:
+        client = Client(cluster, timeout=10.0, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"--cluster {shown(cluster)}: no Dask scheduler answers ({_first_line(error)}), expected an address such "
+            "as tcp://host:8786"
+        ) from None
+    with client, joblib.parallel_config("dask", client=client):
+        yield joblib.Parallel(-1, **options)
+
+
+def _run(plan: Plan, text: str, rows: Rows, parallel: joblib.Parallel, tell: Callable[[int, int], None]) -> None:
+    """Do what is missing in `rows`, some runs at a time."""
+    longest = max(_scenario(_text(data)).seconds for data in plan.scenarios.values())
+    size = max(1, min(100, _BATCH_TICKS // ticks_in(longest)))
+    missing = (number for number in range(len(plan)) if number not in rows.done)
+    batches = iter(lambda: list(islice(missing, size)), [])
+    results = parallel(joblib.delayed(run_rows)(text, numbers) for numbers in batches)
+    try:
+        for batch in results:
+            rows.add(batch)
+            tell(len(rows.done), len(plan))
+    finally:
+        results.close()
+
+
+def _stopped(done, total, out):
+    kept = f"they are kept in {out} and the same call does the rest" if out else "with --out they would be kept"
+    return f"stopped after {done} of {total} runs, {kept}"
+
+
+# -- a scenario on a worker ----------------------------------------------------------------------------------------
+
+_compiling = threading.Lock()
+
+
+def rollout_of(scenario_text: str) -> Rollout:
+    """The compiled Diagram of a scenario, made once in a process: Drake does not free its Diagrams."""
+    with _compiling:
+        return _rollout(scenario_text)
+
+
+@lru_cache(maxsize=64)
+def _rollout(scenario_text):
+    scenario = _scenario(scenario_text)
+    with blaming(scenario.diagram):
+        return compile_diagram(build_diagram(scenario))
+
+
+@lru_cache(maxsize=64)
+def _scenario(text):
+    return read(Scenario(), json.loads(text), "campaign")
+
+
+@lru_cache(maxsize=4)
+def _plan(text) -> Plan:
+    return Plan(**json.loads(text))
+
+
+@lru_cache(maxsize=4)
+def _distributions(plan_text) -> dict[str, Distribution]:
+    return {key: parse_distribution(text, key) for key, text in _plan(plan_text).vary.items()}
+
+
+def _text(data):
+    return json.dumps(data, sort_keys=True)
+
+
+def _plain(scenario):
+    """The scenario as plain data that means the same on every machine; the seed is the campaign's."""
+    robots = {}
+    for name in ("omni", "pendulum"):
+        robot = getattr(scenario, name)
+        if robot.trajectory.csv is not None:
+            vertices = build_path(robot.trajectory, f"{name}.trajectory").points_m
+            points = np.vstack([vertices[0::2], vertices[-1:]]).tolist()  # an edge of a Path is two rows
+            trajectory = dataclasses.replace(robot.trajectory, csv=None, points_m=points)
+            robots[name] = dataclasses.replace(robot, trajectory=trajectory)
+    data = difference(dataclasses.replace(scenario, seed=0, **robots))
+    return {"diagram": scenario.diagram, "seconds": scenario.seconds} | data
+
+
+# -- the columns -----------------------------------------------------------------------------------------------------
+
+
+def _robots(plan):
+    """The robots of every scenario."""
+    names = [rollout_of(_text(data)).logged for data in plan.scenarios.values()]
+    return [[name.removesuffix("_pose") for name in logged if name.endswith("_pose")] for logged in names]
+
+
+def _columns(robots):
+    return list(dict.fromkeys(_column(robot, name, group) for group in robots for robot in group for name in METRICS))
+
+
+def _column(robot, name, robots):
+    return name if len(robots) == 1 else f"{robot}.{name}"
+
+
+def _schema(plan, robots):
+    fields = [("run", pa.int64()), ("scenario", pa.string()), ("seed", pa.int64())]
+    fields += [(key, pa.float64()) for key in plan.keys]
+    fields += [("diverged", pa.bool_()), ("diverged_at_s", pa.float64())]
+    return pa.schema(fields + [(name, pa.float64()) for name in _columns(robots)])
+
+
+def _check_range(scenario, key, values, where):
+    """Refuse values that the scenario's own field, where it has one of that name, would not take."""
+    names = key.replace("_", ".", 1).split(".")
+    target, kind = scenario, None
+    for name in names:
+        fields = {f.name: f for f in dataclasses.fields(target)} if dataclasses.is_dataclass(target) else {}
+        if name not in fields:
+            return
+        kind, target = fields[name].type, getattr(target, name)
+    if kind not in (int, float, float | None):
+        return
+    for value in values:
+        value = int(value) if kind is int and float(value).is_integer() else float(value)
+        for name in reversed(names):
+            value = {name: value}
+        read(scenario, value, where)
+
+
+def _first_line(error):
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,53 @@
+"""Float vectors whose size the compiler knows, for compiled rollouts.
+
+A NumPy array made with np.zeros, or a slice of one, has a size that LLVM learns only when the function runs, and may share
+its memory with any other. So loops over it stay loops, and every store forces every later load. A vector of `local`
+lies on the stack under a constant size: once the kernels are inlined, LLVM unrolls their loops and keeps the elements
+in registers, as it does for a fixed array in C.
+"""
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import RequireLiteralValue
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
+
+_VECTOR = types.Array(types.float64, 1, "C")
+
+
+@intrinsic
+def local(typing_context, size):
+    """A vector of `size` zeros on the stack; `size`: a literal. It lives as long as the function that calls this."""
+    count = _literal(size)
+
+    def codegen(context, builder, signature, arguments):
+        kind = ir.ArrayType(ir.DoubleType(), count)
+        memory = cgutils.alloca_once(builder, kind, zfill=True)
+        return _array(context, builder, builder.bitcast(memory, ir.DoubleType().as_pointer()), count)
+
+    return _VECTOR(size), codegen
+
+
+@intrinsic
+def part(typing_context, vector, start, size):
+    """vector[start:start + size]; `start`, `size`: literals that lie inside. It shares the memory of `vector`."""
+    first, count = _literal(start), _literal(size)
+
+    def codegen(context, builder, signature, arguments):
+        source = make_array(_VECTOR)(context, builder, arguments[0])
+        return _array(context, builder, cgutils.gep(builder, source.data, first), count)
+
+    return _VECTOR(_VECTOR, start, size), codegen
+
+
+def _literal(size):
+    if not isinstance(size, types.IntegerLiteral):
+        raise RequireLiteralValue("expected a literal size")
+    return size.literal_value
+
+
+def _array(context, builder, data, count):
+    array = make_array(_VECTOR)(context, builder)
+    step = context.get_constant(types.intp, 8)
+    populate_array(array, data=data, shape=[context.get_constant(types.intp, count)], strides=[step], itemsize=step, meminfo=None)
+    return array._getvalue()

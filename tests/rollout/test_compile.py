@@ -1,0 +1,303 @@
+"""compile_diagram: nested Diagrams, exported inputs, Drake's primitives, run-time parameters, the cache on disk."""
+
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import (
+    Adder,
+    ConstantVectorSource,
+    Demultiplexer,
+    DiscreteTimeDelay,
+    Gain,
+    Integrator,
+    MatrixGain,
+    Multiplexer,
+    Saturation,
+    VectorLogSink,
+    ZeroOrderHold,
+)
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, cache_folder, kernel
+from drake_ispace.errors import InputError
+from drake_ispace.rates import TICK_S
+from drake_ispace.rollout import compile as compile_module
+from drake_ispace.rollout.compile import compile_diagram
+from drake_ispace.rollout.sensitivity import jacobian
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import make_simulator
+from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.catalog import build_diagram
+
+
+@kernel
+def fall(xc, force, mass, out):
+    out[0], out[1] = xc[1], force[0] / mass
+
+
+@kernel
+def show_state(xc, out):
+    out[0], out[1] = xc[0], xc[1]
+
+
+@kernel
+def count(tick, xd, out):
+    out[0], out[1] = np.sin(0.01 * tick), xd[1] + 1.0
+
+
+@kernel
+def show_memory(xd, out):
+    out[0], out[1] = xd[0], xd[1]
+
+
+class Mass(Block):
+    """A mass that a force pushes."""
+
+    def __init__(self, mass=2.0):
+        super().__init__(Spec(
+            inputs={"force": 1}, outputs={"state": Output(2, show_state)}, parameters={"mass": mass},
+            continuous_state=np.array([0.3, 0.0]), derivatives=fall,
+        ))
+
+
+class Counter(Block):
+    """A sine and a count, sampled every 3 ticks from tick 2 on."""
+
+    def __init__(self):
+        super().__init__(Spec(
+            outputs={"count": Output(2, show_memory)}, discrete_state=np.zeros(2),
+            updates=(Update(count, Phase.SENSE, 3, 2),),
+        ))
+
+
+def drake_log(diagram, ticks):
+    simulator, sinks = make_simulator(diagram)
+    simulator.AdvanceTo(ticks * TICK_S)
+    return {name: sink.FindLog(simulator.get_context()).data().T for name, sink in sinks.items()}
+
+
+def primitives_diagram():
+    """Every primitive of Drake that a rollout knows, in one loop around a mass, with a nested Diagram."""
+    inner = DiagramBuilder()
+    mass = inner.AddNamedSystem("mass", Mass())
+    hold = inner.AddNamedSystem("hold", ZeroOrderHold(2 * TICK_S, 1))
+    inner.Connect(hold.get_output_port(), mass.get_input_port())
+    inner.ExportInput(hold.get_input_port(), "force")
+    inner.ExportOutput(mass.get_output_port(), "state")
+    plant = inner.Build()
+    plant.set_name("plant")
+    bench = Bench()
+    bench.add("plant", plant)
+    bench.add("counter", Counter())
+    bench.add("split", Demultiplexer([1, 1]))
+    bench.add("join", Multiplexer([1, 1, 2]))
+    bench.add("gain", Gain([-3.0, -1.5]))
+    bench.add("mix", MatrixGain(np.array([[1.0, 0.5, 0.25, 0.01]])))
+    bench.add("limit", Saturation([-0.4], [0.5]))
+    bench.add("late", DiscreteTimeDelay(TICK_S, 3, 1))
+    bench.add("bias", ConstantVectorSource([0.05]))
+    bench.add("sum", Adder(2, 1))
+    bench.wire(
+        ("plant.state", "gain.u0"), ("gain.y0", "split.u0"), ("split.y0", "join.u0"), ("split.y1", "join.u1"),
+        ("counter.count", "join.u2"), ("join.y0", "mix.u0"), ("mix.y0", "limit.u0"), ("limit.y0", "late.u"),
+        ("late.delayed_u", "sum.u0"), ("bias.y0", "sum.u1"), ("sum.sum", "plant.force"),
+    )
+    bench.show(state="plant.state", force="sum.sum", count="counter.count", mixed="mix.y0")
+    return bench.build("primitives")
+
+
+def test_drakes_primitives_and_nested_diagrams_agree():
+    drake = drake_log(primitives_diagram(), 300)
+    compiled = compile_diagram(primitives_diagram()).run(300)
+    assert np.ptp(drake["state"][:, 0]) > 0.05
+    for name, rows in drake.items():  # MatrixGain multiplies through Eigen, whose order of additions may differ
+        np.testing.assert_allclose(compiled[name], rows, rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_an_exported_input_is_driven_by_a_recorded_signal():
+    bench = Bench()
+    bench.add("mass", Mass(mass=2.0))
+    bench.show(state="mass.state")
+    bench.let_in(force="mass.force")
+    rollout = compile_diagram(bench.build("driven"))
+    force = np.where(np.arange(100) < 50, 1.0, 0.0)
+    state = rollout.run(100, inputs={"force": force})["state"]
+    speed = 0.5 * 50 * TICK_S  # v = F t / m
+    np.testing.assert_allclose(state[[50, 100], 1], speed, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "words"), [({}, "no signal"), ({"force": np.zeros(3)}, "3 rows"), ({"pull": np.zeros(9)}, "'pull'")]
+)
+def test_a_wrong_recorded_signal_is_refused(inputs, words):
+    bench = Bench()
+    bench.add("mass", Mass())
+    bench.show(state="mass.state")
+    bench.let_in(force="mass.force")
+    rollout = compile_diagram(bench.build("driven"))
+    with pytest.raises(InputError, match=words):
+        rollout.run(9, inputs=inputs)
+
+
+def test_an_unknown_system_is_named():
+    bench = Bench()
+    bench.add("mass", Mass())
+    bench.add("sum_up", Integrator(2))
+    bench.add("zero", ConstantVectorSource([0.0]))
+    bench.wire(("mass.state", "sum_up.u0"), ("zero.y0", "mass.force"))
+    bench.show(state="mass.state")
+    with pytest.raises(InputError, match="sum_up is a Integrator, which a compiled rollout does not know"):
+        compile_diagram(bench.build("unknown"))
+
+
+def test_an_input_that_nothing_feeds_is_named():
+    bench = Bench()
+    bench.add("mass", Mass())
+    bench.show(state="mass.state")
+    with pytest.raises(InputError, match="mass: nothing feeds the input port 'force'"):
+        compile_diagram(bench.build("loose"))
+
+
+def test_a_period_off_the_tick_is_refused():
+    bench = Bench()
+    bench.add("zero", ConstantVectorSource([0.0]))
+    bench.add("hold", ZeroOrderHold(0.0123, 1))
+    bench.wire(("zero.y0", "hold.u"))
+    bench.show(held="hold.y")
+    with pytest.raises(InputError, match=r"hold: period 0\.0123 s"):
+        compile_diagram(bench.build("odd"))
+
+
+def test_a_new_mass_needs_no_new_compilation(monkeypatch):
+    scenario = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given"])
+    rollout = compile_diagram(build_diagram(scenario))
+    monkeypatch.setattr(compile_module, "_machine_code", lambda emitter: pytest.fail("compiled again"))
+    heavy = rollout.run(400, rollout.with_parameters({"omni_plant.mass_kg": 9.0}))
+    assert np.abs(heavy["omni_pose"] - rollout.run(400)["omni_pose"]).max() > 1e-4
+    built = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given", "omni.plant.mass_kg=9.0",
+                                             "omni.control.acceleration_feed_forward=false"])
+    monkeypatch.undo()
+    same = compile_diagram(build_diagram(built))
+    light = same.run(400, same.with_parameters({"omni_plant.mass_kg": 7.31}))
+    assert not np.array_equal(light["omni_pose"], same.run(400)["omni_pose"])
+
+
+def test_a_changed_parameter_equals_a_diagram_built_with_it():
+    base = load_scenario("pendulum_multirate", ["seconds=2"])
+    rollout = compile_diagram(build_diagram(base))
+    varied = rollout.run(400, rollout.with_parameters({"pendulum_plant.slip.ratio_x": 0.2}))
+    built = load_scenario("pendulum_multirate", ["seconds=2", "pendulum.plant.slip.ratio=[0.2, 0, 0]"])
+    expected = compile_diagram(build_diagram(built)).run(400)
+    assert np.array_equal(varied["pendulum_pose"], expected["pendulum_pose"])
+
+
+def test_a_seed_at_run_time_equals_a_diagram_built_with_it():
+    rollout = compile_diagram(build_diagram(load_scenario("omni_multirate", ["seed=1"])))
+    expected = compile_diagram(build_diagram(load_scenario("omni_multirate", ["seed=7"]))).run(400)
+    assert np.array_equal(rollout.run(400, rollout.with_seed(7))["omni_pose"], expected["omni_pose"])
+
+
+def test_values_of_the_context_are_taken():
+    bench = Bench()
+    mass = bench.add("mass", Mass())
+    bench.add("push", ConstantVectorSource([4.0]))
+    bench.wire(("push.y0", "mass.force"))
+    bench.show(state="mass.state")
+    diagram = bench.build("moving")
+    context = diagram.CreateDefaultContext()
+    own = mass.GetMyMutableContextFromRoot(context)
+    own.SetContinuousState([1.0, 2.0])
+    own.get_mutable_numeric_parameter(0).SetFromVector([8.0])
+    state = compile_diagram(diagram, context).run(1)["state"]
+    np.testing.assert_allclose(state[:, 1], [2.0, 2.0 + 0.5 * TICK_S], rtol=1e-12)
+
+
+def test_logs_at_a_divisor_are_rows_of_the_full_log():
+    diagram = build_diagram(load_scenario("omni_multirate"))
+    full = compile_diagram(diagram).run(100)["omni_pose"]
+    sparse = compile_diagram(diagram, log={"omni_plant.pose": 19, "omni_pose": 50}).run(100)
+    assert np.array_equal(sparse["omni_plant.pose"], full[::19])
+    assert np.array_equal(sparse["omni_pose"], full[::50])
+
+
+def test_an_unknown_signal_or_parameter_is_refused_with_a_suggestion():
+    diagram = build_diagram(load_scenario("omni_multirate"))
+    with pytest.raises(InputError, match="did you mean 'omni_pose'"):
+        compile_diagram(diagram, log={"omni_pos": 1})
+    with pytest.raises(InputError, match="did you mean 'omni_plant.mass_kg'"):
+        compile_diagram(diagram).with_parameters({"omni_plant.mass": 1.0})
+
+
+def test_threads_give_the_same_numbers():
+    rollout = compile_diagram(build_diagram(load_scenario("omni_multirate")))
+    alone = [rollout.run(400, rollout.with_seed(seed))["omni_pose"] for seed in range(6)]
+    with ThreadPoolExecutor(3) as pool:
+        together = list(pool.map(lambda seed: rollout.run(400, rollout.with_seed(seed))["omni_pose"], range(6)))
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
+
+
+def test_the_function_reads_like_the_diagram():
+    source = compile_diagram(build_diagram(load_scenario("omni_multirate"))).source
+    assert source.index("# sense") < source.index("encoder_sample(") < source.index("# compute")
+    assert source.index("# compute") < source.index("actuator_hold(") < source.index("# integrate")
+
+
+def small_rollout():
+    bench = Bench()
+    bench.add("counter", Counter())
+    bench.show(count="counter.count")
+    return compile_diagram(bench.build("small"))
+
+
+@pytest.mark.parametrize("damage", ["truncate", "garbage", "stale"])
+def test_damaged_cache_entries_are_made_anew(damage, tmp_path, monkeypatch):
+    monkeypatch.setenv("DRAKE_ISPACE_CACHE", str(tmp_path))
+    expected = small_rollout().run(20)["count"]
+    files = [f for f in (cache_folder() / "rollouts").rglob("*") if f.is_file()]
+    assert any(f.suffix == ".nbc" for f in files)
+    for file in files:
+        if damage == "truncate":
+            file.write_bytes(file.read_bytes()[:20])
+        elif damage == "garbage":
+            file.write_bytes(b"\x00garbage" * 50)
+        elif file.suffix == ".py":
+            file.write_text("def rollout(*arguments):\n    return 0\n")
+    assert np.array_equal(small_rollout().run(20)["count"], expected)
+
+
+def test_two_processes_may_race_for_one_entry(tmp_path):
+    text = (
+        "from drake_ispace.rollout.compile import compile_diagram\n"
+        "from drake_ispace.scenario import load_scenario\n"
+        "from drake_ispace.wiring.omni import linear_model\n"
+        "from drake_ispace.wiring.bench import Bench\n"
+        "from drake_ispace.control.trajectory import WayPoint\n"
+        "from drake_ispace.control.paths import Trajectory, build_path\n"
+        "t = Trajectory(); bench = Bench(); bench.add('way', WayPoint(t, build_path(t, 't')))\n"
+        "bench.show(way='way.way_point')\n"
+        "print(repr(compile_diagram(bench.build('race')).run(400)['way'][-1].tolist()))\n"
+    )
+    import os
+
+    environment = {**os.environ, "DRAKE_ISPACE_CACHE": str(tmp_path)}
+    processes = [
+        subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True, env=environment) for _ in range(2)
+    ]
+    outputs = [process.communicate(timeout=120)[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0]
+    assert outputs[0] == outputs[1] != ""
+
+
+def test_sensitivity_of_a_mass_to_its_mass():
+    bench = Bench()
+    bench.add("mass", Mass(mass=2.0))
+    bench.add("push", ConstantVectorSource([4.0]))
+    bench.wire(("push.y0", "mass.force"))
+    bench.show(state="mass.state")
+    table = jacobian(compile_diagram(bench.build("pushed")), 200, ["mass.mass", "push.value[0]"])["state"]
+    t = 200 * TICK_S
+    np.testing.assert_allclose(table[-1, 1], [-4.0 / 2.0**2 * t, t / 2.0], rtol=1e-6)  # dv/dm = -F t/m^2, dv/dF = t/m

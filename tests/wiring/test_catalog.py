@@ -1,0 +1,114 @@
+"""Every Diagram of the catalog: builds, runs, repeats, hides no state."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.primitives import Demultiplexer, Multiplexer
+
+from drake_ispace.block import Block
+from drake_ispace.control.balance_controller import BalanceController
+from drake_ispace.control.error_estimator import ErrorEstimator
+from drake_ispace.control.friction_compensator import FrictionCompensator
+from drake_ispace.control.odometry import PendulumOdometry
+from drake_ispace.control.position_estimator import PositionEstimator
+from drake_ispace.control.tracker import TrajectoryTracker
+from drake_ispace.control.trajectory import WayPoint
+from drake_ispace.errors import InputError
+from drake_ispace.robots.actuator import TorqueActuator
+from drake_ispace.robots.pendulum import PendulumPlant
+from drake_ispace.scenario import Scenario, load_scenario
+from drake_ispace.sensing.encoder import WheelEncoder
+from drake_ispace.sensing.imu import InertialSensor
+from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
+from drake_ispace.simulation import simulate
+from drake_ispace.space.link import RoomLink
+from drake_ispace.space.localizer import KinectLocalizer
+from drake_ispace.wiring.catalog import CATALOG, build_diagram
+
+EVERY = pytest.mark.parametrize("name", CATALOG)
+
+
+def run(name, seed=0, seconds=2):
+    return simulate(load_scenario(name, [f"seconds={seconds}", f"seed={seed}"]))
+
+
+def same(a, b):
+    assert a.signals.keys() == b.signals.keys()
+    return all(np.array_equal(rows, b.signals[signal]) for signal, rows in a.signals.items())
+
+
+@EVERY
+def test_it_runs_without_nan(name):
+    result = run(name)
+    assert result.diverged_s is None
+    for signal, rows in result.signals.items():
+        assert len(rows) == 401, signal
+        assert np.isfinite(rows).all(), signal
+
+
+@EVERY
+def test_the_same_seed_gives_the_same_run_and_another_seed_another(name):
+    first, other, again = run(name, 3), run(name, 4), run(name, 3)
+    assert same(first, again)
+    assert not same(first, other)
+
+
+def test_runs_do_not_influence_each_other():
+    def both(names):
+        return {name: run(name) for name in names}
+
+    forward, backward = both(["omni_multirate", "pendulum_multirate"]), both(["pendulum_multirate", "omni_multirate"])
+    assert all(same(forward[name], backward[name]) for name in forward)
+
+
+@EVERY
+def test_it_consists_of_blocks(name):
+    diagram = build_diagram(load_scenario(name))
+    assert diagram.get_name() == name
+    for system in diagram.GetSystems():
+        assert isinstance(system, (Block, Multiplexer, Demultiplexer)), system.get_name()
+
+
+@EVERY
+def test_a_new_context_is_a_fresh_robot(name):
+    diagram = build_diagram(load_scenario(name))
+
+    def final(ticks_s):
+        simulator = Simulator(diagram)
+        simulator.AdvanceTo(ticks_s)
+        context = simulator.get_context()
+        return np.concatenate([diagram.get_output_port(i).Eval(context) for i in range(diagram.num_output_ports())])
+
+    start = final(0.0)
+    first = final(0.5)
+    assert np.array_equal(final(0.0), start)
+    assert np.array_equal(final(0.5), first)
+    assert not np.array_equal(first, start)
+
+
+def test_the_pendulums_loop_has_every_block_of_its_figure():
+    diagram = build_diagram(load_scenario("pendulum_multirate"))
+    assert {system.get_name(): type(system) for system in diagram.GetSystems()} == {
+        "pendulum_plant": PendulumPlant, "pendulum_actuator": TorqueActuator, "pendulum_encoder": WheelEncoder,
+        "pendulum_imu": InertialSensor, "pendulum_tilt_filter": TiltKalmanFilter, "pendulum_odometry": PendulumOdometry,
+        "pendulum_estimator": PositionEstimator, "pendulum_way_point": WayPoint, "pendulum_tracker": TrajectoryTracker,
+        "pendulum_link": RoomLink, "pendulum_error": ErrorEstimator, "pendulum_controller": BalanceController,
+        "pendulum_compensator": FrictionCompensator, "kinect": KinectLocalizer,
+    }
+
+
+def test_an_unknown_diagram_is_refused_with_a_hint():
+    with pytest.raises(InputError, match="there is no Diagram 'omni_multirat', did you mean 'omni_multirate'"):
+        build_diagram(dataclasses.replace(Scenario(), diagram="omni_multirat"))
+
+
+@pytest.mark.parametrize("name", ["omni_multirate", "pendulum_multirate"])
+def test_in_a_shared_room_each_robot_does_what_it_does_alone(name):
+    # without camera noise, whose stream knows the robots by their place in the room
+    shared = load_scenario("shared_space", ["space.localizer.noise_std_pixels=0", "seconds=5", "seed=3"])
+    together, alone = simulate(shared), simulate(dataclasses.replace(shared, diagram=name))
+    assert len(alone.signals) >= 8
+    for signal, rows in alone.signals.items():
+        assert np.array_equal(rows, together.signals[signal]), signal
