@@ -54,7 +54,7 @@ class OmniControl:
     # of the way point; (6.13) has none, which costs a lag of K_d v / K_p = 1 m
     velocity_feed_forward: bool = quantity(True)
     acceleration_feed_forward: bool = quantity(True)
-    # (6.6) without its rotation
+    # (6.6) without its rotation, and J at odometry's own heading
     estimator_as_printed: bool = quantity(False)
 
 

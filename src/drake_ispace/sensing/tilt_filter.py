@@ -1,4 +1,4 @@
-"""Kalman filter for tilt, tilt rate and gyro bias from the IMU (the thesis's section 2.2.1 names it, gives no equation).
+"""Kalman filter for tilt, tilt rate and gyro bias from the IMU; section 2.2.1 names it without an equation.
 
 State [theta, theta_dot, b]: the tilt rate is a random walk (white angular acceleration), the bias a slow one.
 Measurements: gyro y axis = theta_dot + b, and the direction of the specific force, atan2(-f_x, f_z) = theta for a body
@@ -25,6 +25,8 @@ class TiltFilter:
     accelerometer_std_rad: float = quantity(1.0, "rad", above=0.0)
     initial_bias_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
     initial_tilt_std_rad: float = quantity(0.01, "rad", above=0.0)
+    # the body is held still before t = 0
+    initial_rate_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
 
 
 TICK, TILT, RATE, BIAS, P = 0, 1, 2, 3, 4  # x_d; P: p00 p01 p02 p11 p12 p22
@@ -90,7 +92,7 @@ class TiltKalmanFilter(Block):
         start = np.zeros(10)
         start[TICK], start[TILT] = -1.0, initial_tilt_rad
         start[P], start[P + 3], start[P + 5] = (
-            believed.initial_tilt_std_rad**2, 0.01**2, believed.initial_bias_std_rad_s**2,
+            believed.initial_tilt_std_rad**2, believed.initial_rate_std_rad_s**2, believed.initial_bias_std_rad_s**2,
         )
         super().__init__(Spec(
             inputs={"imu": 7}, outputs={"tilt": Output(4, estimate)},

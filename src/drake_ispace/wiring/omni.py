@@ -126,7 +126,7 @@ def _close_multirate_loop(bench, scenario):
         ("omni_odometry.body_velocity", "omni_controller.body_velocity"),
         ("omni_link.order", "omni_controller.way_point"),
         ("omni_controller.force", "omni_jacobian.force"),
-        ("omni_estimator.pose", "omni_jacobian.estimate"),
+        (f"{'omni_odometry' if control.estimator_as_printed else 'omni_estimator'}.pose", "omni_jacobian.estimate"),
     )
     bench.show(omni_estimate="omni_estimator.pose")
 
