@@ -1,6 +1,6 @@
 """Block: a LeafSystem whose maths are pure functions ("kernels").
 
-A kernel is a module-level function that reads floats and float arrays and writes its last argument, `out`. **Its
+A kernel is a module-level function that reads floats and float arrays and writes its last argument, `out`, only. **Its
 argument names are its wiring**: `xc` and `xd` are the block's continuous and discrete state, `tick` is the number of
 the tick, and every other name is one of the block's input ports or parameters. Direct feed-through and cache
 dependencies follow from the names, so nothing is declared twice.
@@ -24,6 +24,7 @@ import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from pydrake.common.value import AbstractValue
+from pydrake.symbolic import Expression
 from pydrake.systems.framework import BasicVector_, InputPortIndex, LeafSystem_, ValueProducer
 from pydrake.systems.scalar_conversion import TemplateSystem
 
@@ -185,6 +186,8 @@ def Block_(T):
                 self._derivatives = self._bind(spec.derivatives)
             if spec.discrete_state is not None:
                 self.DeclareDiscreteState(BasicVector_[T](np.asarray(spec.discrete_state, dtype=float)))
+            if sum(update.phase is Phase.COMPUTE for update in spec.updates) > 1:
+                raise ValueError("a block has at most one update in the compute phase, where each sees the old state")
             for update in spec.updates:
                 self._declare_update(update)
             for name, output in spec.outputs.items():
@@ -192,7 +195,6 @@ def Block_(T):
 
         def _construct_copy(self, other, converter=None):
             Impl._construct(self, other.spec, converter=converter)
-            self.set_name(other.get_name())
 
         def _declare_cache(self, description, calc, prerequisites):
             def calculate(context, value):
@@ -248,6 +250,8 @@ def Block_(T):
         def _unpack(self, context):
             """Parameter name -> float or vector, as kernels take them."""
             flat, unpacked, start = context.get_numeric_parameter(0).CopyToVector(), {}, 0
+            if T is Expression:  # kernels branch on parameters, and a Formula has no truth value
+                flat = np.array([e if e.GetVariables().size() else e.Evaluate() for e in flat], dtype=object)
             for name, value in self.spec.parameters.items():
                 size = np.size(_values(value))
                 is_scalar = np.ndim(_values(value)) == 0

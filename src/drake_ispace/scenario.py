@@ -15,17 +15,22 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.control.adaptive_compensator import Adaptation
 from drake_ispace.control.friction_compensator import FrictionCompensation
 from drake_ispace.control.paths import Trajectory
+from drake_ispace.control.servo import Servo
 from drake_ispace.control.tracker import Tracker
 from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.identification.online_identifier import Identifier
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator
+from drake_ispace.robots.impulse import Impulse
 from drake_ispace.robots.omni import OmniPlantParameters
 from drake_ispace.robots.pendulum import PendulumPlantParameters
 from drake_ispace.sensing.encoder import Encoder
 from drake_ispace.sensing.imu import Imu
+from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
 from drake_ispace.sensing.tilt_filter import TiltFilter
 from drake_ispace.space.kinect import Space
 from drake_ispace.yaml_guard import load_yaml
@@ -107,6 +112,13 @@ class PendulumRobot:
     # x, y, phi at t = 0; null: where the path starts, along it
     initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
     initial_tilt_rad: float = quantity(0.0, "rad", minimum=-1.0, maximum=1.0)
+    # of the Diagram pendulum_servo only
+    servo: Servo = field(default_factory=Servo)
+    sensor_noise: SinusoidNoise = field(default_factory=SinusoidNoise)
+    # of the Diagram pendulum_friction_compensation only
+    impulse: Impulse = field(default_factory=Impulse)
+    adaptation: Adaptation = field(default_factory=Adaptation)
+    identifier: Identifier = field(default_factory=Identifier)
 
 
 @dataclass

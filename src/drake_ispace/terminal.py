@@ -27,10 +27,11 @@ def print_json(data: dict) -> None:
 def print_table(titles: list[str], rows: list[list]) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(*titles)
     for row in rows:
-        table.add_row(*map(str, row))
+        table.add_row(*(Text(str(cell)) for cell in row))  # a string with "[mm]" would be markup
     Console(width=None if sys.stdout.isatty() else 140).print(table)
 
 

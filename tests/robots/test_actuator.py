@@ -54,6 +54,10 @@ def test_the_converter_rounds_to_its_steps():
     assert torque == pytest.approx([0.01, 0.02, -0.01, 0.0])
 
 
+def test_rounding_never_passes_the_limit():
+    assert list(run(Actuator(limit_n_m=0.25, resolution_n_m=0.1), [1.0, -1.0])[0]) == [0.25, -0.25]
+
+
 def test_the_driver_is_a_first_order_lag():
     ticks = 200
     torque = run(Actuator(time_constant_s=0.05), [1.0], ticks)[:, 0]

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from drake_ispace.control.dlqr import dlqr, spectral_radius
 from drake_ispace.rates import TICK_S, VISION_S
 from drake_ispace.robots.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
-from drake_ispace.robots.wheels import Wheel, WheelGeometry, mecanum, omni3
+from drake_ispace.robots.wheels import differential, Wheel, WheelGeometry, mecanum, omni3
 from drake_ispace.wiring.omni import linear_model
 
 R, B, I_W = 0.024, 0.36, 1e-6
@@ -289,6 +289,14 @@ def test_mecanum_by_hand():
     # N = G'G: 4/r^2 in translation, 4 (a + b)^2/r^2 in yaw, times I_w = r^2
     mass = mass_matrix(Mecanum(wheel_inertia_kg_m2=R**2))
     np.testing.assert_allclose(mass, np.diag([11.31, 11.31, 0.0729 + 4.0 * 0.35**2]), atol=1e-12)
+
+
+def test_wheels_that_hold_sideways_make_no_omni_robot():
+    class Held(OmniPlantParameters):
+        geometry = differential(0.08, 0.2)
+
+    with pytest.raises(ValueError, match="do not hold sideways"):
+        OmniPlant(Held())
 
 
 def test_a_heavier_robot_is_slower():

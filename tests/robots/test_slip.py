@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
+from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.omni import LAG, OmniPlant, OmniPlantParameters
 from drake_ispace.robots.pendulum import S_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
@@ -212,3 +213,9 @@ def test_the_pendulum_slips_in_yaw_too():
     state = context.get_mutable_continuous_state_vector()
     state[S_RATE], state[YAW_RATE] = 1.0, 2.0
     assert plant.EvalTimeDerivatives(context).CopyToVector()[:3] == pytest.approx([0.9, 0.0, 1.5])
+
+
+@pytest.mark.parametrize("frame", ["world", "additive"])
+def test_traction_slip_on_the_worlds_axes_is_refused(frame):
+    with pytest.raises(InputError, match=r"omni\.plant\.slip\.traction_gain: expected zeros"):
+        OmniPlant(OmniPlantParameters(slip=Slip(frame=frame, traction_gain=[0.1, 0.0, 0.0])))

@@ -74,7 +74,10 @@ def moved(plant, state, torque, h):
     return state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(state + h * k3))
 
 
-@pytest.mark.parametrize("slip", [Slip(), Slip(ratio=[0.1, 0.0, 0.2])], ids=["grip", "slip"])
+@pytest.mark.parametrize("slip", [
+    Slip(), Slip(ratio=[0.1, 0.0, 0.2]), Slip(traction_gain=[0.9, 0.0, 0.9]),
+    Slip(frame="world", ratio=[0.5, 0.1, 0.2]), Slip(frame="additive", ratio=[0.5, 0.1, 0.2]),
+], ids=["grip", "body", "traction", "world", "additive"])
 @pytest.mark.parametrize("height", [0.0, 0.15])
 def test_motion_equals_finite_differences_in_the_world_while_the_robot_turns_and_leans(slip, height):
     plant = PendulumPlant(PendulumPlantParameters(slip=slip), imu_height_m=height)

@@ -44,6 +44,9 @@ def _histogram(axis, table, errors):
     values = {name: 1e3 * table[name].drop_null().to_numpy() for name in errors}
     together = np.concatenate(list(values.values()))
     bins = np.histogram_bin_edges(together, min(60, max(10, int(np.sqrt(len(together))))))
+    if _is_wide(together):
+        bins = np.geomspace(bins[0], bins[-1], len(bins))
+        axis.set_xscale("log")
     for colour, (name, column) in zip(_COLOURS, values.items(), strict=False):
         if len(column):
             axis.hist(column, bins, color=colour, alpha=0.6, label=_robot(name))
@@ -61,7 +64,11 @@ def _scatter(axis, table, key, errors):
     table = table.slice(0, _MOST_POINTS)
     parameter = table[key].to_numpy()
     lost = table["diverged"].to_numpy(zero_copy_only=False)
-    size = float(np.clip(2000.0 / len(parameter), 1.5, 12.0))
+    size = float(np.clip(6000.0 / len(parameter), 3.0, 14.0))
+    if _is_wide(parameter):
+        axis.set_xscale("log")
+    if any(_is_wide(table[name].drop_null().to_numpy()) for name in errors):
+        axis.set_yscale("log")
     for colour, name in zip(_COLOURS, errors, strict=False):
         error = compute.fill_null(table[name], np.nan).to_numpy()
         axis.scatter(parameter, 1e3 * error, s=size, color=colour, alpha=0.5, lw=0, label=_robot(name))
@@ -72,6 +79,11 @@ def _scatter(axis, table, key, errors):
     axis.grid(alpha=0.3)
     if lost.any() or len(errors) > 1:
         axis.legend(fontsize=8)
+
+
+def _is_wide(values):
+    """Whether a logarithmic axis shows more of `values`."""
+    return len(values) > 0 and 0.0 < 30.0 * values.min() < values.max() and np.median(values) < 0.2 * values.max()
 
 
 def _robot(name):

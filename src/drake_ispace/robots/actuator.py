@@ -29,9 +29,10 @@ def hold(tick, xd, command, limit_n_m, resolution_n_m, memory, noise_std_n_m, no
     """x_d = [held command (n), driver's state (n), torque (n)]."""
     n = command.shape[0]
     for i in range(n):
-        held = min(max(command[i], -limit_n_m), limit_n_m)
+        held = command[i]
         if resolution_n_m > 0.0:
             held = resolution_n_m * np.floor(held / resolution_n_m + 0.5)
+        held = min(max(held, -limit_n_m), limit_n_m)
         driven = held if memory == 0.0 else memory * xd[n + i] + (1.0 - memory) * held
         out[i], out[n + i], out[2 * n + i] = held, driven, driven
         if noise_std_n_m > 0.0:

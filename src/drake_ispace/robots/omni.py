@@ -151,11 +151,14 @@ class OmniPlant(Block):
         where: the scenario's name of the section, for messages.
 
     Raises:
-        InputError: friction too steep for the 5 ms step.
+        InputError: friction too steep for the 5 ms step, or traction slip on the world's axes.
+        ValueError: wheels that hold sideways.
     """
 
     def __init__(self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="omni.plant"):
         geometry = parameters.geometry
+        if len(geometry.sideways):
+            raise ValueError("an OmniPlant moves in all three directions, expected wheels that do not hold sideways")
         wheels = geometry.inverse
         n = len(wheels)
         start = np.zeros(THETA + n)
@@ -171,7 +174,7 @@ class OmniPlant(Block):
                 "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
                 "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": wheels.ravel(),
                 "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
-                "slip": slip_parameters(parameters.slip, lever_m), "noise_stream": stream(seed, f"{where}/slip"),
+                "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"), "noise_stream": stream(seed, f"{where}/slip"),
             },
             continuous_state=start, derivatives=derivatives,
             noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, n),

@@ -21,7 +21,7 @@ from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
 from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.robots.slip import (
-    GRAVITY, RELAXATION, Slip, axis_rate, pose_rates, slip_parameters, traction_rate, traction_slip,
+    FRAME, GRAVITY, RELAXATION, Slip, axis_acceleration, axis_rate, pose_rates, slip_parameters, traction_rate, traction_slip,
 )
 from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
 from drake_ispace.robots.wheels import WheelGeometry, differential
@@ -126,6 +126,13 @@ def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
 
 
 @kernel
+def tractions(torque, radius_m, half_track_m, body, slip):
+    """(forward, yaw) traction slip that the held torques lead to."""
+    drive, turn = (torque[0] + torque[1]) / radius_m, half_track_m * (torque[0] - torque[1]) / radius_m
+    return traction_slip(0, drive, body[MASS], slip), traction_slip(2, turn, body[MASS], slip)
+
+
+@kernel
 def derivatives(xc, xd, torque, radius_m, half_track_m, body, friction, slip, out):
     """d/dt of [x, y, phi, tilt, s_rate, yaw_rate, tilt_rate, traction slip (2), theta_r, theta_l]."""
     tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
@@ -136,9 +143,7 @@ def derivatives(xc, xd, torque, radius_m, half_track_m, body, friction, slip, ou
     out[THETA_R], out[THETA_L] = wheel_rates(
         xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA]
     )
-    drive = (torque[0] + torque[1]) / radius_m
-    turn = half_track_m * (torque[0] - torque[1]) / radius_m
-    t0, t2 = traction_slip(0, drive, body[MASS], slip), traction_slip(2, turn, body[MASS], slip)
+    t0, t2 = tractions(torque, radius_m, half_track_m, body, slip)
     out[LAG] = traction_rate(0, t0, xc[LAG], xc[S_RATE], slip)
     out[LAG + 1] = traction_rate(2, t2, xc[LAG + 1], half_track_m * xc[YAW_RATE], slip)
     if slip[RELAXATION] > 0.0:
@@ -184,13 +189,23 @@ def body_motion(xc, xd, torque, radius_m, half_track_m, body, friction, slip, im
     s_acc, yaw_acc, tilt_acc = accelerations(
         xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, radius_m, half_track_m, body
     )
-    forward = axis_rate(0, xc[S_RATE], 0.0, slip_noise(xd, 0), xc[X], xc[Y], slip)
-    forward_acc = axis_rate(0, s_acc, 0.0, slip_noise(xd, 0), xc[X], xc[Y], slip)
-    yaw_rate = axis_rate(2, xc[YAW_RATE], 0.0, slip_noise(xd, 2), xc[X], xc[Y], slip)
-    yaw_acc = axis_rate(2, yaw_acc, 0.0, slip_noise(xd, 2), xc[X], xc[Y], slip)
+    t0, t2 = tractions(torque, radius_m, half_track_m, body, slip)
+    if slip[RELAXATION] > 0.0:
+        t0, t2 = xc[LAG], xc[LAG + 1]
+    x, y, n0, n2 = xc[X], xc[Y], slip_noise(xd, 0), slip_noise(xd, 2)
+    yaw_rate = axis_rate(2, xc[YAW_RATE], t2, n2, x, y, slip)
+    yaw_acc = axis_acceleration(2, xc[YAW_RATE], yaw_acc, t2, n2, x, y, slip)
+    if slip[FRAME] == 0.0:
+        forward_acc = axis_acceleration(0, xc[S_RATE], s_acc, t0, n0, x, y, slip)
+        sideways_acc = axis_rate(0, xc[S_RATE], t0, n0, x, y, slip) * yaw_rate
+    else:  # on the world's axes slip scales the acceleration as it scales the velocity
+        noise = (n0, slip_noise(xd, 1), n2)
+        pose_rates(s_acc, xc[S_RATE] * yaw_rate, 0.0, (x, y, xc[PHI]), (0.0, 0.0, 0.0), noise, slip, out)
+        c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+        forward_acc, sideways_acc = c * out[0] + s * out[1], -s * out[0] + c * out[1]
     c, s, rate, l = np.cos(xc[TILT]), np.sin(xc[TILT]), xc[TILT_RATE], imu_height_m
     ax = forward_acc + l * (tilt_acc * c - rate * rate * s) - yaw_rate * yaw_rate * l * s
-    ay = forward * yaw_rate + yaw_acc * l * s + 2.0 * yaw_rate * l * c * rate
+    ay = sideways_acc + yaw_acc * l * s + 2.0 * yaw_rate * l * c * rate
     az = -l * (tilt_acc * s + rate * rate * c) + GRAVITY
     out[0], out[1], out[2] = c * ax - s * az, ay, s * ax + c * az
     out[3], out[4], out[5] = -s * yaw_rate, rate, c * yaw_rate
@@ -244,7 +259,7 @@ class PendulumPlant(Block):
                 "radius_m": parameters.wheel_radius_m, "half_track_m": parameters.half_track_m,
                 "body": parameters.inertias(), "imu_height_m": imu_height_m,
                 "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
-                "slip": slip_parameters(parameters.slip, parameters.half_track_m),
+                "slip": slip_parameters(parameters.slip, parameters.half_track_m, f"{where}.slip"),
                 "noise_stream": stream(seed, f"{where}/slip"),
             },
             continuous_state=start, derivatives=derivatives,

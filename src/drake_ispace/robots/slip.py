@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.block import kernel
+from drake_ispace.errors import InputError
 from drake_ispace.quantity import quantity
 
 FRAMES = ("body", "world", "additive")
@@ -48,8 +49,19 @@ class Slip:
 (FRAME, RATIO, GAIN, MU, LEVER, RELAXATION, PATCHED, PATCH, PATCH_RATIO, NOISE_STD) = (0, 1, 4, 7, 8, 9, 10, 11, 15, 18)
 
 
-def slip_parameters(slip: Slip, lever_m: float) -> dict[str, float]:
-    """The parameter group of a plant; `lever_m` turns traction force into traction moment [m]."""
+def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
+    """The parameter group of a plant.
+
+    Args:
+        slip: as in the scenario.
+        lever_m: turns traction force into traction moment.
+        where: the scenario's name of this section, for messages.
+
+    Raises:
+        InputError: traction slip on the world's axes, which has no meaning.
+    """
+    if slip.frame != "body" and any(slip.traction_gain):
+        raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts on the body's axes")
     patch = slip.patch_m or [0.0] * 4
     axes = ("x", "y", "yaw")
     return {
@@ -79,6 +91,8 @@ def place_ratio(axis, x, y, slip):
 @kernel
 def traction_slip(axis, force, mass, slip):
     """Steady traction slip for a body force (axis 0, 1 [N]) or moment (axis 2 [N m]), signed, at most the gain."""
+    if slip[GAIN + axis] == 0.0:
+        return 0.0 * force
     normal = slip[MU] * mass * GRAVITY
     if axis == 2:
         normal = normal * slip[LEVER]
@@ -96,6 +110,12 @@ def axis_rate(axis, rate, traction, noise, x, y, slip):
     if slip[FRAME] == 2.0:
         return (1.0 + s) * rate
     return (1.0 - s) * rate - traction * abs(rate)
+
+
+@kernel
+def axis_acceleration(axis, rate, acceleration, traction, noise, x, y, slip):
+    """d/dt of `axis_rate` while slip stays as it is."""
+    return axis_rate(axis, acceleration, 0.0, noise, x, y, slip) - traction * np.sign(rate) * acceleration
 
 
 @kernel

@@ -7,6 +7,7 @@ number (draws.py): the table does not depend on threads, machines, or interrupti
 import contextlib
 import dataclasses
 import json
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,6 +35,7 @@ from drake_ispace.wiring.catalog import build_diagram
 METRICS = (
     "rms_position_error_m", "max_position_error_m", "rms_cross_track_m", "final_error_m", "iae_m_s", "control_effort",
 )
+_CLUSTER_S = 10.0  # to wait for a scheduler, and for its first worker
 _MOST_RUNS = 1_000_000
 _BATCH_TICKS = 400_000  # simulated by one call of a worker: some tenths of a second
 
@@ -119,6 +121,7 @@ def run_campaign(
     text = json.dumps(dataclasses.asdict(plan))
     robots = _robots(plan)
     with contextlib.ExitStack() as stack:
+        workers = stack.enter_context(_workers(threads, cluster))
         if out is not None:
             stack.enter_context(campaign_folder(out, dataclasses.asdict(plan)))
         rows = Rows(_schema(plan, robots), out)
@@ -127,7 +130,7 @@ def run_campaign(
         tell(before, len(plan))
         try:
             if len(rows.done) < len(plan):
-                _run(plan, text, rows, stack.enter_context(_workers(threads, cluster)), tell)
+                _run(plan, text, rows, workers, tell)
         except KeyboardInterrupt:
             raise CampaignStopped(_stopped(len(rows.done), len(plan), out)) from None
         finally:
@@ -232,12 +235,13 @@ def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parall
         from dask.distributed import Client
     except ImportError:
         raise InputError("--cluster: needs Dask, expected `pip install drake_ispace[cluster]`") from None
+    if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)://\S+:\d+", cluster):
+        raise InputError(f"--cluster {shown(cluster)}: expected the address of a Dask scheduler, as tcp://host:8786")
     try:
-        client = Client(cluster, timeout=10.0, set_as_default=False)
+        client = Client(cluster, timeout=_CLUSTER_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
-            f"--cluster {shown(cluster)}: no Dask scheduler answers ({_first_line(error)}), expected an address such "
-            "as tcp://host:8786"
+            f"--cluster {shown(cluster)}: expected a Dask scheduler, none answers ({_first_line(error)})"
         ) from None
     with client, joblib.parallel_config("dask", client=client):
         yield joblib.Parallel(-1, **options)

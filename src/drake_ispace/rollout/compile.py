@@ -175,7 +175,8 @@ def _load(emitter: Emitter, folder: Path):
         beside.write_text(emitter.source)
         os.replace(beside, file)
     names = {"np": np, "local": views.local, "part": views.part, **emitter.kernels}
-    names |= {"__name__": "drake_ispace_rollout", "__file__": str(file)}
+    # numba finds a cached function again through the name of a module that can be imported
+    names |= {"__name__": __name__, "__file__": str(file)}
     exec(compile(emitter.source, str(file), "exec"), names)
     linecache.checkcache(str(file))
     saved = numba.config.CACHE_DIR

@@ -1,4 +1,4 @@
-"""The room and its ceiling camera: Table 5.1, section 5.4, (6.2)."""
+"""The room and its ceiling camera as parameters: Fig. 5.1, Table 5.1, section 5.4, (6.2)."""
 
 from dataclasses import dataclass, field
 
@@ -6,11 +6,75 @@ from drake_ispace.quantity import quantity
 
 
 @dataclass
+class Camera:
+    """The Kinect's camera. Frames of Fig. 5.1: W of the space, G on the floor below the camera, S at the camera with x
+    along its view, y left and z up; R_GS = R_z(yaw) R_y(pitch) R_x(roll), (5.1)."""
+
+    # columns and rows, Table 5.1
+    size_pixels: list[int] = quantity([640, 480], "pixels", minimum=16, maximum=4096, length=2)
+    # horizontal and vertical, Table 5.1
+    view_angle_rad: list[float] = quantity([0.9948, 0.7505], "rad", above=0.0, below=3.0, length=2)
+    # along columns and rows; null: from the view angles, 589.4 and 609.3
+    focal_pixels: list[float] | None = quantity(None, "pixels", above=0.0, length=2)
+    # of the lens: k1, k2, p1, p2, k3 of OpenCV's model; assumed none
+    distortion: list[float] = quantity([0.0, 0.0, 0.0, 0.0, 0.0], length=5)
+    # z_G of section 5.2; pitch turns the view down: it meets the floor 1.008 m ahead, x_G = 1.00 m in print
+    height_m: float = quantity(2.78, "m", above=0.0)
+    roll_rad: float = quantity(0.059, "rad", minimum=-1.5, maximum=1.5)
+    pitch_rad: float = quantity(1.223, "rad", minimum=-1.6, maximum=1.6)
+    yaw_rad: float = quantity(0.500, "rad", minimum=-7.0, maximum=7.0)
+    # X_WG, not given: the camera looks along y of W, and the space lies so that it fits into the view best up to
+    # markers 0.3 m above the floor
+    foot_m: list[float] = quantity([0.04, -1.08], "m", length=2)
+    foot_yaw_rad: float = quantity(1.0707963267948966, "rad", minimum=-7.0, maximum=7.0)
+    # Table 5.1; 0: an image at the very tick of each message
+    frame_rate_hz: float = quantity(30.0, "Hz", minimum=0.0, maximum=200.0)
+    # during which a moving robot blurs; assumed
+    exposure_s: float = quantity(0.008, "s", minimum=0.0, maximum=0.03)
+
+
+@dataclass
+class Markers:
+    """What a robot carries on its top: a dark plate with a front and a rear square, told apart by colour. Assumed."""
+
+    # of the plates above the floor
+    omni_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
+    pendulum_height_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
+    # sides of the square plate and of the square markers
+    plate_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
+    side_m: float = quantity(0.09, "m", above=0.0, maximum=0.5)
+    # a marker whose area differs by more than this share is hidden, cut or none
+    area_tolerance: float = quantity(0.2, above=0.0, below=1.0)
+    # how far the distance of both markers may be off
+    spacing_tolerance_m: float = quantity(0.012, "m", above=0.0, maximum=0.1)
+
+
+@dataclass
+class Scenery:
+    """What the rendered room looks like. Assumed."""
+
+    # opencv: ray casting in NumPy and OpenCV; vtk: Drake's RgbdSensor, needs libEGL
+    renderer: str = quantity("opencv", choices=("opencv", "vtk"))
+    # standard deviation of the carpet's brightness, in grey levels of 255
+    carpet_contrast: float = quantity(8.0, "grey levels", minimum=0.0, maximum=100.0)
+    # change of the light from one end of the space's width to the other
+    light_gradient: float = quantity(0.3, minimum=0.0, maximum=1.9)
+    # share of the light that a shadow takes away
+    shadow: float = quantity(0.35, minimum=0.0, maximum=1.0)
+    # of every pixel and colour
+    noise_grey_levels: float = quantity(3.0, "grey levels", minimum=0.0, maximum=100.0)
+    # standard deviation of depth at 1 m, growing with its square
+    depth_noise_m: float = quantity(0.0012, "m", minimum=0.0, maximum=0.1)
+    # boxes: x, y [m], yaw [rad], length, width, height [m] of each
+    obstacles: list[list[float]] = quantity([], "m")
+
+
+@dataclass
 class Localizer:
     """How the room's camera sees a robot's two markers."""
 
-    # geometric: the true pose through the camera's ground resolution
-    mode: str = quantity("geometric", choices=("geometric",))
+    # geometric: the true pose through the camera's ground resolution; image: the markers found in rendered images
+    mode: str = quantity("geometric", choices=("geometric", "image"))
     # metres per pixel of the top view along x and y, section 5.4
     pixel_m: list[float] = quantity([0.00487, 0.00551], "m/pixel", above=0.0, length=2)
     # a marker is found at a whole pixel
@@ -49,4 +113,8 @@ class Space:
     # 363 pixels of 5.51 mm
     depth_m: float = quantity(2.0, "m", above=0.0)
     localizer: Localizer = field(default_factory=Localizer)
+    # of the image mode only
+    camera: Camera = field(default_factory=Camera)
+    markers: Markers = field(default_factory=Markers)
+    scenery: Scenery = field(default_factory=Scenery)
     link: Link = field(default_factory=Link)

@@ -8,12 +8,14 @@ from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.omni import omni_conventional_multirate, omni_multirate, omni_vision_feedback
 from drake_ispace.wiring.pendulum import pendulum_jacobian_tracking, pendulum_multirate, pendulum_vision_feedback
+from drake_ispace.wiring.servo import pendulum_friction_compensation, pendulum_servo
 from drake_ispace.wiring.space import shared_space
 
 CATALOG: dict[str, Callable[[Scenario], Diagram]] = {
     builder.__name__: builder for builder in (
         omni_multirate, omni_vision_feedback, omni_conventional_multirate, pendulum_multirate,
-        pendulum_vision_feedback, pendulum_jacobian_tracking, shared_space,
+        pendulum_vision_feedback, pendulum_jacobian_tracking, pendulum_servo, pendulum_friction_compensation,
+        shared_space,
     )
 }
 

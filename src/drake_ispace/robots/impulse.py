@@ -1,0 +1,60 @@
+"""A push on both wheels for a while: the disturbance of section 4.3, 1.2 to 1.6 s."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, kernel
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import ticks_in
+
+
+@dataclass
+class Impulse:
+    """Section 4.3 gives the time of the disturbance, not its size; 0: none."""
+
+    # on each wheel, assumed
+    torque_n_m: float = quantity(0.0, "N*m")
+    # from Fig. 4.4's text
+    start_s: float = quantity(1.2, "s", minimum=0.0)
+    end_s: float = quantity(1.6, "s", minimum=0.0)
+
+
+@kernel
+def switch(tick, impulse_n_m, start_tick, end_tick, out):
+    """x_d = [the push that is held until the next tick]."""
+    out[0] = impulse_n_m if start_tick <= tick and tick < end_tick else 0.0
+
+
+@kernel
+def pushed(xd, torque, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] + xd[0]
+
+
+class TorqueImpulse(Block):
+    """Adds the push to the torque of every wheel, between actuator and plant.
+
+    .. pydrake_system::
+
+        name: TorqueImpulse
+        input_ports:
+        - torque
+        output_ports:
+        - torque
+
+    torque (n,): in and out [N m]. Section 4.3, Figs. 4.4 and 4.5.
+
+    Args:
+        impulse: size and time; wheels: n.
+    """
+
+    def __init__(self, impulse: Impulse, wheels: int):
+        super().__init__(Spec(
+            inputs={"torque": wheels}, outputs={"torque": Output(wheels, pushed)},
+            parameters={
+                "impulse_n_m": impulse.torque_n_m, "start_tick": float(ticks_in(impulse.start_s)),
+                "end_tick": float(ticks_in(impulse.end_s)),
+            },
+            discrete_state=np.zeros(1), updates=(Update(switch, Phase.COMPUTE),),
+        ))

@@ -1,0 +1,85 @@
+"""Position and tilt as the servo experiment of section 3.4 measures them: with a fast sinusoid on each, section 3.4.1."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.noise import normal, stream, uniform
+from drake_ispace.quantity import quantity
+from drake_ispace.rates import TICK_S
+
+
+@dataclass
+class SinusoidNoise:
+    """Noise of position and tilt, section 3.4.1. At 200 Hz an 800 Hz sinusoid aliases to a constant."""
+
+    # of position and tilt
+    frequency_hz: float = quantity(800.0, "Hz", minimum=0.0)
+    position_amplitude_m: float = quantity(0.001, "m", minimum=0.0)
+    tilt_amplitude_rad: float = quantity(0.05, "rad", minimum=0.0)
+    # white noise beside it, in units of the amplitudes; none in the thesis's simulation
+    white_share: float = quantity(0.0, minimum=0.0)
+
+
+@kernel
+def noise_at(time_s, index, channel, frequency_hz, white_share, noise_stream):
+    """The noise of a channel (0 position, 1 tilt) in units of its amplitude; its phase is drawn from the stream.
+
+    time_s: of the sample; index: of its white draw, an integer >= 0.
+    """
+    phase = 2.0 * np.pi * uniform(noise_stream, 0, channel)
+    value = np.sin(2.0 * np.pi * frequency_hz * time_s + phase)
+    if white_share > 0.0:
+        value += white_share * normal(noise_stream, index, 2 + channel)
+    return value
+
+
+@kernel
+def sample(tick, pose, balance, start, amplitude, frequency_hz, white_share, noise_stream, out):
+    """x_d = [tick, s, theta, s_dot, theta_dot]."""
+    out[0] = tick
+    out[1] = np.cos(start[2]) * (pose[0] - start[0]) + np.sin(start[2]) * (pose[1] - start[1])
+    out[2], out[3], out[4] = balance[0], balance[1], balance[3]
+    for i in range(2):
+        if amplitude[i] > 0.0:
+            out[1 + i] += amplitude[i] * noise_at(tick * TICK_S, tick, i, frequency_hz, white_share, noise_stream)
+
+
+@kernel
+def message(xd, out):
+    copy(xd, out)
+
+
+class NoisyState(Block):
+    """Samples [s, theta, s_dot, theta_dot] in the sensing phase of every tick, noise on the first two.
+
+    .. pydrake_system::
+
+        name: NoisyState
+        input_ports:
+        - pose
+        - balance
+        output_ports:
+        - message
+
+    pose (3,): x, y [m], phi [rad]. balance (4,): tilt [rad], s_dot [m/s], phi_dot, tilt rate [rad/s].
+    message (5,): tick (-1 before the first), s [m] from the start along its heading, theta [rad], s_dot [m/s],
+    theta_dot [rad/s]. Section 3.4.1, Fig. 3.9.
+
+    Args:
+        noise: amplitudes and frequency; start: x, y [m], phi [rad]; seed: of the phases, stream `{where}`.
+    """
+
+    def __init__(self, noise: SinusoidNoise, start=(0.0, 0.0, 0.0), seed=0, where="sensor_noise"):
+        super().__init__(Spec(
+            inputs={"pose": 3, "balance": 4}, outputs={"message": Output(5, message)},
+            parameters={
+                "start": np.array(start, dtype=float),
+                "amplitude": np.array([noise.position_amplitude_m, noise.tilt_amplitude_rad]),
+                "frequency_hz": noise.frequency_hz, "white_share": noise.white_share,
+                "noise_stream": stream(seed, where),
+            },
+            noise_stream=where, discrete_state=np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
+            updates=(Update(sample, Phase.SENSE),),
+        ))
