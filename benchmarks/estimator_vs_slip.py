@@ -92,9 +92,12 @@ def draw(seed, results, out):
     colours = {"estimator": "#c0392b", "conventional": "#2980b9"}
     axes[0].axhline(GOAL_M, color="0.2", ls="--", lw=1.0, label="reference")
     for (_, s, name), curve in curves.items():
-        axes[0].plot(curve["t"], curve["x"], "-" if s else ":", color=colours[name], lw=1.5, label=f"{name}, s = {s:g}")
+        width = 3.0 if s == 0.0 and name == "estimator" else 1.5  # without slip both curves are the same
+        axes[0].plot(
+            curve["t"], curve["x"], "-" if s else ":", color=colours[name], lw=width, label=f"{name}, s = {s:g}"
+        )
     axes[0].set(xlabel="time [s]", ylabel="x [m]", title="1 m step, additive slip, printed gains (Fig. 6.11)")
-    axes[0].legend(fontsize=8, loc="center right")
+    axes[0].legend(fontsize=8, loc="lower right")
     for name, colour in colours.items():
         for kind, marker in (("constant", "o"), ("additive", "s")):
             rows = sorted((s, 1e3 * r["final_error_m"]) for (k, s, n), r in results.items() if k == kind and n == name)

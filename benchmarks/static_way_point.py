@@ -4,8 +4,8 @@ Shown are
 1. the distance from the straight line to the way point, "position feedback with Jacobian matrix" (our reading: s_e is
    the whole distance) against the trajectory tracker, over the yaw gain K_phi;
 2. the same loops on a way point that slides along the square;
-3. the tracker's (6.31) as printed, which looks along x only, against the corrected one;
-4. how far the heading turns in all once the robot is within 0.1 m of the way point.
+3. (6.31) as printed, which sees nothing of a way point straight ahead on the y axis, against the corrected form;
+4. how far the heading turns in all, and between which bounds, once the robot is within 0.1 m of the way point.
 """
 
 import numpy as np
@@ -19,10 +19,17 @@ from drake_ispace.wiring.pendulum import linear_model, pendulum_gain
 LOOPS = {"tracker": "pendulum_multirate", "Jacobian": "pendulum_jacobian_tracking"}
 DISTANCE_M, NEAR_M = 0.6, 0.1
 STILL = values(pendulum__trajectory__kind="step", pendulum__trajectory__start_s=0.0)
-NOISE_FREE = values(
+IDEAL = values(
     space__localizer__noise_std_pixels=0.0, space__localizer__whole_pixels=False, pendulum__encoder__counts_per_turn=0,
     pendulum__imu__accelerometer_noise_density=0.0, pendulum__imu__gyro_noise_density=0.0,
+    pendulum__plant__friction__coulomb_n_m=0.0, pendulum__plant__friction__viscous_n_m_s=0.0,
+    pendulum__control__friction_compensation__enabled=False,
 )
+
+ROBOTS = {
+    "ideal": IDEAL, "ideal, printed gains": IDEAL + values(pendulum__control__gains="given"), "default": (),
+    "default, hold radius 0.3 m": values(pendulum__control__tracker__hold_radius_m=0.3),
+}  # ideal: no noise, no friction
 
 
 def outcome(run):
@@ -86,14 +93,14 @@ def sweep_jobs(seed, scales, angles, dampings):
     ]
 
 
-def printed_jobs(seed):
+def printed_jobs(seed, robots):
     starts = {"facing y": np.pi / 2.0, "facing x": 0.0}
     return [
-        Job((facing, mode, noise), "pendulum_multirate", values(
+        Job((facing, mode, robot), "pendulum_multirate", values(
             seed=seed, seconds=30.0, pendulum__initial_pose=[0, 0, heading], pendulum__control__tracker__mode=mode,
             pendulum__trajectory__goal_m=[0, DISTANCE_M],
-        ) + STILL + (() if noise else NOISE_FREE))
-        for facing, heading in starts.items() for mode in ("as_printed", "corrected") for noise in (False, True)
+        ) + STILL + ROBOTS[robot])
+        for facing, heading in starts.items() for mode in ("as_printed", "corrected") for robot in robots
     ]
 
 
@@ -103,7 +110,7 @@ def main():
     if asked.quick:
         scales, angles, dampings = (1.0, 5.0), (90,), (True,)
     still = run_all(sweep_jobs(asked.seed, scales, angles, dampings), outcome)
-    printed = run_all(printed_jobs(asked.seed), outcome)
+    printed = run_all(printed_jobs(asked.seed, ("ideal", "default") if asked.quick else ROBOTS), outcome)
     slide = [Job(name, loop, values(seed=asked.seed, seconds=24.0)) for name, loop in LOOPS.items()]
     sliding = {} if asked.quick else run_all(slide, summary)
     cases = list(dict.fromkeys(key[:3] for key in still))
@@ -117,17 +124,19 @@ def main():
                  **{name: still[d, s, c, name] for name in LOOPS}} for d, s, c in cases
             ],
             "sliding": sliding,
-            "printed": [{"start": f, "mode": m, "noise": n, **row} for (f, m, n), row in printed.items()],
+            "printed": [{"start": f, "mode": m, "robot": r, **row} for (f, m, r), row in printed.items()],
         })
         return
     print_table(
         f"A way point that stands still {DISTANCE_M} m away: largest (RMS) distance from the straight line, turning",
-        ["bearing", "K_phi", "its rate gain", "radius", "tracker", "Jacobian", "turned near, tracker", "Jacobian"],
+        ["bearing", "K_phi", "rate gain", "radius", "tracker", "Jacobian", "turned near: tracker", "range", "Jacobian"],
         [[
             f"{d} deg", f"x {s:g}", "x sqrt" if c else "x 1", f"{radius(scaled_yaw(s, c)):.4f}",
             *(f"{1e3 * still[d, s, c, n]['max_off_line_m']:.1f} ({1e3 * still[d, s, c, n]['rms_off_line_m']:.1f}) mm"
               for n in LOOPS),
-            *(shown(still[d, s, c, n]["turned_after_arrival_deg"], 1.0, "deg") for n in LOOPS),
+            shown(still[d, s, c, "tracker"]["turned_after_arrival_deg"], "deg"),
+            shown(still[d, s, c, "tracker"]["heading_range_after_arrival_deg"], "deg"),
+            shown(still[d, s, c, "Jacobian"]["turned_after_arrival_deg"], "deg"),
         ] for d, s, c in cases],
     )
     if sliding:
@@ -138,17 +147,17 @@ def main():
         )
     print_table(
         f"(6.31) as printed: way point {DISTANCE_M} m away on the y axis",
-        ["start", "tracker", "noise", "ends short by", "within 0.1 m after", "turned from then on", "range"],
+        ["start", "tracker", "robot", "ends short by", "within 0.1 m after", "turned from then on", "range"],
         [[
-            f, m, "yes" if n else "no", f"{1e3 * row['final_gap_m']:.0f} mm", shown(row["arrived_s"], 1.0, "s"),
-            shown(row["turned_after_arrival_deg"], 1.0, "deg"),
-            shown(row["heading_range_after_arrival_deg"], 1.0, "deg"),
-        ] for (f, m, n), row in printed.items()],
+            f, m, r, f"{1e3 * row['final_gap_m']:.0f} mm", shown(row["arrived_s"], "s"),
+            shown(row["turned_after_arrival_deg"], "deg"),
+            shown(row["heading_range_after_arrival_deg"], "deg"),
+        ] for (f, m, r), row in printed.items()],
     )
 
 
-def shown(value, scale, unit):
-    return None if value is None else f"{scale * value:.1f} {unit}"
+def shown(value, unit):
+    return None if value is None else f"{value:.1f} {unit}"
 
 
 def draw(seed, still, out):
@@ -156,7 +165,7 @@ def draw(seed, still, out):
 
     scale = 1.0
     curves = run_all(sweep_jobs(seed, (scale,), (90, 120), (True,)), trace)
-    figure, axes = plt.subplots(1, 2, figsize=(10.5, 4.0), layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.2), layout="constrained", width_ratios=[1.0, 1.6])
     colours = {"tracker": "#c0392b", "Jacobian": "#2980b9"}
     for degrees in (90, 120):
         goal = DISTANCE_M * np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
@@ -165,7 +174,7 @@ def draw(seed, still, out):
         for name, colour in colours.items():
             pose = curves[degrees, scale, True, name]["pose"]
             axes[0].plot(pose[:, 0], pose[:, 1], color=colour, lw=1.4, label=name if degrees == 90 else None)
-    axes[0].set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="own gains, start at (0, 0) facing x")
+    axes[0].set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="own gains, starting towards +x")
     axes[0].legend(fontsize=8)
     for degrees, marker in ((90, "o"), (120, "s")):
         for name, colour in colours.items():

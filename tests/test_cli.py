@@ -242,7 +242,7 @@ from contextlib import contextmanager
 from drake_ispace import cli
 
 @contextmanager
-def progress(total, title):
+def progress(total, title, *unit):
     def advance(done):
         if not isinstance(done, str):
             print("running", flush=True)
@@ -250,7 +250,8 @@ def progress(total, title):
         print("running", flush=True)
     yield advance
 
-cli._progress = progress
+assert cli.progress
+cli.progress = progress
 sys.argv[0] = "drake-ispace"
 cli.main()
 """
@@ -265,9 +266,12 @@ LONG = {
 def test_ctrl_c_says_so_once_and_leaves_nothing(folder, arguments):
     command = [sys.executable, "-c", TELLS_WHEN_RUNNING, *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **PYTHON)
-    assert process.stdout.readline() == "running\n"
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    try:
+        assert process.stdout.readline() == "running\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
     assert process.returncode == 130
     assert err == "drake-ispace: stopped, nothing half-written is left behind\n"
     assert os.listdir(folder) == []

@@ -105,6 +105,9 @@ def _values(value):
     return list(value.values()) if isinstance(value, Mapping) else value
 
 
+_SMALL_BYTES = 150  # of byte code
+
+
 def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatcher:
     """Compile `function` with numba, cached on disk under a hash of its source, its constants and its helpers.
 
@@ -114,18 +117,29 @@ def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatch
         return functools.partial(kernel, nogil=nogil)
     names = function.__code__.co_names
     referenced = {name: function.__globals__[name] for name in names if name in function.__globals__}
-    digest = hashlib.sha256(f"forceinline {nogil}\n{inspect.getsource(function)}".encode())
+    options = jit_options(function) | {"nogil": nogil}
+    digest = hashlib.sha256(f"{options}\n{inspect.getsource(function)}".encode())
     for name, value in sorted(referenced.items()):
         if not isinstance(value, types.ModuleType):
             digest.update(f"{name}={getattr(value, 'digest', value)!r}".encode())
     saved = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(cache_folder() / digest.hexdigest()[:16])
     try:
-        compiled = numba.njit(cache=True, nogil=nogil, forceinline=True, error_model="numpy")(function)
+        compiled = numba.njit(cache=True, **options)(function)
     finally:
         numba.config.CACHE_DIR = saved
     compiled.digest = digest.hexdigest()
     return compiled
+
+
+def jit_options(function: Callable) -> dict:
+    """How numba compiles a kernel: it becomes a part of every compiled rollout that uses it.
+
+    Small ones, most of which only copy, are inlined before LLVM sees them. On its own such a loop becomes a vectorised
+    loop that checks for overlap, a form from which inlining later cannot return. For large ones that takes too long.
+    """
+    inline = "always" if len(function.__code__.co_code) < _SMALL_BYTES else "never"
+    return {"error_model": "numpy", "forceinline": True, "inline": inline}
 
 
 def cache_folder() -> Path:

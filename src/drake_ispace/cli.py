@@ -15,6 +15,7 @@ from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 from drake_ispace.errors import InputError, shown
 from drake_ispace.places import check_folder
 from drake_ispace.terminal import print_json, print_metrics, print_spread, print_table, progress
+from drake_ispace.vision_commands import register as register_vision_commands
 
 app = App(
     name="drake-ispace",
@@ -328,6 +329,9 @@ def demo(
         return
     print_metrics(data["runs"])
     print(f"open {page}")
+
+
+register_vision_commands(app)
 
 
 def _scenario(name, seconds, sets, seed):

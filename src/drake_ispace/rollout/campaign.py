@@ -7,10 +7,12 @@ number (draws.py): the table does not depend on threads, machines, or interrupti
 import contextlib
 import dataclasses
 import json
+import logging
 import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -232,7 +234,7 @@ def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parall
     if threads is not None:
         raise InputError("--threads: is for this machine, expected it left out with --cluster")
     try:
-        from dask.distributed import Client
+        from dask.distributed import Client, KilledWorker
     except ImportError:
         raise InputError("--cluster: needs Dask, expected `pip install drake_ispace[cluster]`") from None
     if not re.fullmatch(r"(tcp|tls|ws|wss|ucx)://\S+:\d+", cluster):
@@ -243,8 +245,16 @@ def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parall
         raise InputError(
             f"--cluster {shown(cluster)}: expected a Dask scheduler, none answers ({_first_line(error)})"
         ) from None
-    with client, joblib.parallel_config("dask", client=client):
-        yield joblib.Parallel(-1, **options)
+    for name in ("distributed.client", "distributed.utils", "distributed.core"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is said below
+    try:
+        with client, joblib.parallel_config("dask", client=client, wait_for_workers_timeout=_CLUSTER_S):
+            yield joblib.Parallel(-1, **options)
+    except (OSError, ImportError, CancelledError, KilledWorker) as error:
+        raise InputError(
+            f"--cluster {shown(cluster)}: the runs failed there ({_first_line(error)}), expected workers that stay and "
+            "have drake_ispace installed; with --out the same call does the rest"
+        ) from None
 
 
 def _run(plan: Plan, text: str, rows: Rows, parallel: joblib.Parallel, tell: Callable[[int, int], None]) -> None:

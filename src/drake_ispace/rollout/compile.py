@@ -33,6 +33,7 @@ class Rollout:
         parameters: (len(parameter_names),) the values in the Context.
         continuous_state, discrete_state: packed initial state in the Context.
         logged: name -> (size, divisor in ticks).
+        kernels: name in the text -> kernel.
     """
 
     source: str
@@ -41,6 +42,7 @@ class Rollout:
     continuous_state: np.ndarray
     discrete_state: np.ndarray
     logged: dict[str, tuple[int, int]]
+    kernels: dict[str, object] = field(repr=False)
     _function: object = field(repr=False)
     _network: Network = field(repr=False)
     _layout: Layout = field(repr=False)
@@ -67,6 +69,11 @@ class Rollout:
         p = np.ascontiguousarray(self.parameters if parameters is None else parameters, dtype=float)
         self._function(0, ticks, x, d, p, self._recorded(inputs or {}, ticks), *logs.values())
         return logs
+
+    @property
+    def inputs(self) -> dict[str, int]:
+        """Exported inputs of the Diagram -> size."""
+        return self._network.inputs
 
     def with_parameters(self, changes: Mapping[str, float]) -> np.ndarray:
         """The parameters with some set by name.
@@ -138,7 +145,7 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         parameters=packed("parameters"), continuous_state=packed("continuous_state"),
         discrete_state=packed("discrete_state"),
         logged={name: (network.source_size(port), divisor) for name, (port, divisor) in wanted.items()},
-        _function=_machine_code(emitter), _network=network, _layout=emitter.layout,
+        kernels=emitter.kernels, _function=_machine_code(emitter), _network=network, _layout=emitter.layout,
     )
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba.core.dispatcher import Dispatcher
 from pydrake.systems.framework import Context, Diagram, InputPortIndex, OutputPortIndex, System
 from pydrake.systems.primitives import VectorLogSink
 
@@ -99,6 +100,11 @@ def _leaf(system, context, path, feeds) -> Leaf:
         spec = specification(system, context, path)
         parameters = spec.parameter_values
     else:
+        if not all(isinstance(function, Dispatcher) for function in _kernels(spec)):
+            raise InputError(
+                f"{path}: the maths of {type(system).__name__} are no kernels, so it cannot be compiled; expected a "
+                "Diagram without it, or Drake's own Simulator"
+            )
         parameters = context.get_numeric_parameter(0).CopyToVector()
     sources = {}
     read = {name for function in _kernels(spec) for name in arguments(function)}

@@ -18,7 +18,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from drake_ispace.block import Output, Phase, Spec, Update
+from drake_ispace.block import Output, Phase, Spec, Update, jit_options
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 
@@ -29,7 +29,7 @@ def _kernel(text: str):
     namespace = {}
     exec(text, {"__name__": "drake"}, namespace)
     (function,) = namespace.values()
-    compiled = numba.njit(forceinline=True, error_model="numpy")(function)
+    compiled = numba.njit(**jit_options(function))(function)
     compiled.digest = hashlib.sha256(text.encode()).hexdigest()
     return compiled
 

@@ -6,13 +6,15 @@ lies on the stack under a constant size: once the kernels are inlined, LLVM unro
 in registers, as it does for a fixed array in C.
 """
 
+import math
+
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import RequireLiteralValue
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-_VECTOR = types.Array(types.float64, 1, "C")
+_VECTOR, _MATRIX = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2))
 
 
 @intrinsic
@@ -21,11 +23,20 @@ def local(typing_context, size):
     count = _literal(size)
 
     def codegen(context, builder, signature, arguments):
-        kind = ir.ArrayType(ir.DoubleType(), count)
-        memory = cgutils.alloca_once(builder, kind, zfill=True)
-        return _array(context, builder, builder.bitcast(memory, ir.DoubleType().as_pointer()), count)
+        return _array(context, builder, _zeros(builder, count), count)
 
     return _VECTOR(size), codegen
+
+
+@intrinsic
+def matrix(typing_context, rows, columns):
+    """Like `local`, (rows, columns) zeros."""
+    shape = _literal(rows), _literal(columns)
+
+    def codegen(context, builder, signature, arguments):
+        return _array(context, builder, _zeros(builder, shape[0] * shape[1]), *shape)
+
+    return _MATRIX(rows, columns), codegen
 
 
 @intrinsic
@@ -46,8 +57,17 @@ def _literal(size):
     return size.literal_value
 
 
-def _array(context, builder, data, count):
-    array = make_array(_VECTOR)(context, builder)
-    step = context.get_constant(types.intp, 8)
-    populate_array(array, data=data, shape=[context.get_constant(types.intp, count)], strides=[step], itemsize=step, meminfo=None)
+def _zeros(builder, count):
+    memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count), zfill=True)
+    return builder.bitcast(memory, ir.DoubleType().as_pointer())
+
+
+def _array(context, builder, data, *shape):
+    array = make_array(_VECTOR if len(shape) == 1 else _MATRIX)(context, builder)
+    size = 8
+    strides = [size * int(math.prod(shape[axis + 1 :])) for axis in range(len(shape))]
+    integer = lambda values: [context.get_constant(types.intp, value) for value in values]  # noqa: E731
+    populate_array(
+        array, data=data, shape=integer(shape), strides=integer(strides), itemsize=integer([size])[0], meminfo=None,
+    )
     return array._getvalue()

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.errors import InputError
 from drake_ispace.noise import stream
 from drake_ispace.rates import TICK_S, VISION_TICKS
 from drake_ispace.space.camera import view_of
+from drake_ispace.space.eye import Eye, Look
 from drake_ispace.space.kinect import Space
 from drake_ispace.space.localizer import FIX
-from drake_ispace.space.markers import Colour, Sighting, Target, find_robots
-from drake_ispace.space.renderer import Renderer, with_noise
+from drake_ispace.space.markers import Colour, Target
+from drake_ispace.space.renderer import Renderer
 from drake_ispace.space.scene import ROBOT_COLOURS, marker_height, obstacles, robot_box
 from drake_ispace.space.top_view import top_view_of
 
@@ -38,35 +38,13 @@ def targets(space: Space, names: Sequence[str]) -> list[Target]:
     ]
 
 
-class RoomEye:
-    """Finds robots in a camera image of the room: one top view at the height of each robot's markers.
-
-    Args:
-        space: camera, markers and size; names: of the robots to look for.
-    """
-
-    def __init__(self, space: Space, names: Sequence[str]):
-        view, grid = view_of(space.camera), space.localizer.pixel_m
-        self.size = view.size
-        self._looks = []
-        for height in sorted({marker_height(name, space) for name in names}):
-            top = top_view_of(view, space.width_m, space.depth_m, grid, height)
-            here = [name for name in names if marker_height(name, space) == height]
-            self._looks.append((top, top.reach(view.size), targets(space, here)))
-
-    def locate(self, image: np.ndarray) -> dict[str, Sighting | None]:
-        """Name -> its pose in W, None where it is not seen.
-
-        Raises:
-            InputError: an image of another size or kind.
-        """
-        if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.shape != (*self.size[::-1], 3):
-            shape = getattr(image, "shape", None)
-            raise InputError(f"image: expected {self.size[0]} x {self.size[1]} pixels of 3 colours, 8 bit, got {shape}")
-        sightings = {}
-        for top, reach, wanted in self._looks:
-            sightings |= find_robots(top.warp(image), top, COLOURS, wanted, reach)
-        return sightings
+def room_eye(space: Space, names: Sequence[str]) -> Eye:
+    """What finds the robots called `names` in images of the room's camera: a top view per height of markers."""
+    view, looks = view_of(space.camera), []
+    for height in sorted({marker_height(name, space) for name in names}):
+        top = top_view_of(view, space.width_m, space.depth_m, space.localizer.pixel_m, height)
+        looks.append(Look(top, tuple(targets(space, [name for name in names if marker_height(name, space) == height]))))
+    return Eye(view.size, looks, COLOURS)
 
 
 def room_renderer(space: Space, seed: int = 0):
@@ -132,7 +110,7 @@ class ImageLocalizer(Block):
     def __init__(self, space: Space, names: Sequence[str] = ("omni",), seed: int = 0):
         robots, latency = len(names), space.localizer.latency_ticks
         self.names, self.space = list(names), space
-        eye, renderer, dropout = RoomEye(space, names), room_renderer(space, seed), space.localizer.dropout
+        eye, renderer, dropout = room_eye(space, names), room_renderer(space, seed), space.localizer.dropout
         period, offsets = frame_ticks(space.camera.frame_rate_hz)
         start, size = 1 + 6 * robots, FIX * robots
         exposure_ticks = space.camera.exposure_s / TICK_S

@@ -44,9 +44,9 @@ class Markers:
     plate_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
     side_m: float = quantity(0.09, "m", above=0.0, maximum=0.5)
     # a marker whose area differs by more than this share is hidden, cut or none
-    area_tolerance: float = quantity(0.2, above=0.0, below=1.0)
+    area_tolerance: float = quantity(0.13, above=0.0, below=1.0)
     # how far the distance of both markers may be off
-    spacing_tolerance_m: float = quantity(0.012, "m", above=0.0, maximum=0.1)
+    spacing_tolerance_m: float = quantity(0.006, "m", above=0.0, maximum=0.1)
 
 
 @dataclass

@@ -44,7 +44,7 @@ class Target:
     spacing_m: float
     tolerance_m: float
     area_m2: tuple[float, float]
-    elongation: float = 1.25
+    elongation: float = 1.12
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Blob:
 
 @dataclass(frozen=True)
 class Sighting:
-    """A robot's pose x, y [m], phi [rad] in W, and its middle in the top view [pixels]."""
+    """A robot's pose x, y [m], phi [rad] in W, and its middle in the picture that was searched [pixels]."""
 
     x: float
     y: float

@@ -82,6 +82,29 @@ class TopView:
         return cv2.undistortPoints(pixels[:, None], matrix, distortion, P=matrix)[:, 0]
 
 
+def corners_from_points(points, width_m: float, depth_m: float, matrix=None, distortion=None) -> np.ndarray:
+    """(4, 2) pixels of the corners of the space from points on its floor, by least squares.
+
+    Args:
+        points: (n >= 4, 4) u, v [pixels], x, y [m], no three on a line; the rest as for TopView.
+
+    Raises:
+        ValueError: points that fix no plane.
+    """
+    points = np.asarray(points, dtype=float).reshape(-1, 4)
+    pixels = points[:, :2]
+    if distortion is not None and np.any(distortion):
+        pixels = cv2.undistortPoints(pixels[:, None], matrix, np.asarray(distortion), P=matrix)[:, 0]
+    to_image, _ = cv2.findHomography(points[:, 2:], pixels) if len(points) >= 4 else (None, None)
+    if to_image is None or np.linalg.cond(to_image) > 1e9:
+        raise ValueError("the points fix no plane")
+    corners = cv2.perspectiveTransform((CORNERS * [width_m, depth_m])[:, None], to_image)[:, 0]
+    if distortion is not None and np.any(distortion):
+        rays = np.column_stack([(corners - matrix[:2, 2]) / matrix[[0, 1], [0, 1]], np.ones(4)])
+        corners = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.asarray(distortion))[0][:, 0]
+    return corners
+
+
 def top_view_of(view: View, width_m: float, depth_m: float, pixel_m, height_m: float = 0.0) -> TopView:
     """The top view of the plane z = height_m: markers on it stand where they are, free of parallax."""
     corners = trapezoid(view, width_m, depth_m, height_m)

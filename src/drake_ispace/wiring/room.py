@@ -10,7 +10,7 @@ from drake_ispace.wiring.bench import Bench
 
 def add_room(bench: Bench, scenario: Scenario, viewers: dict[str, list[str]]) -> None:
     """Let the Kinect see each plant named in `viewers` and wire its fix to the inputs listed there."""
-    bench.add("kinect", KinectLocalizer(scenario.space, len(viewers), scenario.seed))
+    bench.add("kinect", _localizer(scenario, [plant.removesuffix("_plant") for plant in viewers]))
     if len(viewers) == 1:
         seen, delivered = ["kinect.poses"], ["kinect.fixes"]
     else:
@@ -24,5 +24,20 @@ def add_room(bench: Bench, scenario: Scenario, viewers: dict[str, list[str]]) ->
 
 
 def oldest_fix_ticks(scenario: Scenario, order_size: int) -> int:
-    """The age of a fix when it reaches a robot: camera latency, then the link."""
-    return scenario.space.localizer.latency_ticks + delay_ticks(scenario.space.link, order_size)
+    """The age of a fix when it reaches a robot: of the camera's frame, camera latency, then the link."""
+    space = scenario.space
+    age = space.localizer.latency_ticks + delay_ticks(space.link, order_size)
+    if space.localizer.mode == "image":
+        from drake_ispace.space.image_localizer import oldest_frame_ticks
+
+        age += oldest_frame_ticks(space.camera.frame_rate_hz)
+    return age
+
+
+def _localizer(scenario, robots):
+    """The block of `space.localizer.mode`; both have the same ports."""
+    if scenario.space.localizer.mode == "image":
+        from drake_ispace.space.image_localizer import ImageLocalizer
+
+        return ImageLocalizer(scenario.space, robots, scenario.seed)
+    return KinectLocalizer(scenario.space, len(robots), scenario.seed)

@@ -1,0 +1,64 @@
+"""Friction coefficients from identified matrices, (4.8)-(4.9).
+
+B^ is 2 x 1 (or 3 x 2) and has no inverse; C_cu = B^+ (B C_cu)^ is its least-squares solution. Where B^ is badly known or
+badly conditioned the quotient means nothing, and that is said.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.errors import InputError
+from drake_ispace.identification.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class FrictionCoefficients:
+    """(3.35)'s coefficients.
+
+    Attributes:
+        coulomb_n_m, viscous_n_m_s: C_cu [N m] and C_v [N m s/rad].
+        coulomb_std, viscous_std: first order, from the estimate's own spread, coefficients taken as independent.
+        condition: largest singular value of B^ over the smallest.
+        relative_error_of_b: standard deviation of B^ over its size; above 0.3 the quotient means little.
+    """
+
+    coulomb_n_m: float
+    viscous_n_m_s: float
+    coulomb_std: float
+    viscous_std: float
+    condition: float
+    relative_error_of_b: float
+
+    @property
+    def trustworthy(self) -> bool:
+        return self.condition < 1e3 and self.relative_error_of_b < 0.3
+
+
+def friction_matrices(b: np.ndarray, b_coulomb: np.ndarray, b_viscous: np.ndarray, largest_condition: float = 1e3):
+    """(C_cu, C_v), each (l, l), of (4.8)-(4.9) by least squares from B (k, l), B C_cu and B C_v (k, l).
+
+    Raises:
+        InputError: B's condition number exceeds `largest_condition`: the wheels cannot be told apart.
+    """
+    condition = np.linalg.cond(b)
+    if not condition < largest_condition:
+        raise InputError(f"the identified B has condition number {condition:.3g}, expected less than {largest_condition:g}")
+    inverse = np.linalg.pinv(b)
+    return inverse @ b_coulomb, inverse @ b_viscous
+
+
+def friction_coefficients(estimate: Estimate) -> FrictionCoefficients:
+    """From rows sgn, omega and tau of Table 4.1's regression; rows of Y are weighted by how well B is known in each."""
+    index = {name: estimate.names.index(name) for name in ("sgn", "omega", "tau")}
+    weight = 1.0 / np.maximum(estimate.std[index["tau"]], 1e-12 * np.abs(estimate.theta).max() + 1e-300)
+    b = (estimate.theta[index["tau"]] * weight)[:, None]
+    size = float(np.linalg.norm(b))
+    values, spreads = [], []
+    for name in ("sgn", "omega"):
+        row, std = estimate.theta[index[name]] * weight, estimate.std[index[name]] * weight
+        value = -float((np.linalg.pinv(b) @ row)[0])
+        spread = np.sqrt((b[:, 0] ** 2 @ std**2) / size**4 + value**2 * (b[:, 0] ** 2 @ np.ones(len(b))) / size**4)
+        values.append(value)
+        spreads.append(float(spread))
+    return FrictionCoefficients(*values, *spreads, float(np.linalg.cond(b)), 1.0 / size * np.sqrt(len(b)))

@@ -1,0 +1,109 @@
+"""Data for the friction coefficients, Fig. 4.2, and each method's way from a run to C_cu and C_v."""
+
+import numpy as np
+
+from drake_ispace.alignment import to_recording
+from drake_ispace.errors import InputError
+from drake_ispace.identification.armax import armax
+from drake_ispace.identification.armaxd import armaxd
+from drake_ispace.identification.arx import arx
+from drake_ispace.identification.estimate import Estimate
+from drake_ispace.identification.friction_coefficients import friction_coefficients
+from drake_ispace.identification.instrumental import instrumental
+from drake_ispace.identification.prediction_error import prediction_error, silence
+from drake_ispace.identification.structures import Problem, friction_problem
+from drake_ispace.rates import TICK_S
+from drake_ispace.recording import Recording
+from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.scenario import Scenario
+from drake_ispace.simulation import first_divergence, make_run
+from drake_ispace.wiring.catalog import build_diagram
+
+#: The names of the plant's coefficients in a rollout.
+COEFFICIENTS = ("pendulum_plant.friction.coulomb", "pendulum_plant.friction.viscous")
+#: At 200 Hz the separator's 740 Hz means nothing; the same share of the rate.
+CUT_OFF_HZ = 74.0
+_WEIGHTS = (20.0, 20.0, 20.0, 300.0, 300.0)  # 1 / (0.05 rad, 0.05 rad, 0.05 rad/s, 3.3 mN m)
+
+
+def friction_rollout(scenario: Scenario) -> Rollout:
+    """The compiled Diagram of `scenario`, all outputs logged.
+
+    Raises:
+        InputError: its plant has no friction to be identified.
+    """
+    rollout = compile_diagram(build_diagram(scenario))
+    for name in COEFFICIENTS:
+        if name not in rollout.parameter_names:
+            raise InputError(f"the Diagram {scenario.diagram} has no parameter {name}, expected the nonlinear pendulum")
+    return rollout
+
+
+def run_recording(rollout: Rollout, scenario: Scenario, ticks: int, parameters: np.ndarray) -> Recording:
+    """One rollout as a recording.
+
+    Raises:
+        InputError: the robot fell.
+    """
+    logs = rollout.run(ticks, parameters)
+    lost = first_divergence(logs)
+    if lost is not None:
+        raise InputError(f"the simulated robot fell or was lost at {lost * TICK_S:.2f} s, expected one that balances")
+    return to_recording(make_run(scenario, logs, None, 0.0), "pendulum")
+
+
+def friction_instruments(rollout: Rollout, scenario: Scenario, samples: int):
+    """A function theta -> noise-free regressors (samples, 4), for the refined instrumental variables."""
+    base = silence(rollout)
+    names = ("theta", "sgn", "omega", "tau")
+
+    def simulate(theta):
+        column = Estimate("", names, ("s", "theta"), theta, np.ones_like(theta), np.empty((0, 2)), np.empty((0, 4)))
+        found = friction_coefficients(column)
+        base[rollout.index(COEFFICIENTS[0])] = np.clip(found.coulomb_n_m, 0.0, 0.05)
+        base[rollout.index(COEFFICIENTS[1])] = np.clip(found.viscous_n_m_s, 0.0, 0.05)
+        regressor = friction_problem(run_recording(rollout, scenario, samples + 2, base)).regressor
+        return regressor[:samples]
+
+    return simulate
+
+
+def friction_prediction_error(rollout: Rollout, recording: Recording, start=(0.003, 0.005)) -> Estimate:
+    """C_cu and C_v by simulation error on wheel angles, gyro and torque of the run.
+
+    The speed over which the plant's sign turns is the scenario's, not fitted. The loop must have started at the run's
+    beginning, as a simulated run does.
+
+    Raises:
+        InputError: a channel that is missing, or a run that does not start at t = 0.
+    """
+    for name in ("encoder", "imu", "torque"):
+        if name not in recording.channels:
+            raise InputError(f"the run has no channel {name}, expected torque, encoder and imu")
+        if abs(recording.channels[name].t[0]) > 1.5 * TICK_S:
+            raise InputError(f"channel {name} starts at {recording.channels[name].t[0]:g} s, expected 0 s")
+    count = min(len(recording.channels[name].t) for name in ("encoder", "imu", "torque"))
+    measured = np.column_stack([
+        recording.channels["encoder"].values[:count], recording.channels["imu"].column("wy")[:count],
+        recording.channels["torque"].values[:count],
+    ])
+    base, index = silence(rollout), [rollout.index(name) for name in COEFFICIENTS]
+
+    def simulate(values):
+        base[index] = values
+        logs = rollout.run(count, base)
+        rows = slice(1, count + 1)  # row k + 1 shows the samples of tick k and what is held from it on
+        return np.column_stack([
+            logs["pendulum_encoder"][rows, 1:3], logs["pendulum_imu"][rows, 5:6], logs["pendulum_torque"][rows]
+        ])
+
+    return prediction_error(simulate, dict(zip(("coulomb", "viscous"), start, strict=True)), measured, _WEIGHTS, True)
+
+
+def friction_estimates(problem: Problem, simulate=None, every: int = 1, spread: bool = True) -> dict[str, Estimate]:
+    """Every regression method on Table 4.1's problem: method -> estimate."""
+    return {
+        "arx": arx(problem), "armax": armax(problem, every=every),
+        "armaxd": armaxd(problem, CUT_OFF_HZ, every=every),
+        "iv": instrumental(problem, simulate=simulate, spread=spread),
+    }

@@ -1,0 +1,128 @@
+"""The demonstration: a page that is whole, whose pictures are there, and whose numbers were computed."""
+
+import json
+import os
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from drake_ispace.cli import main
+from drake_ispace.errors import InputError
+from drake_ispace.report import demo as demo_module
+from drake_ispace.report.demo import write_demo
+
+EMPTY = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Pictures, table cells and text of a page; refuses tags that are not closed in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.pictures, self.rows, self.text = [], [], [], ""
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in EMPTY:
+            self.open.append(tag)
+        if tag == "img":
+            assert dict(attributes)["alt"]
+            self.pictures.append(dict(attributes)["src"])
+        if tag == "tr":
+            self.rows.append([])
+        if tag == "td":
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+        if self.open[-1:] == ["td"]:
+            self.rows[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of a demonstration of two simulated seconds, and the folder around it."""
+    around = tmp_path_factory.mktemp("around")
+    write_demo(around / "demo", 2.0, 3, lambda title: None)
+    return around / "demo"
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def data(folder):
+    return json.loads((folder / "demo.json").read_text(), parse_constant=pytest.fail)
+
+
+def test_every_picture_is_there_and_no_other_file(folder, page):
+    assert len(page.pictures) >= 6 and len(set(page.pictures)) == len(page.pictures)
+    assert sorted(os.listdir(folder)) == sorted([*page.pictures, "index.html", "demo.json"])
+
+
+def test_every_picture_is_what_its_name_says(folder, page):
+    for name in page.pictures:
+        start = {".png": b"\x89PNG", ".svg": b"<?xml"}[os.path.splitext(name)[1]]
+        assert (folder / name).read_bytes().startswith(start)
+
+
+def test_nothing_is_left_beside(folder):
+    assert os.listdir(folder.parent) == ["demo"]
+
+
+def test_the_page_needs_nothing_from_elsewhere(folder):
+    assert not re.search(r"(src|href)=\"?(https?:)?//", (folder / "index.html").read_text(encoding="utf-8"))
+
+
+def test_every_run_has_a_row_with_its_numbers(page, data):
+    rows = {row[0]: row for row in page.rows if row}
+    names = [key.partition("/")[2] for key in data["runs"]]
+    assert set(rows) == set(names)
+    shown = [row for row in page.rows if row]
+    for (_, metrics), row in zip(data["runs"].items(), shown, strict=True):
+        for key, cell in zip(
+            ("rms_position_error_m", "rms_cross_track_m", "mean_lag_m", "final_error_m"), row[1:5], strict=True
+        ):
+            value = metrics[key]
+            assert cell == ("–" if value is None else f"{1e3 * value:.1f} mm")
+
+
+def test_the_totals_are_those_of_the_runs(page, data):
+    assert data["seed"] == 3 and "seed 3" in page.text
+    assert data["simulated_s"] == pytest.approx(2.0 * 9, abs=0.1)  # 3 + 3 + 2 runs and the one that two robots share
+    assert f"Simulated {data['simulated_s']:g} s" in page.text
+
+
+def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
+    (tmp_path / "demo").mkdir()
+    for name in ("index.html", "demo.json"):
+        (tmp_path / "demo" / name).write_text("old")
+    with pytest.raises(SystemExit) as stopped:
+        main(["demo", "--seconds", "0.2", "--out", str(tmp_path / "demo"), "--json"])
+    printed = json.loads(capsys.readouterr().out)
+    page = printed.pop("page")
+    assert stopped.value.code in (0, None) and page == str(tmp_path / "demo" / "index.html")
+    assert json.loads((tmp_path / "demo" / "demo.json").read_text()) == printed
+    assert os.listdir(tmp_path) == ["demo"] and "old" not in (tmp_path / "demo" / "index.html").read_text("utf-8")[:3]
+
+
+def test_a_demonstration_that_fails_leaves_the_former_one(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise InputError("no Graphviz")
+
+    monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
+    monkeypatch.setattr(demo_module, "draw", fail)
+    (tmp_path / "demo").mkdir()
+    (tmp_path / "demo" / "demo.json").write_text("{}")
+    with pytest.raises(InputError, match="no Graphviz"):
+        write_demo(tmp_path / "demo", 0.2, None, lambda title: None)
+    assert os.listdir(tmp_path) == ["demo"] and os.listdir(tmp_path / "demo") == ["demo.json"]
