@@ -77,7 +77,8 @@ def killed_and_resumed(runs: int, seed: int, out: Path, whole: Path) -> dict:
     kept = read_campaign(out).num_rows
     resumed = finished(start(runs, seed, out))
     return {
-        "rows_kept": kept, "rows_done_again": resumed["runs_now"], "same_table": read_campaign(out).equals(read_campaign(whole)),
+        "rows_kept": kept, "rows_done_again": resumed["runs_now"],
+        "same_table": read_campaign(out).equals(read_campaign(whole)),
     }
 
 

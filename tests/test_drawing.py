@@ -145,8 +145,9 @@ def test_another_suffix_is_refused(tmp_path, name):
     assert all(suffix in refusal(users_own(), tmp_path / name) for suffix in (".dot", ".svg", ".png"))
 
 
-def test_a_missing_folder_is_refused(tmp_path):
-    assert "cannot be written" in refusal(users_own(), tmp_path / "none" / "own.dot")
+def test_a_missing_folder_is_made(tmp_path):
+    draw(users_own(), tmp_path / "new" / "x.dot")
+    assert [file.name for file in (tmp_path / "new").iterdir()] == ["x.dot"]
 
 
 def test_a_folder_in_the_way_is_refused(tmp_path):

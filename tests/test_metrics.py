@@ -161,9 +161,8 @@ def test_a_path_without_end_has_no_time_to_it():
 
 
 def test_what_happens_before_the_start_does_not_count():
-    found = metrics(
-        dataclasses.replace(LINE, start_s=5.0), lambda time, way_point: way_point + np.where(time < 4.9, 1.0, 0.0)[:, None]
-    )
+    late = dataclasses.replace(LINE, start_s=5.0)
+    found = metrics(late, lambda time, way_point: way_point + np.where(time < 4.9, 1.0, 0.0)[:, None])
     assert found.max_position_error_m == 0.0
 
 
@@ -210,6 +209,7 @@ def test_two_robots_in_one_room_keep_their_own_paths():
 def test_a_comparison_alone_is_a_simulation():
     told = []
     scenario = load_scenario("omni_multirate", ["seconds=1"])
-    ((name, (run, robot, found)),) = compare({"mine": scenario}, lambda name, time_s: told.append((name, time_s))).items()
+    results = compare({"mine": scenario}, lambda name, time_s: told.append((name, time_s)))
+    ((name, (run, robot, found)),) = results.items()
     assert (name, robot) == ("mine", "omni") and found == measure(run, "omni")
     assert told and told[-1] == ("mine", pytest.approx(1.0))

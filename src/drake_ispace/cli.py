@@ -171,7 +171,7 @@ def draw(
     name: str, /, *, set_: Sets = None,
     out: Annotated[Path | None, Parameter(help="x.svg, x.png or x.dot; left out: the dot text is printed")] = None,
     depth: Depth = None,
-    kernel: Annotated[bool, Parameter(negative="", help="the function that the Diagram is compiled to, as text")] = False,
+    kernel: Annotated[bool, Parameter(negative="", help="the function that it is compiled to, as text")] = False,
     as_json: Json = False,
 ) -> None:
     """Draw the wiring of a Diagram with Graphviz."""

@@ -5,7 +5,6 @@ outputs that a Diagram exports for logging are left away, for they would cross e
 """
 
 import html
-import os
 import re
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 from pydrake.systems.framework import Diagram, System
 
 from drake_ispace.errors import InputError, shown
+from drake_ispace.places import whole_file
 from drake_ispace.schedule import schedule
 
 SUFFIXES = (".dot", ".svg", ".png")
@@ -101,14 +101,8 @@ def draw(diagram: System, out: Path, depth: int | None = None, highlight: Collec
     picture = dot_text(diagram, depth, highlight).encode()
     if out.suffix != ".dot":
         picture = _rendered(picture, out)
-    # Written beside and renamed, so that a reader never finds half a picture.
-    fresh = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        fresh.write_bytes(picture)
-        fresh.replace(out)
-    except OSError as error:
-        fresh.unlink(missing_ok=True)
-        raise InputError(f"{out}: cannot be written, {error.strerror}") from None
+    with whole_file(out) as beside:
+        beside.write_bytes(picture)
 
 
 def _rendered(text: bytes, out: Path) -> bytes:

@@ -1,4 +1,4 @@
-"""What commands show: JSON, tables, and a progress bar. rich is imported where it is needed: `--help` answers at once."""
+"""What commands show: JSON, tables, a progress bar. rich is imported where it is needed: `--help` answers at once."""
 
 import json
 import sys

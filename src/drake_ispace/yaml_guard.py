@@ -73,7 +73,8 @@ def dump_yaml(data: dict[str, Any]) -> str:
 def _read(path: Path, where: str) -> str:
     try:
         if not path.is_file():
-            raise InputError(f"{where}: expected a file, there is none")
+            found = "there is a folder" if path.is_dir() else "there is none"
+            raise InputError(f"{where}: expected a file, {found}")
         with open(path, "rb") as file:
             data = file.read(LARGEST_FILE + 1)
         return data.decode("utf-8")

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drake_ispace.errors import InputError
 from drake_ispace.space.kinect import Link
 from drake_ispace.space.link import RoomLink, delay_ticks, pack, unpack
 
@@ -131,3 +132,8 @@ def test_losses_repeat_with_the_seed_and_differ_between_robots(drive):
     assert stamps(seed=1) == stamps(seed=1)
     assert stamps(seed=1) != stamps(seed=2)
     assert stamps(where="omni.link") != stamps(where="pendulum.link")
+
+
+def test_a_line_slower_than_a_frame_a_second_is_refused():
+    with pytest.raises(InputError, match=r"space\.link\.baud_rate: 1 bit/s, expected at least 690"):
+        delay_ticks(Link(baud_rate=1), 10)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.control.dlqr import dlqr
 from drake_ispace.errors import InputError
 from drake_ispace.identification.armax import armax
 from drake_ispace.identification.armaxd import armaxd
@@ -10,6 +11,7 @@ from drake_ispace.identification.arx import arx
 from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.friction_coefficients import friction_coefficients
 from drake_ispace.identification.instrumental import instrumental
+from drake_ispace.identification.motion_follower import following_diagram, measured_motion
 from drake_ispace.identification.prediction_error import prediction_error, silence
 from drake_ispace.identification.structures import Problem, friction_problem
 from drake_ispace.rates import TICK_S
@@ -18,12 +20,14 @@ from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.wiring.pendulum import linear_model
 
 #: The names of the plant's coefficients in a rollout.
 COEFFICIENTS = ("pendulum_plant.friction.coulomb", "pendulum_plant.friction.viscous")
 #: At 200 Hz the separator's 740 Hz means nothing; the same share of the rate.
 CUT_OFF_HZ = 74.0
-_WEIGHTS = (20.0, 20.0, 20.0, 300.0, 300.0)  # 1 / (0.05 rad, 0.05 rad, 0.05 rad/s, 3.3 mN m)
+_Q, _R = [5e3, 1e3, 800.0, 50.0, 100.0, 1e3], [1e4, 1e4]  # of the follower: (6.40), (6.41)
+_SETTLED = 100  # ticks
 
 
 def friction_rollout(scenario: Scenario) -> Rollout:
@@ -68,36 +72,35 @@ def friction_instruments(rollout: Rollout, scenario: Scenario, samples: int):
     return simulate
 
 
-def friction_prediction_error(rollout: Rollout, recording: Recording, start=(0.003, 0.005)) -> Estimate:
-    """C_cu and C_v by simulation error on wheel angles, gyro and torque of the run.
+def following_rollout(scenario: Scenario) -> Rollout:
+    """The compiled plant of `scenario` held on a measured motion, for `friction_prediction_error`."""
+    plant = scenario.pendulum.plant
+    a, b = linear_model(plant)
+    return compile_diagram(following_diagram(plant, dlqr(a, b, _Q, _R, TICK_S)))
 
-    The speed over which the plant's sign turns is the scenario's, not fitted. The loop must have started at the run's
-    beginning, as a simulated run does.
+
+def friction_prediction_error(follower: Rollout, scenario: Scenario, recording: Recording, start=(0.005, 0.01)) -> Estimate:
+    """C_cu and C_v that need the least correction to keep the simulated plant on the run (`motion_follower`).
+
+    The speed over which the plant's sign turns is the scenario's and not fitted.
+
+    Args:
+        follower: of `following_rollout`; start: first guess.
 
     Raises:
-        InputError: a channel that is missing, or a run that does not start at t = 0.
+        InputError: a channel that is missing or has gaps, or a run that does not start at t = 0.
     """
-    for name in ("encoder", "imu", "torque"):
-        if name not in recording.channels:
-            raise InputError(f"the run has no channel {name}, expected torque, encoder and imu")
-        if abs(recording.channels[name].t[0]) > 1.5 * TICK_S:
-            raise InputError(f"channel {name} starts at {recording.channels[name].t[0]:g} s, expected 0 s")
-    count = min(len(recording.channels[name].t) for name in ("encoder", "imu", "torque"))
-    measured = np.column_stack([
-        recording.channels["encoder"].values[:count], recording.channels["imu"].column("wy")[:count],
-        recording.channels["torque"].values[:count],
-    ])
-    base, index = silence(rollout), [rollout.index(name) for name in COEFFICIENTS]
+    plant = scenario.pendulum.plant
+    measured = measured_motion(recording, plant.wheel_radius_m, plant.half_track_m)
+    base, index = follower.parameters.copy(), [follower.index(name) for name in COEFFICIENTS]
 
     def simulate(values):
         base[index] = values
-        logs = rollout.run(count, base)
-        rows = slice(1, count + 1)  # row k + 1 shows the samples of tick k and what is held from it on
-        return np.column_stack([
-            logs["pendulum_encoder"][rows, 1:3], logs["pendulum_imu"][rows, 5:6], logs["pendulum_torque"][rows]
-        ])
+        return follower.run(len(measured), base, inputs={"measured": measured})["correction"][_SETTLED:]
 
-    return prediction_error(simulate, dict(zip(("coulomb", "viscous"), start, strict=True)), measured, _WEIGHTS, True)
+    none = np.zeros((len(measured) + 1 - _SETTLED, 2))
+    weights = 1.0 / np.maximum(simulate(np.array(start)).std(axis=0), 1e-12)
+    return prediction_error(simulate, dict(zip(("coulomb", "viscous"), start, strict=True)), none, weights, True, 1e-3)
 
 
 def friction_estimates(problem: Problem, simulate=None, every: int = 1, spread: bool = True) -> dict[str, Estimate]:

@@ -28,7 +28,7 @@ def silence(rollout: Rollout, parameters: np.ndarray | None = None) -> np.ndarra
 
 def prediction_error(
     simulate: Callable[[np.ndarray], np.ndarray], start: Mapping[str, float], measured: np.ndarray,
-    weights: Sequence[float], positive: bool = False,
+    weights: Sequence[float], positive: bool = False, step: float = 1e-4,
 ) -> Estimate:
     """Gauss-Newton on the difference between simulated and measured outputs.
 
@@ -37,6 +37,7 @@ def prediction_error(
         start: name of a coefficient -> first guess.
         measured: (N, m); weights: (m,) 1 / standard deviation of each output.
         positive: the coefficients cannot be negative (friction).
+        step: relative step of the differences; encoder counts make outputs a staircase, a step must span many.
 
     Returns:
         theta (n, 1): the coefficients; the residual is weighted. The spread takes it as white, which the loop's own
@@ -50,7 +51,7 @@ def prediction_error(
         return np.clip(np.nan_to_num(gap, nan=1e4), -1e4, 1e4).ravel()
 
     bounds = (0.0, np.inf) if positive else (-np.inf, np.inf)
-    found = least_squares(residual, x0 / unit, diff_step=1e-4, bounds=bounds, xtol=1e-8, ftol=1e-8, max_nfev=40)
+    found = least_squares(residual, x0 / unit, diff_step=step, bounds=bounds, xtol=1e-8, ftol=1e-8, max_nfev=40)
     std = least_squares_std(found.jac, found.fun[:, None]) * unit[:, None]
     return Estimate(
         "pem", tuple(start), ("value",), (found.x * unit)[:, None], std, -found.fun.reshape(measured.shape), found.jac,

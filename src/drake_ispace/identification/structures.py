@@ -7,7 +7,7 @@ experiment's Table 4.1, a plain time series' (3.4).
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import lfilter, savgol_filter
 
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
@@ -84,15 +84,17 @@ def time_series(y: np.ndarray, u: np.ndarray, na: int, nb: int, delay: int = 1, 
     return Problem(tuple(names), outputs, np.column_stack(columns), y[first:], rate_hz)
 
 
-def friction_problem(recording: Recording, dead_band_rad_s: float = 0.1, time_constant_s: float = 0.02) -> Problem:
+def friction_problem(
+    recording: Recording, radius_m: float = 0.08, dead_band_rad_s: float = 0.1, time_constant_s: float = 0.02
+) -> Problem:
     """Table 4.1 from a run of the pendulum: [theta, sgn w, w, tau] -> [s'', theta''], both wheels summed.
 
     Y is differentiated once only: s'' from the accelerometer with gravity taken off, theta'' a difference of the gyro.
-    The tilt is the gyro's integral, whose mean the accelerometer corrects. Wheel speed is a count difference; every
+    The tilt is `tilt_of`'s. Wheel speed is a count difference; every
     signal passes the same low-pass, so that the linear relation holds between the filtered ones.
 
     Args:
-        recording: with channels torque, encoder and imu, all every 5 ms.
+        recording: with channels torque, encoder and imu, all every 5 ms; radius_m: of the wheels, for the tilt.
         dead_band_rad_s: wheel speed whose sign counts as known; time_constant_s: of the low-pass.
 
     Raises:
@@ -116,7 +118,7 @@ def friction_problem(recording: Recording, dead_band_rad_s: float = 0.1, time_co
 
     tau = rows("torque")[:-1].sum(axis=1)  # held on [t_k, t_k+1)
     imu, angle = rows("imu"), rows("encoder")
-    tilt = tilt_of(imu[:, 0], imu[:, 2], imu[:, 4])
+    tilt = tilt_of(imu, angle, radius_m)
     memory = float(np.exp(-TICK_S / time_constant_s))
 
     def smooth(signal):
@@ -140,12 +142,23 @@ def friction_problem(recording: Recording, dead_band_rad_s: float = 0.1, time_co
     )
 
 
-def tilt_of(ax: np.ndarray, az: np.ndarray, rate: np.ndarray, correction_s: float = 2.0) -> np.ndarray:
-    """Tilt [rad] (N,) from specific force [m/s^2] and rate [rad/s]: a complementary filter that crosses at
-    1 / `correction_s`; it starts upright."""
-    lean = np.arctan2(-ax, az)
+def tilt_of(imu: np.ndarray, angle: np.ndarray, radius_m: float, correction_s: float = 20.0) -> np.ndarray:
+    """Tilt [rad] (N,) after the run: the gyro's integral, its mean corrected by the specific force over `correction_s`.
+
+    The rate's mean is the gyro's bias, as the tilt stays bounded. The specific force also holds the robot's own
+    acceleration, which goes with its friction: it is taken off, from the wheels' second derivative over 0.2 s. (Left
+    in, the tilt errs by 1 mrad in step with the motion, and C_cu by 12 %.)
+
+    Args:
+        imu: (N, 6) specific force [m/s^2] and rate [rad/s]; angle: (N, 2) of the wheels [rad]; radius_m: of the wheels.
+    """
+    rate = imu[:, 4] - imu[:, 4].mean()
+    wheels = 0.5 * angle.sum(axis=1) + TICK_S * np.cumsum(rate)
+    own = radius_m * savgol_filter(wheels, 41, 2, deriv=2, delta=TICK_S)
+    lean = np.arctan2(own - imu[:, 0], imu[:, 2])
     keep = np.exp(-TICK_S / correction_s)
-    return lfilter([1.0], [1.0, -keep], keep * TICK_S * rate + (1.0 - keep) * lean)
+    middle = 0.5 * (rate + np.concatenate([[0.0], rate[:-1]]))
+    return lfilter([1.0], [1.0, -keep], keep * TICK_S * middle + (1.0 - keep) * lean)
 
 
 def error_index(estimated: np.ndarray, actual: np.ndarray) -> float:

@@ -30,7 +30,8 @@ def plot_campaign(campaign: Campaign, out: Path) -> None:
     keys = [key for key in keys if len(table[key].unique()) > 1][:_MOST_PARAMETERS]
     columns = min(1 + len(keys), 3)
     lines = -(-(1 + len(keys)) // columns)
-    figure, axes = plt.subplots(lines, columns, figsize=(5.0 * columns, 3.9 * lines), squeeze=False, layout="constrained")
+    size = (5.0 * columns, 3.9 * lines)
+    figure, axes = plt.subplots(lines, columns, figsize=size, squeeze=False, layout="constrained")
     axes = axes.ravel()
     _histogram(axes[0], table, errors)
     for axis, key in zip(axes[1:], keys, strict=False):

@@ -159,7 +159,8 @@ def make_plan(
     rollouts = {name: rollout_of(_text(scenario)) for name, scenario in data.items()}
 
     def known(key, where):
-        return [find_parameter(key, rollout.parameter_names, where) for rollout in rollouts.values()][0]
+        found = [find_parameter(key, rollout.parameter_names, where) for rollout in rollouts.values()]
+        return found[0]
 
     drawn = {
         known(key, "--vary"): parse_distribution(distribution, f"--vary {key}") for key, distribution in vary.items()

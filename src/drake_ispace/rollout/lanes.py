@@ -65,7 +65,7 @@ class LaneRollout:
 
 
 def compile_lanes(
-    diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None, lanes: int = 64,
+    diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None, lanes: int = 32,
 ) -> LaneRollout:
     """Compile `diagram` for `lanes` runs at once; other arguments as `compile_diagram`.
 

@@ -10,6 +10,7 @@ import struct
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.errors import InputError
 from drake_ispace.noise import stream, uniform
 from drake_ispace.rates import TICK_S
 from drake_ispace.space.kinect import Link
@@ -36,10 +37,16 @@ def unpack(frame: bytes) -> tuple[int, tuple[float, ...]] | None:
 
 
 def delay_ticks(link: Link, order_size: int) -> int:
-    """Whole ticks from sending to arrival of a frame that carries a fix and an order of `order_size` numbers."""
+    """Whole ticks from sending to arrival of a frame that carries a fix and an order of `order_size` numbers.
+
+    Raises:
+        InputError: a line so slow that a frame takes longer than a second.
+    """
     if link.baud_rate == 0:
         return link.delay_ticks
     bits = 10 * len(pack(0, [0.0] * (FIX + order_size)))
+    if bits > link.baud_rate:
+        raise InputError(f"space.link.baud_rate: {link.baud_rate} bit/s, expected at least {bits} (a frame a second) or 0")
     return link.delay_ticks + int(np.ceil(bits / link.baud_rate / TICK_S))
 
 

@@ -74,6 +74,11 @@ class TopView:
         rays = np.column_stack([(straight - matrix[:2, 2]) / matrix[[0, 1], [0, 1]], np.ones(len(straight))])
         return cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, distortion)[0][:, 0]
 
+    def from_image(self, pixels) -> np.ndarray:
+        """(n, 2) pixels of the top view of (n, 2) pixels of the image."""
+        straight = np.ascontiguousarray(self._straight(pixels))
+        return cv2.perspectiveTransform(straight[:, None], self._to_map)[:, 0]
+
     def _straight(self, pixels):
         pixels = np.asarray(pixels, dtype=float).reshape(-1, 2)
         if self._lens is None:

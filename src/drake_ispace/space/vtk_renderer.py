@@ -86,8 +86,8 @@ class VtkRenderer:
     def _build(self, shapes):
         builder = DiagramBuilder()
         graph = builder.AddSystem(SceneGraph())
-        # Lit evenly: one light beside the camera, no shadows, so that tops show their paint.
-        light = LightParameter(type="directional", direction=[0.0, 0.0, 1.0], frame="camera")
+        # Lit from straight above, without shadows, so that floor and tops show their paint; upright faces are black.
+        light = LightParameter(type="directional", direction=[0.0, 0.0, -1.0], frame="world")
         graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams(lights=[light])))
         source = graph.RegisterSource("room")
         floor = BoxShape(_FLOOR_SIDE_M, _FLOOR_SIDE_M, 1.0)
@@ -103,8 +103,9 @@ class VtkRenderer:
         columns, rows = self.view.size
         k = self.view.matrix
         core = RenderCameraCore(
-            "vtk", CameraInfo(columns, rows, k[0, 0], k[1, 1], k[0, 2], k[1, 2]), ClippingRange(0.1, 30.0), RigidTransform(),
-        )
+            "vtk", CameraInfo(columns, rows, k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5), ClippingRange(0.1, 30.0),
+            RigidTransform(),
+        )  # half a pixel: Drake counts from the corner of the first pixel
         x_wc = RigidTransform(RotationMatrix(self.view.r_ws @ R_CS.T), self.view.p_ws)
         sensor = builder.AddSystem(RgbdSensor(
             SceneGraph.world_frame_id(), x_wc, ColorRenderCamera(core, False), DepthRenderCamera(core, DepthRange(0.2, 25.0)),

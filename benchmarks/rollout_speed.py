@@ -1,0 +1,327 @@
+"""How fast a compiled rollout is, each answer a ratio to something measured beside it in the same run.
+
+Beside Drake's Simulator of the same Diagram, beside the same arithmetic hand-written in C and in plain Python, beside
+itself on two threads and in SIMD lanes, and beside other block-diagram simulators. Contenders take turns; a ratio is
+the median over the repetitions, with the least and the most. What runs on one core is timed by that core's own clock
+(CPU time of the thread), so a busy neighbour does not count; threads are timed by the wall. Compile time is apart.
+docs/performance.md holds the results of one machine.
+
+    python benchmarks/rollout_speed.py [--json] [--quick] [--peers-python PYTHON]
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from _runs import print_json, print_table
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from rollout_speed import plain_loop as plain
+from rollout_speed.hand_written import OPTIONS, HandWritten
+
+from drake_ispace.rates import MAX_TICK, TICK_S, VISION_TICKS
+from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.rollout.lanes import compile_lanes
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import make_simulator
+from drake_ispace.wiring.catalog import CATALOG, build_diagram
+
+_NOISY = ["omni.plant.slip.ratio=[0.1,0.1,0.1]", "omni.plant.slip.noise_std=[0.1,0.1,0.1]"]  # camera noise: by default
+_PEERS = {
+    "jaxonomy": "right, but sensors and computer had to be one block: its updates of one instant see each other's old state",
+    "pathsim": "right in this order of registration only: blocks due at one instant act in that order",
+    "pathsim_reversed": "the same blocks registered in the opposite order",
+    "bdsim": "right only with the camera's first view put in as initial value: events at t = 0 are dropped",
+    "control": "one function for the whole loop, the plant sampled by hand: it connects no continuous to a sampled system",
+}
+_FIRST_USE = """
+import sys, time
+started = time.perf_counter()
+from drake_ispace.rollout.compile import compile_diagram
+from drake_ispace.scenario import load_scenario
+from drake_ispace.wiring.catalog import build_diagram
+imported = time.perf_counter()
+diagram = build_diagram(load_scenario(sys.argv[1]))
+built = time.perf_counter()
+compile_diagram(diagram).run(10)
+print(imported - started, built - imported, time.perf_counter() - built)
+"""
+
+
+def omni_multirate():
+    return build_diagram(load_scenario("omni_multirate", _NOISY))
+
+
+def shared_space():
+    return build_diagram(load_scenario("shared_space", _NOISY))
+
+
+def unlogged(diagram) -> Rollout:
+    """The Diagram compiled with nothing logged but the first row of one output."""
+    return compile_diagram(diagram, log={diagram.get_output_port(0).get_name(): MAX_TICK})
+
+
+def on_this_core(function: Callable) -> float:
+    """Seconds of this core that `function` takes."""
+    started = time.thread_time()
+    function()
+    return time.thread_time() - started
+
+
+def in_turns(repetitions: int, contenders: dict[str, Callable[[], float]]) -> dict[str, list[float]]:
+    """Seconds of each contender at every repetition, after one turn that does not count."""
+    taken: dict[str, list[float]] = {name: [] for name in contenders}
+    for repetition in range(repetitions + 1):
+        for name, contender in contenders.items():
+            seconds = contender()
+            if repetition:
+                taken[name].append(seconds)
+    return taken
+
+
+def ratio(of: list[float], to: list[float]) -> dict[str, float]:
+    """How often `to` fits into `of`: the median over the repetitions, the least and the most."""
+    each = [a / b for a, b in zip(of, to, strict=True)]
+    return {"ratio": statistics.median(each), "least": min(each), "most": max(each)}
+
+
+def per_tick(seconds: list[float], ticks: int) -> float:
+    """Nanoseconds."""
+    return statistics.median(seconds) / ticks * 1e9
+
+
+def compiled_vs_drake(repetitions, quick):
+    """The same Diagram in Drake's Simulator and compiled, with every output logged every tick, and with no log."""
+    results = {}
+    ticks = 400 if quick else 2000
+    for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
+        for logged in (True, False):
+            simulator = make_simulator(make())[0] if logged else _bare_simulator(make())
+            rollout = compile_diagram(make()) if logged else unlogged(make())
+            reached = [0]
+
+            def drake(simulator=simulator, reached=reached):
+                reached[0] += ticks
+                return on_this_core(lambda: simulator.AdvanceTo(reached[0] * TICK_S))
+
+            often = 20  # a compiled run of a few ticks is too short for the clock
+
+            def compiled(rollout=rollout):
+                return on_this_core(lambda: [rollout.run(ticks) for _ in range(often)]) / often
+
+            contenders = {"drake": drake, "compiled": compiled}
+            if name == "plain_loop" and not logged:
+                contenders["python"] = lambda: on_this_core(lambda: plain.scalar_python(ticks))
+            taken = in_turns(repetitions, contenders)
+            results[f"{name}, {'all outputs logged' if logged else 'no logs'}"] = {
+                **ratio(taken["drake"], taken["compiled"]),
+                **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
+                **({"python_vs_drake": ratio(taken["drake"], taken["python"])} if "python" in taken else {}),
+            }
+    return results
+
+
+def _bare_simulator(diagram):
+    simulator = Simulator(diagram)
+    ResetIntegratorFromFlags(simulator, "runge_kutta3", TICK_S).set_fixed_step_mode(True)
+    simulator.Initialize()
+    return simulator
+
+
+def compiled_vs_c(repetitions, quick):
+    """Time compared with the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
+    results = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
+            rollout = unlogged(make())
+            builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
+            ticks = (20_000 if quick else 100_000) * (10 if name == "plain_loop" else 1)
+            start = rollout.continuous_state, rollout.discrete_state, rollout.parameters
+            contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
+            contenders["compiled"] = lambda: on_this_core(lambda: rollout.run(ticks))
+            taken = in_turns(repetitions, contenders)
+            fastest = min(OPTIONS, key=lambda title: statistics.median(taken[title]))
+            final = _final_state(rollout, ticks)
+            results[name] = {
+                **ratio(taken["compiled"], taken[fastest]), "fastest_c": fastest,
+                **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
+                "largest_difference": {
+                    title: float(np.abs(build.run(ticks, *start)[1] - final).max()) for title, build in builds.items()
+                },
+            }
+    return results
+
+
+def _final_state(rollout, ticks):
+    x, d = rollout.continuous_state.copy(), rollout.discrete_state.copy()
+    logs = [np.zeros((ticks // divisor + 1, size)) for size, divisor in rollout.logged.values()]
+    rollout._function(0, ticks, x, d, rollout.parameters, np.empty((0, 0)), *logs)
+    return np.concatenate([x, d])
+
+
+def horizon(repetitions, quick):
+    """Time per tick and growth of memory with the length of a run; ratio: the longest to the shortest, per tick."""
+    rollout = unlogged(omni_multirate())
+    lengths = {f"{seconds} s": round(seconds / TICK_S) for seconds in (1, 10, 100, 1000)}
+    often = {name: max(1, lengths["100 s"] // ticks) for name, ticks in lengths.items()}
+
+    def run(name):
+        return on_this_core(lambda: [rollout.run(lengths[name]) for _ in range(often[name])]) / often[name]
+
+    before = _resident_kib()
+    taken = in_turns(repetitions, {name: lambda name=name: run(name) for name in lengths})
+    each = {name: [s / lengths[name] for s in seconds] for name, seconds in taken.items()}
+    return {
+        **ratio(each["1000 s"], each["1 s"]), "ns_per_tick": {name: per_tick(s, lengths[name]) for name, s in taken.items()},
+        "memory_growth_kib": _resident_kib() - before,
+    }
+
+
+def _resident_kib():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
+def robots(repetitions, quick):
+    """A tick of both robots in one room to a tick of the omni robot alone."""
+    ticks = 4000 if quick else 20_000
+    rollouts = {"omni_multirate": unlogged(omni_multirate()), "shared_space": unlogged(shared_space())}
+    taken = in_turns(repetitions, {n: lambda r=r: on_this_core(lambda: r.run(ticks)) for n, r in rollouts.items()})
+    return {
+        **ratio(taken["shared_space"], taken["omni_multirate"]),
+        "ns_per_tick": {name: per_tick(seconds, ticks) for name, seconds in taken.items()},
+    }
+
+
+def threads_2_vs_1(repetitions, quick):
+    """Rollouts a second on two threads to one, by the wall: other programs on this machine count against it."""
+    rollout = unlogged(omni_multirate())
+    runs, ticks = 16, 4000 if quick else 20_000
+
+    def on(threads):
+        with ThreadPoolExecutor(threads) as pool:
+            started = time.perf_counter()
+            list(pool.map(lambda _: rollout.run(ticks), range(runs)))
+            return time.perf_counter() - started
+
+    taken = in_turns(2 * repetitions, {"one": lambda: on(1), "two": lambda: on(2)})
+    return {**ratio(taken["one"], taken["two"]), "cores": os.cpu_count(), "load": os.getloadavg()[0]}
+
+
+def lanes_vs_runs(repetitions, quick):
+    """Runs a second of the plain loop in SIMD lanes to one run after the other, every run with its own parameters."""
+    lanes = compile_lanes(plain.plain_loop(), log={"position": MAX_TICK})
+    generator = np.random.default_rng(0)
+    runs, ticks = lanes.lanes, 2000 if quick else 10_000
+    parameters = lanes.single.parameters * (1.0 + 0.01 * generator.standard_normal((runs, len(lanes.single.parameters))))
+    one_by_one = lambda: [lanes.single.run(ticks, row) for row in parameters]  # noqa: E731
+    taken = in_turns(repetitions, {
+        "lanes": lambda: on_this_core(lambda: lanes.run(ticks, parameters)), "runs": lambda: on_this_core(one_by_one),
+    })
+    return {
+        **ratio(taken["runs"], taken["lanes"]), "lanes": runs,
+        **{f"{who}_ns_per_tick_and_run": per_tick(seconds, ticks * runs) for who, seconds in taken.items()},
+    }
+
+
+def peers(repetitions, quick, python):
+    """The plain loop in other simulators: how many times longer, and how far the state log is from ours, tick by tick."""
+    ticks = 400 if quick else 4000
+    rollout = unlogged(plain.plain_loop())
+    ours = statistics.median(in_turns(repetitions, {"ours": lambda: on_this_core(lambda: rollout.run(200_000))})["ours"]) / 200_000
+    rows: list = []
+    plain.scalar_python(ticks, rows)
+    rows = np.array(rows)[:ticks]
+    constants = {
+        "mass": plain.MASS, "scale": plain.SCALE, "bias": plain.BIAS, "drift": plain.DRIFT, "goal": plain.GOAL,
+        "k_p": plain.K_P, "k_d": plain.K_D,
+    }
+    request = {
+        "ticks": ticks, "repetitions": 1 if quick else repetitions,
+        "constants": {name: value.tolist() for name, value in constants.items()}
+        | {"memory": plain.MEMORY, "tick_s": TICK_S, "vision_ticks": VISION_TICKS},
+    }
+    results = {}
+    for name, words in _PEERS.items():
+        module = name.partition("_")[0]
+        if subprocess.run([python, "-c", f"import {module}"], capture_output=True).returncode:
+            results[name] = {"skipped": f"{module} is not installed, pip install {module}"}
+            continue
+        script = Path(__file__).with_name("rollout_speed") / "peers.py"
+        answer = subprocess.run([python, script], input=json.dumps({"peer": name, **request}), capture_output=True, text=True)
+        if answer.returncode:
+            results[name] = {"skipped": f"{module} stopped: {answer.stderr.strip().splitlines()[-1]}"}
+            continue
+        said = json.loads(answer.stdout.splitlines()[-1])
+        apart = np.abs(np.array(said["log"]) - rows).max(axis=1)
+        seconds = statistics.median(said["seconds"])
+        results[name] = {
+            "ratio": seconds / ticks / ours, "ns_per_tick": seconds / ticks * 1e9, "largest_difference": float(apart.max()),
+            "final_difference": float(apart[-1]), "first_wrong_tick": int(np.argmax(apart > 1e-8)) if (apart > 1e-8).any() else None,
+            "words": words + (f" ({said['said']!r})" if said.get("said") else ""),
+        }
+    return results
+
+
+def first_use(quick):
+    """Name -> seconds to compile in an empty cache; name -> import, build, load in a second process."""
+    compile_s, second = {}, {}
+    for name in ["omni_multirate"] if quick else CATALOG:
+        with tempfile.TemporaryDirectory() as folder:
+            environment = os.environ | {"DRAKE_ISPACE_CACHE": folder}
+            took = []
+            for _ in range(2):
+                out = subprocess.run(
+                    [sys.executable, "-c", _FIRST_USE, name], env=environment, capture_output=True, text=True, check=True,
+                )
+                took.append([float(word) for word in out.stdout.split()])
+        compile_s[name] = took[0][2]
+        second[name] = dict(zip(("import", "build", "load"), took[1], strict=True)) | {"total": sum(took[1])}
+    return compile_s, second
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else")
+    parser.add_argument("--quick", action="store_true", help="shorter runs, within 50 s")
+    parser.add_argument("--peers-python", default=sys.executable, help="a Python in which the other simulators are installed")
+    options = parser.parse_args()
+    repetitions = 5 if options.quick else 9
+    parts = (compiled_vs_drake, compiled_vs_c, horizon, robots, threads_2_vs_1, lanes_vs_runs)
+    results = {}
+    for part in parts:
+        results[part.__name__] = part(repetitions, options.quick)
+        if not options.json:
+            show(part.__name__, part.__doc__, results[part.__name__])
+    results["peers"] = peers(repetitions, options.quick, options.peers_python)
+    results["compile_s"], results["second_process_s"] = first_use(options.quick)
+    if options.json:
+        print_json(results)
+    else:
+        for name in ("peers", "compile_s", "second_process_s"):
+            show(name, {"peers": peers.__doc__}.get(name, first_use.__doc__), results[name])
+
+
+def show(name, words, result):
+    """A table; an entry that is itself a mapping is a row."""
+    rows = result.items() if all(isinstance(value, dict) for value in result.values()) else [(name, result)]
+    if not isinstance(next(iter(rows))[1], dict):
+        rows = [(name, result)]
+    print_table(f"{name}: {words}", ["what", "figures"], [[key, _figures(value)] for key, value in rows])
+
+
+def _figures(value):
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_figures(inner)}" for key, inner in value.items())
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()
