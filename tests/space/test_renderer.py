@@ -16,6 +16,7 @@ SPACE = Space()
 VIEW = view_of(SPACE.camera)
 CLEAN = Scenery(carpet_contrast=0.0, light_gradient=0.0, shadow=0.0, noise_grey_levels=0.0, depth_noise_m=0.0)
 NAMES = ("omni", "pendulum")
+SMALL = view_of(Camera(size_pixels=[160, 120]))
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +29,9 @@ def real():
     return Renderer(VIEW, SPACE.scenery, seed=3)
 
 
-def at(image, place):
+def at(image, place, view=VIEW):
     """The pixel that sees a point in W."""
-    u, v = np.rint(VIEW.project([place])[0]).astype(int)
+    u, v = np.rint(view.project([place])[0]).astype(int)
     return image[v, u]
 
 
@@ -71,9 +72,10 @@ def test_the_nearer_of_two_boxes_is_seen(clean):
         assert at(clean.draw(boxes).colour, (0.0, 0.0, 0.3)) == pytest.approx([255.0, 0.0, 0.0], abs=0.1)
 
 
-def test_the_background_is_what_a_whole_drawing_gives(clean):
+def test_the_background_is_what_a_whole_drawing_gives():
     box = Box(0.5, 0.3, 0.3, 0.3, 0.2, 0.25)
-    assert np.abs(Renderer(VIEW, CLEAN, (box,)).draw().colour - clean.draw([box]).colour).max() < 1e-3
+    drawn = [Renderer(SMALL, CLEAN, static).draw(moving).colour for static, moving in (((box,), []), ((), [box]))]
+    assert np.abs(drawn[0] - drawn[1]).max() < 1e-3
 
 
 def test_a_shadow_darkens_the_floor_beside_a_box(real):
@@ -84,17 +86,17 @@ def test_a_shadow_darkens_the_floor_beside_a_box(real):
 
 
 def test_light_falls_off_along_the_width():
-    bright = Renderer(VIEW, Scenery(carpet_contrast=0.0, light_gradient=0.3)).draw().colour
-    assert at(bright, (1.0, 0.0, 0.0)) / at(bright, (-1.0, 0.0, 0.0)) == pytest.approx(1.12 / 0.88, abs=0.01)
+    bright = Renderer(SMALL, Scenery(carpet_contrast=0.0, light_gradient=0.3)).draw().colour
+    assert at(bright, (1.0, 0.0, 0.0), SMALL) / at(bright, (-1.0, 0.0, 0.0), SMALL) == pytest.approx(1.12 / 0.88, abs=0.01)
 
 
-def test_a_picture_depends_on_seed_and_tick_alone(real):
+def test_a_picture_depends_on_seed_and_tick_alone():
     boxes = [robot_box("omni", SPACE, (0.1, 0.2, 0.3))]
-    one = real.render(boxes, tick=19)
-    again = Renderer(VIEW, SPACE.scenery, seed=3).render(boxes, tick=19)
-    assert np.array_equal(one.colour, again.colour) and np.array_equal(one.depth, again.depth)
-    assert not np.array_equal(one.colour, real.render(boxes, tick=38).colour)
-    assert not np.array_equal(one.colour, Renderer(VIEW, SPACE.scenery, seed=4).render(boxes, tick=19).colour)
+    one, again, other = (Renderer(SMALL, SPACE.scenery, seed=seed) for seed in (3, 3, 4))
+    picture, same = one.render(boxes, tick=19), again.render(boxes, tick=19)
+    assert np.array_equal(picture.colour, same.colour) and np.array_equal(picture.depth, same.depth)
+    assert not np.array_equal(picture.colour, one.render(boxes, tick=38).colour)
+    assert not np.array_equal(picture.colour, other.render(boxes, tick=19).colour)
 
 
 def test_noise_has_its_strength(clean):
@@ -110,7 +112,7 @@ def test_motion_blurs_without_a_shift(clean):
     still, moving = clean.draw([box]).colour, clean.draw([box], [(0.05, 0.0, 0.0)]).colour
 
     def red(picture):
-        weight = np.clip(picture[..., 2] - picture[..., 0] - 60.0, 0.0, None)
+        weight = np.clip(picture[..., 2] - picture[..., 0], 0.0, None)
         columns = weight.sum(axis=0)
         middle = (columns * np.arange(len(columns))).sum() / columns.sum()
         return middle, np.sqrt((columns * (np.arange(len(columns)) - middle) ** 2).sum() / columns.sum())
@@ -152,7 +154,7 @@ def both(clean):
 def test_both_renderers_agree_in_depth_but_for_edges(both):
     one, other, _ = both
     gap = np.abs(one.depth - other.depth)
-    assert np.mean(gap > 1e-3) < 1e-3 and np.median(gap) < 1e-5
+    assert np.mean(gap > 2e-3) < 1e-4 and np.median(gap) < 1e-5
 
 
 def test_both_renderers_agree_in_colour_but_for_edges_and_upright_faces(both):

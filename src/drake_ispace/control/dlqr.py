@@ -1,8 +1,9 @@
 """Discrete linear-quadratic design through python-control, on the plant block's own linearisation."""
 
-import control
 import numpy as np
 from scipy.linalg import expm
+
+import control
 
 
 def zero_order_hold(a: np.ndarray, b: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -32,6 +32,7 @@ class FrictionCoefficients:
 
     @property
     def trustworthy(self) -> bool:
+        """Well conditioned and B^ known to 30 %."""
         return self.condition < 1e3 and self.relative_error_of_b < 0.3
 
 
@@ -61,4 +62,22 @@ def friction_coefficients(estimate: Estimate) -> FrictionCoefficients:
         spread = np.sqrt((b[:, 0] ** 2 @ std**2) / size**4 + value**2 * (b[:, 0] ** 2 @ np.ones(len(b))) / size**4)
         values.append(value)
         spreads.append(float(spread))
-    return FrictionCoefficients(*values, *spreads, float(np.linalg.cond(b)), 1.0 / size * np.sqrt(len(b)))
+    return FrictionCoefficients(*values, *spreads, float(np.linalg.cond(b)), float(np.sqrt(len(b)) / size))
+
+
+def over_compensated(found: FrictionCoefficients, coulomb_n_m: float, viscous_n_m_s: float, margin: float = 0.2) -> dict:
+    """Whether a compensation adds more than the friction found from the run's total torque.
+
+    A compensation above the friction pushes the wheel on: what is left of the friction is negative.
+
+    Args:
+        found: coefficients identified from a run, with or without compensation; coulomb_n_m, viscous_n_m_s: those used.
+        margin: the share by which a coefficient may exceed the friction found, beyond three standard deviations.
+
+    Returns:
+        {"coulomb_ratio", "viscous_ratio": used / found, "over": either is too much, "certain": found is trustworthy}.
+    """
+    pairs = ((coulomb_n_m, found.coulomb_n_m, found.coulomb_std), (viscous_n_m_s, found.viscous_n_m_s, found.viscous_std))
+    ratios = [used / value if value > 0.0 else float("inf") for used, value, _ in pairs]
+    over = [used > (1.0 + margin) * max(value, 0.0) + 3.0 * std for used, value, std in pairs]
+    return {"coulomb_ratio": ratios[0], "viscous_ratio": ratios[1], "over": any(over), "certain": found.trustworthy}

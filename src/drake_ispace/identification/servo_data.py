@@ -101,14 +101,25 @@ def servo_data(
 def _between(logs, per_tick, theta=ACTUAL):
     """(N, 5) s, theta, their rates and u at `per_tick` instants of every tick, exact for a held torque, and (N, 2)
     accelerations, of the plant `theta` (3, 2)."""
+    both = _state_and_torque(logs, logs["pendulum_torque"][1:].sum(axis=1))
+    states = np.stack([both @ step.T for step in _steps(per_tick, theta)], axis=1).reshape(-1, 5)
+    return states, states @ _extended(theta)[2:4].T
+
+
+def _state_and_torque(logs, torque):
+    return np.column_stack([logs["pendulum_pose"][:-1, 0], logs["pendulum_balance"][:-1, [0, 1, 3]], torque])
+
+
+def _extended(theta):
+    """(5, 5): d/dt [s, theta, s_dot, theta_dot, u] with u held."""
     block = np.zeros((5, 5))
     block[0, 2] = block[1, 3] = 1.0
     block[2:4, 1], block[2:4, 4] = theta[1], theta[2]
-    state = np.column_stack([logs["pendulum_pose"][:-1, 0], logs["pendulum_balance"][:-1, [0, 1, 3]]])
-    both = np.column_stack([state, logs["pendulum_torque"][1:].sum(axis=1)])
-    steps = [both @ expm(block * (TICK_S * j / per_tick)).T for j in range(per_tick)]
-    states = np.stack(steps, axis=1).reshape(-1, 5)
-    return states, states @ block[2:4].T
+    return block
+
+
+def _steps(per_tick, theta):
+    return [expm(_extended(theta) * (TICK_S * j / per_tick)) for j in range(per_tick)]
 
 
 def _state_variable_filter(rate_hz, corner_hz=8.0):
@@ -156,7 +167,7 @@ def plant_rollout() -> Rollout:
 
 def servo_prediction_error(plant: Rollout, data: ServoData, start: np.ndarray) -> Estimate:
     """The printed plant's four coefficients by simulation error from the guess `start` (3, 2), `plant` of
-    `plant_rollout`.
+    `plant_rollout`. What is compared is s and theta averaged over each tick.
 
     theta is (4, 1): of theta in s'' and theta'', of u in s'' and theta''; s has no coefficient by structure.
     """
@@ -169,11 +180,12 @@ def servo_prediction_error(plant: Rollout, data: ServoData, start: np.ndarray) -
     def simulate(values):
         base[index] = values
         logs = plant.run(len(held), base, inputs={"torque": torque})
-        logs["pendulum_torque"] = np.vstack([[0.0, 0.0], torque])
-        return _between(logs, per_tick, with_zero_row(values))[0][:, :2]
+        steps = _steps(per_tick, with_zero_row(values))
+        return (_state_and_torque(logs, held) @ np.mean(steps, axis=0).T)[:, :2]
 
-    weights = 1.0 / np.maximum((data.measured - simulate(list(names.values()))).std(axis=0), 1e-9)
-    return prediction_error(simulate, names, data.measured, weights)
+    measured = data.measured.reshape(-1, per_tick, 2).mean(axis=1)
+    weights = 1.0 / np.maximum((measured - simulate(list(names.values()))).std(axis=0), 1e-9)
+    return prediction_error(simulate, names, measured, weights)
 
 
 def with_zero_row(values: np.ndarray) -> np.ndarray:

@@ -8,7 +8,19 @@ import numpy as np
 
 from drake_ispace.block import Block, Output, Spec, kernel
 from drake_ispace.robots.pendulum import (
-    PHI, S_RATE, THETA_L, THETA_R, TILT, TILT_RATE, X, Y, YAW_RATE, PendulumPlantParameters, balance, pose, wheel_angle,
+    PHI,
+    S_RATE,
+    THETA_L,
+    THETA_R,
+    TILT,
+    TILT_RATE,
+    YAW_RATE,
+    PendulumPlantParameters,
+    X,
+    Y,
+    balance,
+    pose,
+    wheel_angle,
     wheel_rates,
 )
 from drake_ispace.robots.slip import GRAVITY
@@ -45,7 +57,7 @@ def wheel_rate(xc, radius_m, half_track_m, out):
 @kernel
 def body_motion(xc, torque, state_terms, input_terms, imu_height_m, out):
     """To first order in the tilt, as the plant itself."""
-    s_acc, yaw_acc, tilt_acc = accelerations(xc[TILT], torque, state_terms, input_terms)
+    s_acc, _, tilt_acc = accelerations(xc[TILT], torque, state_terms, input_terms)
     out[0], out[1], out[2] = s_acc + imu_height_m * tilt_acc - GRAVITY * xc[TILT], xc[S_RATE] * xc[YAW_RATE], GRAVITY
     out[3], out[4], out[5] = 0.0, xc[TILT_RATE], xc[YAW_RATE]
 

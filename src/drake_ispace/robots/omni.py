@@ -61,7 +61,8 @@ def derivatives(xc, xd, torque, mass_kg, inertia_kg_m2, wheel_inertia_kg_m2, whe
         rate = gx * wx + gy * wy + gz * wz
         net = torque[i] - friction_torque(rate, deflection(xc[THETA + i], xd, i), friction)
         fx, fy, moment = fx + gx * net, fy + gy * net, moment + gz * net
-        drive_x, drive_y, drive_moment = drive_x + gx * torque[i], drive_y + gy * torque[i], drive_moment + gz * torque[i]
+        drive_x, drive_y = drive_x + gx * torque[i], drive_y + gy * torque[i]
+        drive_moment = drive_moment + gz * torque[i]
         nxx, nxy, nyy = nxx + gx * gx, nxy + gx * gy, nyy + gy * gy
         nxz, nyz, nzz = nxz + gx * gz, nyz + gy * gz, nzz + gz * gz
         out[THETA + i] = rate
@@ -174,7 +175,8 @@ class OmniPlant(Block):
                 "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
                 "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": wheels.ravel(),
                 "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
-                "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"), "noise_stream": stream(seed, f"{where}/slip"),
+                "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"),
+                "noise_stream": stream(seed, f"{where}/slip"),
             },
             continuous_state=start, derivatives=derivatives,
             noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, n),

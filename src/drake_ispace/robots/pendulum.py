@@ -21,7 +21,16 @@ from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
 from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.robots.slip import (
-    FRAME, GRAVITY, RELAXATION, Slip, axis_acceleration, axis_rate, pose_rates, slip_parameters, traction_rate, traction_slip,
+    FRAME,
+    GRAVITY,
+    RELAXATION,
+    Slip,
+    axis_acceleration,
+    axis_rate,
+    pose_rates,
+    slip_parameters,
+    traction_rate,
+    traction_slip,
 )
 from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
 from drake_ispace.robots.wheels import WheelGeometry, differential
@@ -104,7 +113,7 @@ def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, radius, half_
     shape = s * c * (body[YAW_LYING] - body[YAW_UPRIGHT])
     push = (tau_r + tau_l) / radius + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate)
     lean = -body[KAPPA] * (tau_r + tau_l) + shape * yaw_rate * yaw_rate + body[M_B_Z] * GRAVITY * s
-    turn = half_track * (tau_r - tau_l) / radius - 2.0 * shape * tilt_rate * yaw_rate - body[M_B_Z] * s * yaw_rate * s_rate
+    turn = half_track * (tau_r - tau_l) / radius - (2.0 * shape * tilt_rate + body[M_B_Z] * s * s_rate) * yaw_rate
     determinant = body[M11] * body[M33] - m13 * m13
     return (body[M33] * push - m13 * lean) / determinant, turn / m22, (body[M11] * lean - m13 * push) / determinant
 

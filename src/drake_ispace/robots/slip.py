@@ -61,7 +61,7 @@ def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
         InputError: traction slip on the world's axes, which has no meaning.
     """
     if slip.frame != "body" and any(slip.traction_gain):
-        raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts on the body's axes")
+        raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts in the body frame")
     patch = slip.patch_m or [0.0] * 4
     axes = ("x", "y", "yaw")
     return {

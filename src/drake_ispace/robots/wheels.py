@@ -12,6 +12,7 @@ and a robot is the stack theta_dot = G v_B with v_B = [vx, vy, wz], the inverse 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import null_space
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,8 @@ class WheelGeometry:
     @property
     def forward(self) -> np.ndarray:
         """J in frame B (3, n): v_B = J theta_dot, the least-squares inverse that keeps `sideways` at zero, (2.66)."""
-        held = np.linalg.svd(self.sideways)[2][np.linalg.matrix_rank(self.sideways) :].T if len(self.sideways) else np.eye(3)
-        return held @ np.linalg.pinv(self.inverse @ held)
+        free = null_space(self.sideways) if len(self.sideways) else np.eye(3)
+        return free @ np.linalg.pinv(self.inverse @ free)
 
 
 def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:

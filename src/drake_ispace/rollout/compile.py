@@ -47,7 +47,9 @@ class Rollout:
     _network: Network = field(repr=False)
     _layout: Layout = field(repr=False)
 
-    def run(self, ticks: int, parameters=None, continuous_state=None, discrete_state=None, inputs=None) -> dict[str, np.ndarray]:
+    def run(
+        self, ticks: int, parameters=None, continuous_state=None, discrete_state=None, inputs=None,
+    ) -> dict[str, np.ndarray]:
         """Roll out over `ticks` from tick 0.
 
         Args:
@@ -95,7 +97,8 @@ class Rollout:
         try:
             return self.parameter_names.index(name)
         except ValueError:
-            raise InputError(f"there is no parameter {shown(name)}, {expected_one_of(name, self.parameter_names)}") from None
+            known = expected_one_of(name, self.parameter_names)
+            raise InputError(f"there is no parameter {shown(name)}, {known}") from None
 
     def with_seed(self, seed: int, parameters=None) -> np.ndarray:
         """The parameters with every random stream under another seed."""
@@ -132,7 +135,8 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         InputError: a system that a compiled rollout does not know, an unconnected input, no signal of a name.
     """
     network = take_apart(diagram, context if context is not None else diagram.CreateDefaultContext())
-    wanted = {name: (_find(network, name), divisor) for name, divisor in (log or dict.fromkeys(network.outputs, 1)).items()}
+    log = log or dict.fromkeys(network.outputs, 1)
+    wanted = {name: (_find(network, name), divisor) for name, divisor in log.items()}
     emitter = Emitter(network, wanted)
     leaves = network.leaves
 

@@ -155,7 +155,8 @@ class Emitter:
                     if its == divisor:
                         self._evaluate(inner, port, tick)
                         row = "k" if divisor == 1 else f"k // {divisor}"
-                        inner.copy(self._network.source_size(port), f"{self._port(port)}[i]", f"{_log_name(name)}[{row}, i]")
+                        size = self._network.source_size(port)
+                        inner.copy(size, f"{self._port(port)}[i]", f"{_log_name(name)}[{row}, i]")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
         """All updates of a phase see the state before it; then all are stored."""
@@ -211,7 +212,8 @@ class Emitter:
             for port in self._sources(name, self._network.leaves[name].spec.derivatives):
                 self._evaluate_steady(steady, port)
         stages = (
-            ("k", []), ("k", ["{0}_k1[i] = {0}_dx[i]", "{0}_x0[i] = {0}_x[i]", "{0}_x[i] = {0}_x0[i] + (0.5 * h) * {0}_k1[i]"]),
+            ("k", []),
+            ("k", ["{0}_k1[i] = {0}_dx[i]", "{0}_x0[i] = {0}_x[i]", "{0}_x[i] = {0}_x0[i] + (0.5 * h) * {0}_k1[i]"]),
             ("k + 1", ["{0}_k2[i] = {0}_dx[i]", "{0}_x[i] = {0}_x0[i] + (-h * {0}_k1[i] + (2.0 * h) * {0}_k2[i])"]),
         )
         for tick, lines in stages:
@@ -386,6 +388,6 @@ def _unique_names(leaves) -> dict[str, str]:
     names: dict[str, str] = {}
     for path in leaves:
         base = _identifier(path)
-        name = next(n for n in itertools.chain([base], (f"{base}_{i}" for i in itertools.count(2))) if n not in names.values())
-        names[path] = name
+        candidates = itertools.chain([base], (f"{base}_{i}" for i in itertools.count(2)))
+        names[path] = next(name for name in candidates if name not in names.values())
     return names

@@ -1,9 +1,9 @@
 """Many runs of one Diagram at once, one to a SIMD lane: states, ports and parameters are laid out [element][lane].
 
 The emitted rollout gets loops over the lanes: each loads the numbers of its lane into small vectors, runs the emitted
-lines unchanged, and puts back what they wrote. LLVM turns such a loop into vector instructions. The operations of a lane
-are those of a single run, so are its results, to the last bit. It pays for kernels without branches that depend on data
-and without sin, exp or log, which have no vector form that agrees with the scalar one: plain arithmetic, not the
+lines unchanged, and puts back what they wrote. LLVM turns such a loop into vector instructions. The operations of a
+lane are those of a single run, so are its results, to the last bit. It pays for kernels without branches that depend on
+data and without sin, exp or log, which have no vector form that agrees with the scalar one: plain arithmetic, not the
 robots' plants.
 """
 
@@ -44,8 +44,8 @@ class LaneRollout:
         """Roll out once for every row of `parameters` (runs, len(parameter_names)), from the Context's state.
 
         Returns:
-            name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives. A run that leaves the numbers
-            goes on with infinities and NaN in its lane instead of stopping.
+            name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives. A run that leaves the
+            numbers goes on with infinities and NaN in its lane instead of stopping.
         """
         parameters = np.atleast_2d(np.asarray(parameters, dtype=float))
         runs = len(parameters)
@@ -77,7 +77,7 @@ def compile_lanes(
         raise InputError("lanes: exported inputs are not laid out in lanes, expected a Diagram without inputs")
     for name, kernel in single.kernels.items():
         if reason := _obstacle(kernel):
-            raise InputError(f"lanes: kernel {name} {reason}, expected arithmetic without branches on data, or run by run")
+            raise InputError(f"lanes: kernel {name} {reason}, expected arithmetic without branches on data")
     text = _Writer(ast.parse(single.source).body[0], lanes).text
     names = {"np": np, "local": views.local, "matrix": views.matrix, **single.kernels}
     exec(compile(text, "<lanes>", "exec"), names)
@@ -108,7 +108,7 @@ class _Writer:
         groups = _groups(loop)
         self._shared = {v for v in self._sizes if any(v in _names(s) for s in filled) or _crosses(v, groups)}
         arguments = ", ".join(a.arg for a in rollout.args.args if a.arg != "recorded")
-        lines = [f"def rollout({arguments}):", '    """As the emitted rollout, with one more index on every array: the lane."""']
+        lines = [f"def rollout({arguments}):", '    """As the emitted rollout; one more index on every array, the lane."""']
         lines += [f"    {v} = local({size})" for v, size in self._sizes.items()]
         lines += [f"    {v}_all = matrix({size}, {lanes})" for v, size in self._sizes.items() if v in self._shared]
         lines += self._loop(filled, "    ")

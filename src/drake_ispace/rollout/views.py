@@ -1,9 +1,9 @@
 """Float vectors whose size the compiler knows, for compiled rollouts.
 
-A NumPy array made with np.zeros, or a slice of one, has a size that LLVM learns only when the function runs, and may share
-its memory with any other. So loops over it stay loops, and every store forces every later load. A vector of `local`
-lies on the stack under a constant size: once the kernels are inlined, LLVM unrolls their loops and keeps the elements
-in registers, as it does for a fixed array in C.
+A NumPy array made with np.zeros, or a slice of one, has a size that LLVM learns only when the function runs, and may
+share its memory with any other. So loops over it stay loops, and every store forces every later load. A vector of
+`local` lies on the stack under a constant size: once the kernels are inlined, LLVM unrolls their loops and keeps the
+elements in registers, as it does for a fixed array in C.
 """
 
 import math

@@ -64,5 +64,6 @@ class InertialSensor(Block):
                 "bias": np.array([*imu.accelerometer_bias_m_s2, *imu.gyro_bias_rad_s]),
                 "noise_std": np.array(densities) / np.sqrt(TICK_S), "noise_stream": stream(seed, where),
             },
-            noise_stream=where, discrete_state=np.array([-1.0, 0, 0, 0, 0, 0, 0]), updates=(Update(sample, Phase.SENSE),),
+            noise_stream=where, discrete_state=np.array([-1.0, 0, 0, 0, 0, 0, 0]),
+            updates=(Update(sample, Phase.SENSE),),
         ))

@@ -19,7 +19,15 @@ from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.friction import Friction
 from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.pendulum import MOTIONS, S_RATE, TILT, TILT_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
+from drake_ispace.robots.pendulum import (
+    MOTIONS,
+    S_RATE,
+    TILT,
+    TILT_RATE,
+    YAW_RATE,
+    PendulumPlant,
+    PendulumPlantParameters,
+)
 from drake_ispace.robots.slip import Slip
 from drake_ispace.scenario import PendulumRobot, Scenario
 from drake_ispace.sensing.encoder import WheelEncoder
