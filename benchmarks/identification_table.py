@@ -33,8 +33,8 @@ from drake_ispace.scenario import load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
 
 SECONDS, RATE_HZ = 20.0, 2000.0
-FREQUENCIES = (100.0, 300.0, 500.0, 700.0, 760.0, 800.0, 900.0, 970.0)
-AMPLITUDES = (0.2, 1.0, 2.0, 5.0)
+FREQUENCIES = (100.0, 300.0, 500.0, 700.0, 800.0, 900.0, 970.0)
+AMPLITUDES = (0.2, 1.0, 5.0)
 PRINTED = {"arx": 31.02, "armaxd": 26.5}
 TABLE_4_2 = {"arx": (0.0067, 0.0187), "armaxd": (0.0061, 0.0106)}
 TRUTH = (0.0061, 0.0106)
@@ -111,7 +111,7 @@ def servo_map(seeds):
 def friction_table(seeds):
     """Method -> spread of both coefficients, at the IMU's own noise and at ten times it."""
     tables = {}
-    for label, factor, count in (("IMU as assumed", 1.0, seeds), ("ten times its noise", 10.0, max(seeds // 4, 2))):
+    for label, factor, count in (("IMU as assumed", 1.0, max(seeds // 4, 3)), ("ten times its noise", 10.0, max(seeds // 4, 3))):
         scenario = load_scenario("pendulum_friction_excitation", [
             f"pendulum.imu.accelerometer_noise_density={3e-3 * factor}",
             f"pendulum.imu.gyro_noise_density={1.5e-4 * factor}",
@@ -123,7 +123,7 @@ def friction_table(seeds):
             recording = run_recording(rollout, scenario, ticks, rollout.with_seed(seed))
             problem = friction_problem(recording)
             simulate = friction_instruments(rollout, scenario, len(problem.target))
-            found = friction_estimates(problem, simulate, every=1000, spread=False)
+            found = friction_estimates(problem, simulate, every=1000)
             rows = {name: friction_coefficients(estimate) for name, estimate in found.items()}
             pem = friction_prediction_error(follower, scenario, recording).theta[:, 0]
             return [*((f.coulomb_n_m, f.viscous_n_m_s) for f in rows.values()), pem]

@@ -109,7 +109,7 @@ def table_jobs(seed, quick):
 def map_bases():
     """Name -> k_p, k_d (3,) that the map scales."""
     default, _ = vision_gains()
-    return {"printed": ([2.45, 2.45, 1.23], [10.0, 10.0, 4.0]), "designed for 95 ms": default}
+    return {"printed gains": ([2.45, 2.45, 1.23], [10.0, 10.0, 4.0]), "gains designed for 95 ms": default}
 
 
 def map_jobs(seed, scales, latencies):
@@ -191,7 +191,7 @@ def main():
     )
     for base, rows in maps.items():
         print_table(
-            f"IAE(multi-rate) / IAE(vision) on the step, gains {base}", ["gain \\ latency", *map(str, latencies)],
+            f"IAE(multi-rate) / IAE(vision) on the step, {base}", ["gain \\ latency", *map(str, latencies)],
             [[row[0]["gain_scale"], *(cell_text(cell) for cell in row)] for row in rows],
         )
 
@@ -250,11 +250,13 @@ def draw_map(maps, out):
         for i, row in enumerate(rows):
             for j, cell in enumerate(row):
                 text = cell_text(cell).replace(" ", "\n") if cell["lost"] else f"{cell['ratio']:.2f}"
-                axis.text(j, i, text, ha="center", va="center", fontsize=7, color="0.35" if cell["lost"] else "black")
+                dark = cell["ratio"] is not None and abs(cell["ratio"] - 1.0) > 0.3
+                colour = "0.35" if cell["lost"] else "white" if dark else "black"
+                axis.text(j, i, text, ha="center", va="center", fontsize=7, color=colour)
         axis.set_facecolor("0.88")
         axis.set_xticks(range(len(rows[0])), [f"{5 * cell['latency_ticks']}" for cell in rows[0]])
         axis.set_yticks(range(len(rows)), [f"{row[0]['gain_scale']:g}" for row in rows])
-        axis.set(title=f"{base} gains", xlabel="latency of the Kinect [ms]", ylabel="K_p and K_d times")
+        axis.set(title=base, xlabel="latency of the Kinect [ms]", ylabel="K_p and K_d times")
     figure.colorbar(image, ax=axes, label="IAE multi-rate / IAE vision (below 1: multi-rate is better)", extend="both")
     save(figure, out)
 

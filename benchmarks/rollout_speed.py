@@ -3,7 +3,8 @@
 Beside Drake's Simulator of the same Diagram, beside the same arithmetic hand-written in C and in plain Python, beside
 itself on two threads and in SIMD lanes, and beside other block-diagram simulators. Contenders take turns; a ratio is
 the median over the repetitions, with the least and the most. What runs on one core is timed by that core's own clock
-(CPU time of the thread), so a busy neighbour does not count; threads are timed by the wall. Compile time is apart.
+(CPU time of the thread or process), so a busy neighbour does not count; threads and the other simulators are timed by
+the wall. Compile time is apart.
 docs/performance.md holds the results of one machine.
 
     python benchmarks/rollout_speed.py [--json] [--quick] [--peers-python PYTHON]
@@ -36,23 +37,24 @@ from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 _NOISY = ["omni.plant.slip.ratio=[0.1,0.1,0.1]", "omni.plant.slip.noise_std=[0.1,0.1,0.1]"]  # camera noise: by default
 _PEERS = {
-    "jaxonomy": "right, but sensors and computer had to be one block: its updates of one instant see each other's old state",
+    "jaxonomy": "right, but sensors and computer had to be one block: updates of one instant see each other's past",
     "pathsim": "right in this order of registration only: blocks due at one instant act in that order",
     "pathsim_reversed": "the same blocks registered in the opposite order",
     "bdsim": "right only with the camera's first view put in as initial value: events at t = 0 are dropped",
-    "control": "one function for the whole loop, the plant sampled by hand: it connects no continuous to a sampled system",
+    "control": "one function for all, the plant sampled by hand: it connects no continuous to a sampled system",
 }
+_SAME = 1e-8
+_OFTEN = 20  # a compiled run of a few ticks is too short for the clock
 _FIRST_USE = """
 import sys, time
-started = time.perf_counter()
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import build_diagram
-imported = time.perf_counter()
+imported = time.process_time()
 diagram = build_diagram(load_scenario(sys.argv[1]))
-built = time.perf_counter()
+built = time.process_time()
 compile_diagram(diagram).run(10)
-print(imported - started, built - imported, time.perf_counter() - built)
+print(imported, built - imported, time.process_time() - built)
 """
 
 
@@ -112,10 +114,8 @@ def compiled_vs_drake(repetitions, quick):
                 reached[0] += ticks
                 return on_this_core(lambda: simulator.AdvanceTo(reached[0] * TICK_S))
 
-            often = 20  # a compiled run of a few ticks is too short for the clock
-
             def compiled(rollout=rollout):
-                return on_this_core(lambda: [rollout.run(ticks) for _ in range(often)]) / often
+                return on_this_core(lambda: [rollout.run(ticks) for _ in range(_OFTEN)]) / _OFTEN
 
             contenders = {"drake": drake, "compiled": compiled}
             if name == "plain_loop" and not logged:
@@ -137,27 +137,30 @@ def _bare_simulator(diagram):
 
 
 def compiled_vs_c(repetitions, quick):
-    """Time compared with the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
+    """Time beside the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
     results = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
-            rollout = unlogged(make())
             builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
             ticks = (20_000 if quick else 100_000) * (10 if name == "plain_loop" else 1)
-            start = rollout.continuous_state, rollout.discrete_state, rollout.parameters
-            contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
-            contenders["compiled"] = lambda: on_this_core(lambda: rollout.run(ticks))
-            taken = in_turns(repetitions, contenders)
-            fastest = min(OPTIONS, key=lambda title: statistics.median(taken[title]))
-            final = _final_state(rollout, ticks)
-            results[name] = {
-                **ratio(taken["compiled"], taken[fastest]), "fastest_c": fastest,
-                **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
-                "largest_difference": {
-                    title: float(np.abs(build.run(ticks, *start)[1] - final).max()) for title, build in builds.items()
-                },
-            }
+            results[name] = _beside(builds, unlogged(make()), ticks, repetitions)
     return results
+
+
+def _beside(builds, rollout, ticks, repetitions):
+    start = rollout.continuous_state, rollout.discrete_state, rollout.parameters
+    contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
+    contenders["compiled"] = lambda: on_this_core(lambda: rollout.run(ticks))
+    taken = in_turns(repetitions, contenders)
+    fastest = min(builds, key=lambda title: statistics.median(taken[title]))
+    final = _final_state(rollout, ticks)
+    return {
+        **ratio(taken["compiled"], taken[fastest]), "fastest_c": fastest,
+        **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
+        "largest_difference": {
+            title: float(np.abs(build.run(ticks, *start)[1] - final).max()) for title, build in builds.items()
+        },
+    }
 
 
 def _final_state(rollout, ticks):
@@ -180,7 +183,8 @@ def horizon(repetitions, quick):
     taken = in_turns(repetitions, {name: lambda name=name: run(name) for name in lengths})
     each = {name: [s / lengths[name] for s in seconds] for name, seconds in taken.items()}
     return {
-        **ratio(each["1000 s"], each["1 s"]), "ns_per_tick": {name: per_tick(s, lengths[name]) for name, s in taken.items()},
+        **ratio(each["1000 s"], each["1 s"]),
+        "ns_per_tick": {name: per_tick(seconds, lengths[name]) for name, seconds in taken.items()},
         "memory_growth_kib": _resident_kib() - before,
     }
 
@@ -240,7 +244,8 @@ def lanes_vs_runs(repetitions, quick):
     lanes = compile_lanes(plain.plain_loop(), log={"position": MAX_TICK})
     generator = np.random.default_rng(0)
     runs, ticks = lanes.lanes, 2000 if quick else 10_000
-    parameters = lanes.single.parameters * (1.0 + 0.01 * generator.standard_normal((runs, len(lanes.single.parameters))))
+    values = lanes.single.parameters
+    parameters = values * (1.0 + 0.01 * generator.standard_normal((runs, len(values))))
     one_by_one = lambda: [lanes.single.run(ticks, row) for row in parameters]  # noqa: E731
     taken = in_turns(repetitions, {
         "lanes": lambda: on_this_core(lambda: lanes.run(ticks, parameters)), "runs": lambda: on_this_core(one_by_one),
@@ -252,10 +257,12 @@ def lanes_vs_runs(repetitions, quick):
 
 
 def peers(repetitions, quick, python):
-    """The plain loop in other simulators: how many times longer, and how far the state log is from ours, tick by tick."""
+    """The plain loop in other simulators: how many times longer, how far the state log is from ours, over all ticks."""
     ticks = 400 if quick else 4000
     rollout = unlogged(plain.plain_loop())
-    ours = statistics.median(in_turns(repetitions, {"ours": lambda: on_this_core(lambda: rollout.run(200_000))})["ours"]) / 200_000
+    many = 200_000
+    taken = in_turns(repetitions, {"ours": lambda: on_this_core(lambda: rollout.run(many))})
+    ours = statistics.median(taken["ours"]) / many
     rows: list = []
     plain.scalar_python(ticks, rows)
     rows = np.array(rows)[:ticks]
@@ -275,7 +282,8 @@ def peers(repetitions, quick, python):
             results[name] = {"skipped": f"{module} is not installed, pip install {module}"}
             continue
         script = Path(__file__).with_name("rollout_speed") / "peers.py"
-        answer = subprocess.run([python, script], input=json.dumps({"peer": name, **request}), capture_output=True, text=True)
+        asked = json.dumps({"peer": name, **request})
+        answer = subprocess.run([python, script], input=asked, capture_output=True, text=True)
         if answer.returncode:
             results[name] = {"skipped": f"{module} stopped: {answer.stderr.strip().splitlines()[-1]}"}
             continue
@@ -283,8 +291,9 @@ def peers(repetitions, quick, python):
         apart = np.abs(np.array(said["log"]) - rows).max(axis=1)
         seconds = statistics.median(said["seconds"])
         results[name] = {
-            "ratio": seconds / ticks / ours, "ns_per_tick": seconds / ticks * 1e9, "largest_difference": float(apart.max()),
-            "final_difference": float(apart[-1]), "first_wrong_tick": int(np.argmax(apart > 1e-8)) if (apart > 1e-8).any() else None,
+            "ratio": seconds / ticks / ours, "ns_per_tick": seconds / ticks * 1e9,
+            "largest_difference": float(apart.max()), "final_difference": float(apart[-1]),
+            "first_wrong_tick": int(np.argmax(apart > _SAME)) if (apart > _SAME).any() else None,
             "words": words + (f" ({said['said']!r})" if said.get("said") else ""),
         }
     return results
@@ -298,9 +307,8 @@ def first_use(quick):
             environment = os.environ | {"DRAKE_ISPACE_CACHE": folder}
             took = []
             for _ in range(2):
-                out = subprocess.run(
-                    [sys.executable, "-c", _FIRST_USE, name], env=environment, capture_output=True, text=True, check=True,
-                )
+                command = [sys.executable, "-c", _FIRST_USE, name]
+                out = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
                 took.append([float(word) for word in out.stdout.split()])
         compile_s[name] = took[0][2]
         second[name] = dict(zip(("import", "build", "load"), took[1], strict=True)) | {"total": sum(took[1])}
@@ -311,7 +319,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else")
     parser.add_argument("--quick", action="store_true", help="shorter runs, within 50 s")
-    parser.add_argument("--peers-python", default=sys.executable, help="a Python in which the other simulators are installed")
+    parser.add_argument("--peers-python", default=sys.executable, help="a Python that has the other simulators")
     options = parser.parse_args()
     repetitions = 5 if options.quick else 9
     parts = (compiled_vs_drake, compiled_vs_c, horizon, robots, threads_2_vs_1, lanes_vs_runs)

@@ -27,7 +27,10 @@ from drake_ispace.space.scene import PAINTS, Box, Patch, obstacles, robot_box
 ROBOTS = ("omni", "pendulum")
 EDGE_M = 0.16  # from a robot's middle to the far corners of its markers
 WRONG_M, WRONG_RAD = 0.02, np.radians(6.0)  # a pose further off is a wrong detection
-FOOTAGE = Path(os.environ.get("DRAKE_ISPACE_DATA", Path(__file__).parents[2] / "shared" / "data")) / "overhead/vsss_static.mp4"
+FOOTAGE = (
+    Path(os.environ.get("DRAKE_ISPACE_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    / "overhead/vsss_static.mp4"
+)
 #: Read off the footage by eye, +-3 pixels.
 FOOTAGE_ROBOTS = {
     "navy_light_blue": (250, 211), "green_lime": (427, 178), "red_lime": (447, 358), "red_navy": (50, 280),
@@ -50,7 +53,7 @@ def errors_of(found, pose):
 
 
 def accuracy(images, seed):
-    """Both robots in every image, moving: errors (n, 3), true poses (n, 3) of the sightings, and how many were not seen."""
+    """Both robots in every image, moving: errors (n, 3), true poses (n, 3) of the sightings, how many were not seen."""
     rng, space, errors, poses, unseen = np.random.default_rng(seed), Space(), [], [], 0
     renderer, eye = Renderer(view_of(space.camera), space.scenery, seed=seed), room_eye(space, ROBOTS)
     for image in range(images):
@@ -79,8 +82,16 @@ def hard_pictures(images, seed):
         for _ in range(rng.integers(1, 7)):  # things on the floor, some as large as a marker
             side = rng.choice([space.markers.side_m, rng.uniform(0.04, 0.3)])
             colour = PAINTS[rng.choice(list(PAINTS))]
-            boxes.append(Box(*rng.uniform([-1.2, -0.9, 0.0], [1.2, 0.9, 3.0]), side, side, rng.uniform(0.01, 0.3), (60.0, 60.0, 60.0),
-                             patches=(Patch(0.0, 0.0, side, side, colour),)))
+            boxes.append(
+                Box(
+                    *rng.uniform([-1.2, -0.9, 0.0], [1.2, 0.9, 3.0]),
+                    side,
+                    side,
+                    rng.uniform(0.01, 0.3),
+                    (60.0, 60.0, 60.0),
+                    patches=(Patch(0.0, 0.0, side, side, colour),),
+                )
+            )
         for x, y, _ in true:  # a bar above each robot, often over a marker
             boxes.append(Box(x + rng.normal(0.0, 0.15), y + rng.normal(0.0, 0.15), rng.uniform(0.0, np.pi), 0.6,
                              rng.uniform(0.02, 0.1), 0.5, bottom_m=0.45))
@@ -118,7 +129,9 @@ def in_the_loop(settings, seconds, seed):
     rows = {}
     for name in ROBOTS:
         modes = {
-            "image": ["space.localizer.mode=image"], "fitted": [f"{k}={str(v).lower()}" for k, v in settings.items()], "geometric": [],
+            "image": ["space.localizer.mode=image"],
+            "fitted": [f"{k}={str(v).lower()}" for k, v in settings.items()],
+            "geometric": [],
         }
         rows[name] = {}
         for mode, overrides in modes.items():
@@ -135,7 +148,8 @@ def in_the_loop(settings, seconds, seed):
 
 
 def depth_maps(rooms, seed):
-    """Boxes anywhere in rooms with two robots: worst corner of each footprint [m], height errors [m], overlaps of free space."""
+    """Boxes anywhere in rooms with two robots: worst corner of each footprint [m], errors of height [m], overlaps of
+    free space, in all and of what is seen."""
     rng, corners, heights, overlaps, seen_overlaps = np.random.default_rng(seed), [], [], [], []
     for room in range(rooms):
         space = Space()
@@ -157,7 +171,9 @@ def depth_maps(rooms, seed):
             if nearest is None:
                 corners.append(np.inf)
                 continue
-            outline = Box(nearest.x_m, nearest.y_m, nearest.yaw_rad, nearest.length_m, nearest.width_m, nearest.height_m)
+            outline = Box(
+                nearest.x_m, nearest.y_m, nearest.yaw_rad, nearest.length_m, nearest.width_m, nearest.height_m
+            )
             gap = np.hypot(*(outline.footprint()[:, None] - box.footprint()[None]).transpose(2, 0, 1))
             corners.append(max(gap.min(axis=0).max(), gap.min(axis=1).max()))
             heights.append(nearest.height_m - box.top_m)
@@ -179,12 +195,14 @@ def speed(seed):
     picture = with_noise(drawn, space.scenery, seed, 0)
     tops = [look.top.warp(picture.colour) for look in eye.looks]
     stages = {
-        "render": lambda: renderer.draw(boxes), "noise": lambda: with_noise(drawn, space.scenery, seed, 0),
+        "render": lambda: renderer.draw(boxes),
+        "noise": lambda: with_noise(drawn, space.scenery, seed, 0),
         "top views (2)": lambda: [look.top.warp(picture.colour) for look in eye.looks],
         "threshold, moments, pose": lambda: [
             find_robots(top, look.top, eye.colours, look.targets) for top, look in zip(tops, eye.looks, strict=True)
         ],
-        "whole localiser": lambda: eye.locate(picture.colour), "depth map": lambda: map_of(view, picture.depth, 2.5, 2.0),
+        "whole localiser": lambda: eye.locate(picture.colour),
+        "depth map": lambda: map_of(view, picture.depth, 2.5, 2.0),
     }
     rates = {}
     for name, stage in stages.items():
@@ -198,7 +216,7 @@ def speed(seed):
 
 
 def footage():
-    """Real footage: worst distance from the listed positions [pixels], frames, false robots, distances of the crosses."""
+    """Real footage: frames, robots found, worst distance from the listed places [pixels], distances of the crosses."""
     if not FOOTAGE.is_file():
         return None
     from drake_ispace.space.footage import frames, load_scene, scene_eye, scene_top
@@ -218,7 +236,12 @@ def footage():
 
     along, across = distances(scene_top(scene))
     # Independent of the crosses: the corners of both goal areas, 1.2 x 0.7 m apart, as found in the picture.
-    areas = [[97.0, 112.2, -0.6, 0.35], [98.3, 368.0, -0.6, -0.35], [539.4, 111.1, 0.6, 0.35], [542.2, 366.0, 0.6, -0.35]]
+    areas = [
+        [97.0, 112.2, -0.6, 0.35],
+        [98.3, 368.0, -0.6, -0.35],
+        [539.4, 111.1, 0.6, 0.35],
+        [542.2, 366.0, 0.6, -0.35],
+    ]
     held_out = distances(scene_top(replace(scene, points=areas)))
     return {
         "frames": count, "found_of_six": seen / count, "worst_pixels": worst, "crosses_along_m": along,
@@ -237,54 +260,92 @@ def main():
     corners, heights, overlaps, seen_overlaps = depth_maps(rooms, asked.seed)
     rates, real = speed(asked.seed), footage()
     data = {
-        "poses": 2 * images, "not_seen": unseen,
-        "position_mm": dict(zip(("median", "p95", "max"), np.percentile(distance, [50, 95, 100]).tolist(), strict=True)),
+        "poses": 2 * images,
+        "not_seen": unseen,
+        "position_mm": dict(
+            zip(("median", "p95", "max"), np.percentile(distance, [50, 95, 100]).tolist(), strict=True)
+        ),
         "heading_deg": dict(zip(("median", "p95", "max"), np.percentile(angle, [50, 95, 100]).tolist(), strict=True)),
         "hard": {"poses": 2 * hard, "wrong": wrong, "seen": seen, "not_seen": hidden},
-        "fitted": settings, "bias": bias.tolist(), "loop": loop,
-        "depth": {"boxes": len(corners), "worst_corner_mm": 1e3 * float(corners.max()), "median_corner_mm": 1e3 * float(np.median(corners)),
-                  "worst_height_mm": 1e3 * float(np.abs(heights).max()), "least_overlap": float(overlaps.min()),
-                  "least_overlap_of_what_is_seen": float(seen_overlaps.min())},
-        "pictures_per_second": rates, "footage": real,
+        "fitted": settings,
+        "bias": bias.tolist(),
+        "loop": loop,
+        "depth": {
+            "boxes": len(corners),
+            "worst_corner_mm": 1e3 * float(corners.max()),
+            "median_corner_mm": 1e3 * float(np.median(corners)),
+            "worst_height_mm": 1e3 * float(np.abs(heights).max()),
+            "least_overlap": float(overlaps.min()),
+            "least_overlap_of_what_is_seen": float(seen_overlaps.min()),
+        },
+        "pictures_per_second": rates,
+        "footage": real,
     }
     if asked.figures:
         _error_map(errors, poses, asked.figures / "vision_error_map.png")
     if asked.json:
         print_json(data)
         return
-    print_table("1. poses from images, over the whole space", ["", "median", "95 %", "worst"], [
-        [f"position error, mm, {len(errors)} sightings, {unseen} not seen", *(f"{v:.2f}" for v in data["position_mm"].values())],
-        ["heading error, degrees", *(f"{v:.2f}" for v in data["heading_deg"].values())],
-    ])
+    print_table(
+        "1. poses from images, over the whole space",
+        ["", "median", "95 %", "worst"],
+        [
+            [
+                f"position error, mm, {len(errors)} sightings, {unseen} not seen",
+                *(f"{v:.2f}" for v in data["position_mm"].values()),
+            ],
+            ["heading error, degrees", *(f"{v:.2f}" for v in data["heading_deg"].values())],
+        ],
+    )
     print(f"distractors and occlusion: {wrong} wrong, {seen} seen, {hidden} not seen of {2 * hard}\n")
-    print(f"2. fitted geometric mode: {settings}, bias {1e3 * bias[0]:.2f} mm, {1e3 * bias[1]:.2f} mm, {np.degrees(bias[2]):.3f} deg")
-    print_table(f"the square, {seconds:g} s", ["robot", "image, rms in mm", "fitted", "ratio", "geometric", "seen", "s"], [
-        [name, *(f"{1e3 * row[mode]['rms_position_error_m']:.2f}" for mode in ("image", "fitted")),
-         f"{row['image']['rms_position_error_m'] / row['fitted']['rms_position_error_m']:.3f}",
-         f"{1e3 * row['geometric']['rms_position_error_m']:.2f}", f"{100.0 * row['image']['seen']:.1f} %", f"{row['image']['wall_s']:.0f}"]
-        for name, row in loop.items()
-    ])
+    print(
+        f"2. fitted geometric mode: {settings}, bias {1e3 * bias[0]:.2f} mm, {1e3 * bias[1]:.2f} mm, "
+        f"{np.degrees(bias[2]):.3f} deg"
+    )
+    print_table(
+        f"the square, {seconds:g} s",
+        ["robot", "image, rms in mm", "fitted", "ratio", "geometric", "seen", "s"],
+        [
+            [
+                name,
+                *(f"{1e3 * row[mode]['rms_position_error_m']:.2f}" for mode in ("image", "fitted")),
+                f"{row['image']['rms_position_error_m'] / row['fitted']['rms_position_error_m']:.3f}",
+                f"{1e3 * row['geometric']['rms_position_error_m']:.2f}",
+                f"{100.0 * row['image']['seen']:.1f} %",
+                f"{row['image']['wall_s']:.0f}",
+            ]
+            for name, row in loop.items()
+        ],
+    )
     print_table("speed", ["stage", "pictures a second"], [[name, f"{rate:.0f}"] for name, rate in rates.items()])
     if real:
-        print(f"3. footage: {real['found_of_six']:.2f} of 6 robots in {real['frames']} frames, at most {real['worst_pixels']:.2f} pixels off")
+        print(
+            f"3. footage: {real['found_of_six']:.2f} of 6 robots in {real['frames']} frames, at most "
+            f"{real['worst_pixels']:.2f} pixels off"
+        )
         for name, key in (("crosses", "crosses"), ("crosses, goal areas as calibration", "held_out")):
             print(f"   {name}: " + " ".join(f"{v:.3f}" for v in real[f"{key}_along_m"]) + " m, "
                   + " ".join(f"{v:.3f}" for v in real[f"{key}_across_m"]) + " m")
     depth = data["depth"]
-    print(f"4. depth: {depth['boxes']} boxes, corner of a footprint at most {depth['worst_corner_mm']:.1f} mm off (median "
-          f"{depth['median_corner_mm']:.1f}), height {depth['worst_height_mm']:.1f} mm; free space overlap at least "
-          f"{depth['least_overlap']:.3f}, {depth['least_overlap_of_what_is_seen']:.3f} of what is seen")
+    print(
+        f"4. depth: {depth['boxes']} boxes, corner of a footprint at most {depth['worst_corner_mm']:.1f} mm off (median"
+        " "
+        f"{depth['median_corner_mm']:.1f}), height {depth['worst_height_mm']:.1f} mm; free space overlap at least "
+        f"{depth['least_overlap']:.3f}, {depth['least_overlap_of_what_is_seen']:.3f} of what is seen"
+    )
 
 
 def _error_map(errors, poses, out):
     from drake_ispace.report.plots import plt, save
 
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
-    for axis, values, title, top in (
-        (axes[0], 1e3 * np.hypot(errors[:, 0], errors[:, 1]), "position error [mm]", None),
+    for axis, values, title in (
+        (axes[0], 1e3 * np.hypot(errors[:, 0], errors[:, 1]), "position error [mm]"),
         (axes[1], np.degrees(np.abs(errors[:, 2])), "heading error, degrees", None),
     ):
-        dots = axis.scatter(poses[:, 0], poses[:, 1], c=values, s=22, cmap="viridis", vmin=0.0, vmax=np.percentile(values, 99))
+        dots = axis.scatter(
+            poses[:, 0], poses[:, 1], c=values, s=22, cmap="viridis", vmin=0.0, vmax=np.percentile(values, 99)
+        )
         figure.colorbar(dots, ax=axis, label=title)
         axis.add_patch(plt.Rectangle((-1.25, -1.0), 2.5, 2.0, fill=False, ls=":", ec="0.5"))
         axis.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)

@@ -38,7 +38,7 @@ class HandWritten:
         """Time of this core [s] and the final state, continuous then discrete."""
         x, d, p = (np.array(v, dtype=float) for v in (x, d, p))
         if [len(x), len(d), len(p)] != self.sizes:
-            raise ValueError(f"the C file is written for sizes {self.sizes}, the Diagram has {[len(x), len(d), len(p)]}")
+            raise ValueError(f"the C file is for sizes {self.sizes}, the Diagram has {[len(x), len(d), len(p)]}")
         pointers = [v.ctypes.data_as(_FLOATS) for v in (x, d, p)]
         started = time.thread_time()
         self._library.rollout(ctypes.c_int64(ticks), *pointers)

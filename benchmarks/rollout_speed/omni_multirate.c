@@ -47,7 +47,9 @@ typedef struct {
     struct { double coulomb, viscous, dead_band, speed_scale; } compensator;
     struct { double rotate; } estimator;
     struct { double k_p[3][3], k_d[3][3], mass[3], velocity_share, acceleration_share; } controller;
-    struct { double pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth, latency, stream[2]; } kinect;
+    struct {
+        double pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth, latency, stream[2];
+    } kinect;
 } Parameters;
 
 typedef struct {
@@ -96,18 +98,22 @@ static double normal(const double key[2], int64_t tick, int64_t channel) {
     r = sqrt(-log(q < 0.0 ? p : 1.0 - p));
     if (r <= 5.0) {
         r -= 1.6;
-        numerator = (((((((7.74545014278341407640e-4 * r + 2.27238449892691845833e-2) * r + 2.41780725177450611770e-1) * r
+        numerator = (((((((7.74545014278341407640e-4 * r + 2.27238449892691845833e-2) * r
+            + 2.41780725177450611770e-1) * r
             + 1.27045825245236838258e0) * r + 3.64784832476320460504e0) * r + 5.76949722146069140550e0) * r
             + 4.63033784615654529590e0) * r + 1.42343711074968357734e0);
-        denominator = (((((((1.05075007164441684324e-9 * r + 5.47593808499534494600e-4) * r + 1.51986665636164571966e-2) * r
+        denominator = (((((((1.05075007164441684324e-9 * r + 5.47593808499534494600e-4) * r
+            + 1.51986665636164571966e-2) * r
             + 1.48103976427480074590e-1) * r + 6.89767334985100004550e-1) * r + 1.67638483018380384940e0) * r
             + 2.05319162663775882187e0) * r + 1.0);
     } else {
         r -= 5.0;
-        numerator = (((((((2.01033439929228813265e-7 * r + 2.71155556874348757815e-5) * r + 1.24266094738807843860e-3) * r
+        numerator = (((((((2.01033439929228813265e-7 * r + 2.71155556874348757815e-5) * r
+            + 1.24266094738807843860e-3) * r
             + 2.65321895265761230930e-2) * r + 2.96560571828504891230e-1) * r + 1.78482653991729133580e0) * r
             + 5.46378491116411436990e0) * r + 6.65790464350110377720e0);
-        denominator = (((((((2.04426310338993978564e-15 * r + 1.42151175831644588870e-7) * r + 1.84631831751005468180e-5) * r
+        denominator = (((((((2.04426310338993978564e-15 * r + 1.42151175831644588870e-7) * r
+            + 1.84631831751005468180e-5) * r
             + 7.86869131145613259100e-4) * r + 1.48753612908506148525e-2) * r + 1.36929880922735805310e-1) * r
             + 5.99832206555887937690e-1) * r + 1.0);
     }
@@ -156,7 +162,8 @@ static void derivatives(const Motion *m, const Memory *d, const double torque[N]
     const Slip *slip = &p->slip;
     double c = cos(m->phi), s = sin(m->phi);
     double wx = c * m->vx + s * m->vy, wy = -s * m->vx + c * m->vy, wz = m->wz;
-    double fx = 0.0 * wx, fy = 0.0 * wx, moment = 0.0 * wx, drive_x = 0.0 * wx, drive_y = 0.0 * wx, drive_moment = 0.0 * wx;
+    double fx = 0.0 * wx, fy = 0.0 * wx, moment = 0.0 * wx;
+    double drive_x = 0.0 * wx, drive_y = 0.0 * wx, drive_moment = 0.0 * wx;
     double nxx = 0.0, nxy = 0.0, nyy = 0.0, nxz = 0.0, nyz = 0.0, nzz = 0.0;
     for (int i = 0; i < N; i++) {
         double gx = p->wheels[i][0], gy = p->wheels[i][1], gz = p->wheels[i][2];
@@ -216,6 +223,7 @@ static void sample_encoder(int64_t k, const Motion *m, Memory *d, const Paramete
     double c = cos(m->phi), s = sin(m->phi);
     double wx = c * m->vx + s * m->vy, wy = -s * m->vx + c * m->vy;
     for (int i = 0; i < N; i++) {
+        const double *wheel = p->plant.wheels[i];
         double angle = m->theta[i];
         if (p->encoder.counts > 0.0) {
             double step = 2.0 * M_PI / p->encoder.counts;
@@ -228,7 +236,7 @@ static void sample_encoder(int64_t k, const Motion *m, Memory *d, const Paramete
         else if (p->encoder.mode == 1.0)
             d->encoder.omega[i] = difference;
         else
-            d->encoder.omega[i] = p->plant.wheels[i][0] * wx + p->plant.wheels[i][1] * wy + p->plant.wheels[i][2] * m->wz;
+            d->encoder.omega[i] = wheel[0] * wx + wheel[1] * wy + wheel[2] * m->wz;
     }
     d->encoder.tick = (double)k;
 }
@@ -254,7 +262,8 @@ static void slide_way_point(int64_t k, Memory *d, const Parameters *p) {
     double gap = b[0] - a[0], share = gap > 0.0 ? (arc - a[0]) / gap : 0.0;
     out[1] = a[1] + share * (b[1] - a[1]);
     out[2] = a[2] + share * (b[2] - a[2]);
-    double tx = a[3] + share * (b[3] - a[3]), ty = a[4] + share * (b[4] - a[4]), curvature = a[5] + share * (b[5] - a[5]);
+    double tx = a[3] + share * (b[3] - a[3]), ty = a[4] + share * (b[4] - a[4]);
+    double curvature = a[5] + share * (b[5] - a[5]);
     out[3] = p->way_point.tangent > 0.0 ? atan2(ty, tx) : p->way_point.heading;
     if (moving) {
         out[4] = speed * tx, out[5] = speed * ty;
@@ -284,8 +293,9 @@ static void capture(int64_t k, const Motion *m, Memory *d, const Parameters *p) 
         for (int i = 0; i < 4; i++)
             n[i] = p->kinect.noise_std * normal(p->kinect.stream, k, i);
     double dx = 0.5 * p->kinect.spacing * cos(phi), dy = 0.5 * p->kinect.spacing * sin(phi), whole = p->kinect.whole;
-    double front_x = marker(x + dx, p->kinect.pixel_x, n[0], whole), front_y = marker(y + dy, p->kinect.pixel_y, n[1], whole);
-    double rear_x = marker(x - dx, p->kinect.pixel_x, n[2], whole), rear_y = marker(y - dy, p->kinect.pixel_y, n[3], whole);
+    double pixel_x = p->kinect.pixel_x, pixel_y = p->kinect.pixel_y;
+    double front_x = marker(x + dx, pixel_x, n[0], whole), front_y = marker(y + dy, pixel_y, n[1], whole);
+    double rear_x = marker(x - dx, pixel_x, n[2], whole), rear_y = marker(y - dy, pixel_y, n[3], whole);
     out[1] = 1.0, out[2] = 0.5 * (front_x + rear_x), out[3] = 0.5 * (front_y + rear_y);
     out[4] = atan2(front_y - rear_y, front_x - rear_x);
 }
@@ -379,12 +389,14 @@ static void control(const Memory *d, const Parameters *p, const double pose[3], 
         }
     }
     double fx = c * force[0] + s * force[1], fy = -s * force[0] + c * force[1];
+    const double(*jacobian)[N] = p->transpose.jacobian;
     for (int i = 0; i < N; i++) {
-        torque[i] = p->transpose.jacobian[0][i] * fx + p->transpose.jacobian[1][i] * fy + p->transpose.jacobian[2][i] * force[2];
+        torque[i] = jacobian[0][i] * fx + jacobian[1][i] * fy + jacobian[2][i] * force[2];
         double rate = d->encoder.omega[i], beyond = greatest(fabs(rate) - p->compensator.dead_band, 0.0);
         double sign = rate > 0.0 ? 1.0 : rate < 0.0 ? -1.0 : 0.0;
         double direction = tanh(beyond / p->compensator.speed_scale) * sign;
-        torque[i] = torque[i] + p->compensator.coulomb * direction + p->compensator.viscous * (beyond > 0.0 ? rate : 0.0);
+        double moving = beyond > 0.0 ? rate : 0.0;
+        torque[i] = torque[i] + p->compensator.coulomb * direction + p->compensator.viscous * moving;
     }
 }
 

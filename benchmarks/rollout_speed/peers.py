@@ -17,31 +17,19 @@ import numpy as np
 AXES = 3
 
 
-class Computer:
-    """Encoder, camera, estimator, feedback and hold of the plain loop, called once a tick with the position."""
+class Encoder:
+    """Reads the position once a tick and filters its difference."""
 
     def __init__(self, c):
-        self.c = c
-        self.place, self.speed, self.fix, self.captured = (np.zeros(AXES) for _ in range(4))
+        self.c, self.ticks = c, 0
+        self.place, self.speed = np.zeros(AXES), np.zeros(AXES)
 
-    def read(self, k, position):
-        c = self.c
-        now = c.scale * position
-        self.speed = c.memory * self.speed + (1.0 - c.memory) * (0.0 if k == 0 else (now - self.place) / c.tick_s)
-        self.place = now
-
-    def see(self, k, position):
-        self.fix, self.captured = position + self.c.bias + self.c.drift * k, self.place
-
-    def force(self):
-        c = self.c
-        return c.k_p * (c.goal - (self.fix + (self.place - self.captured))) - c.k_d * self.speed
-
-    def tick(self, k, position):
-        self.read(k, position)
-        if k % self.c.vision_ticks == 0:
-            self.see(k, position)
-        return self.force()
+    def read(self, position):
+        c, now = self.c, self.c.scale * position
+        difference = 0.0 if self.ticks == 0 else (now - self.place) / c.tick_s
+        self.speed = c.memory * self.speed + (1.0 - c.memory) * difference
+        self.place, self.ticks = now, self.ticks + 1
+        return np.concatenate([self.place, self.speed])
 
 
 def run_pathsim(c, ticks, order):
@@ -51,23 +39,18 @@ def run_pathsim(c, ticks, order):
     from pathsim.solvers import SSPRK33
 
     log = []
-    k_of = lambda t: round(t / c.tick_s)  # noqa: E731
     plant = ODE(lambda x, u, t: np.concatenate([x[AXES:], u / c.mass]), np.zeros(2 * AXES))
-    memory = Computer(c)
-    clock = {"encoder": 0, "camera": 0}
+    sensor = Encoder(c)
+    state = SimpleNamespace(captures=0, seen=-1.0, fix=np.zeros(AXES), captured=np.zeros(AXES))
 
     def encoder(*x):
         log.append(np.array(x))
-        memory.read(clock["encoder"], np.array(x[:AXES]))
-        clock["encoder"] += 1
-        return np.concatenate([memory.place, memory.speed])
+        return sensor.read(np.array(x[:AXES]))
 
     def camera(*p):
-        k = clock["camera"]
-        clock["camera"] += c.vision_ticks
+        k = c.vision_ticks * state.captures
+        state.captures += 1
         return np.array([k, *(np.array(p) + c.bias + c.drift * k)])
-
-    state = SimpleNamespace(seen=-1.0, fix=np.zeros(AXES), captured=np.zeros(AXES))
 
     def controller(*u):
         place, speed, stamp, fix = np.array(u[:3]), np.array(u[3:6]), u[6], np.array(u[7:10])
@@ -137,8 +120,8 @@ def run_jaxonomy(c, ticks):
     builder.connect(computer.output_ports[0], plant.input_ports[0])
     diagram = builder.build()
     options = jaxonomy.SimulatorOptions(
-        ode_solver_method="rk4", max_minor_step_size=c.tick_s, max_major_steps=2 * ticks + 10, buffer_length=4 * ticks + 10,
-        math_backend="jax",
+        ode_solver_method="rk4", max_minor_step_size=c.tick_s, max_major_steps=2 * ticks + 10,
+        buffer_length=4 * ticks + 10, math_backend="jax",
     )
     simulator = jaxonomy.Simulator(diagram, options=options)
     signals = {"x": plant.output_ports[0]}
@@ -204,8 +187,8 @@ def run_control(c, ticks):
     """The plant sampled at 5 ms by hand and the whole computer as one nonlinear update that asks what time it is."""
     import control
 
-    continuous = control.ss(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), 0.0, inputs="u", outputs="y", name="plant")
-    sampled = control.ss(np.zeros((1, 1)), np.ones((1, 1)), np.ones((1, 1)), 0.0, c.tick_s, inputs="y", outputs="u", name="c")
+    continuous = control.ss([[0.0]], [[1.0]], [[1.0]], 0.0, inputs="u", outputs="y", name="plant")
+    sampled = control.ss([[0.0]], [[1.0]], [[1.0]], 0.0, c.tick_s, inputs="y", outputs="u", name="computer")
     try:
         control.interconnect([continuous, sampled], inputs=[], outputs="y")
         refusal = "accepted"

@@ -60,8 +60,9 @@ void rollout(int64_t ticks, double *x_packed, double *d_packed, const double *p_
         AXES x.position[i] = x0.position[i] + (-h * k1.position[i] + (2.0 * h) * k2.position[i]);
         AXES x.velocity[i] = x0.velocity[i] + (-h * k1.velocity[i] + (2.0 * h) * k2.velocity[i]);
         derivatives(&x, &d, &p, &k3);
-        AXES x.position[i] = x0.position[i] + ((h6 * k1.position[i] + (4.0 * h6) * k2.position[i]) + h6 * k3.position[i]);
-        AXES x.velocity[i] = x0.velocity[i] + ((h6 * k1.velocity[i] + (4.0 * h6) * k2.velocity[i]) + h6 * k3.velocity[i]);
+        double h46 = 4.0 * h6;
+        AXES x.position[i] = x0.position[i] + ((h6 * k1.position[i] + h46 * k2.position[i]) + h6 * k3.position[i]);
+        AXES x.velocity[i] = x0.velocity[i] + ((h6 * k1.velocity[i] + h46 * k2.velocity[i]) + h6 * k3.velocity[i]);
     }
     memcpy(x_packed, &x, sizeof x), memcpy(d_packed, &d, sizeof d);
 }

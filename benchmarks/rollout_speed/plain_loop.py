@@ -1,8 +1,8 @@
 """A multi-rate loop without trigonometry, as Blocks: three axes in W, each a double integrator.
 
-Every 5 ms an encoder that runs `scale` too far is read and a force from state feedback is held; every 95 ms a camera with a
-bias and a drift sees the position, and the estimator (6.6), as printed, carries that fix on by the encoder. Everything
-is linear, so that other simulators can express it and be compared with it to the last digits.
+Every 5 ms an encoder that runs `scale` too far is read and a force from state feedback is held; every 95 ms a camera
+with a bias and a drift sees the position, and the estimator (6.6), as printed, carries that fix on by the encoder.
+Everything is linear, so that other simulators can express it and be compared with it to the last digits.
 """
 
 import numpy as np

@@ -364,3 +364,6 @@ def _recording_folders(diagram, out):
     for folder in folders.values():
         check_place(folder)
     return folders
+
+
+from drake_ispace import identify_command  # noqa: E402, F401  registers its command

@@ -255,8 +255,8 @@ def _file_inside(folder: Path, name: Any, where: str) -> Path:
         raise InputError(f"{where} is {found}, expected the name of a file in {folder}")
     file = folder / name
     try:
-        inside = file.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):  # a loop of symbolic links
+        inside = file.resolve(strict=file.is_symlink()).is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a loop of symbolic links, or a link to nothing
         inside = False
     if not inside or ".." in Path(name).parts or Path(name).is_absolute():
         raise InputError(f"{where} is {shown(name)}, which leads out of {folder}, expected a file inside it")

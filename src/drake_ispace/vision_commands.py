@@ -1,5 +1,5 @@
-"""The commands on pictures: `locate` robots in footage, `calibrate` the camera. Imported by cli.py; heavy libraries are
-imported inside."""
+"""The commands on pictures: `locate` robots in footage, `calibrate` the camera, `vision` for a page of what the room
+sees. Imported by cli.py; heavy libraries are imported inside."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ def register(app: App) -> None:
     """Add the commands of this module."""
     app.command(locate)
     app.command(calibrate)
+    app.command(vision)
 
 
 def locate(
@@ -38,7 +39,9 @@ def locate(
                 sightings = eye.locate(image)
             except InputError as error:
                 raise InputError(f"{footage}: {error}") from None
-            found.append({"t": time_s, "robots": [_row(name, one) for name, one in sightings.items() if one is not None]})
+            found.append(
+                {"t": time_s, "robots": [_row(name, one) for name, one in sightings.items() if one is not None]}
+            )
             show(image, eye, sightings, time_s)
     if as_json:
         print_json({"frames": found})
@@ -46,8 +49,11 @@ def locate(
     rows = []
     for name in (target.name for look in eye.looks for target in look.targets):
         seen = [robot for frame in found for robot in frame["robots"] if robot["name"] == name]
-        last = [f"{seen[-1][key]:.{digits}f}" for key, digits in zip("u v x y phi".split(), (1, 1, 4, 4, 3), strict=True)] \
-            if seen else ["not seen"] + [""] * 4
+        last = (
+            [f"{seen[-1][key]:.{digits}f}" for key, digits in zip("u v x y phi".split(), (1, 1, 4, 4, 3), strict=True)]
+            if seen
+            else ["not seen"] + [""] * 4
+        )
         rows.append([name, f"{len(seen)} of {len(found)}", *last])
     print_table(["robot", "frames", "u", "v", "x [m]", "y [m]", "phi [rad]"], rows)
     if out is not None:
@@ -55,11 +61,22 @@ def locate(
 
 
 def calibrate(
-    image: Path, /, *,
-    points: Annotated[list[str], Parameter(negative="", help="u,v,x,y of points on the floor [pixels, m]; or u,v of the space's four corners: far left, far right, near right, near left")],
+    image: Path,
+    /,
+    *,
+    points: Annotated[
+        list[str],
+        Parameter(
+            negative="",
+            help="u,v,x,y of points on the floor [pixels, m]; or u,v of the space's four corners: far left, far right, "
+            "near right, near left",
+        ),
+    ],
     width: Annotated[float, Parameter(help="of the space [m]")] = 2.5,
     depth: Annotated[float, Parameter(help="of the space [m]")] = 2.0,
-    fit_focal: Annotated[bool, Parameter(negative="", help="find the focal length too, instead of that of the Kinect")] = False,
+    fit_focal: Annotated[
+        bool, Parameter(negative="", help="find the focal length too, instead of that of the Kinect")
+    ] = False,
     out: Annotated[Path | None, Parameter(help="scenario file to write; left out: the text is printed")] = None,
     as_json: Json = False,
 ) -> None:
@@ -79,19 +96,40 @@ def calibrate(
     given = read_points(points, width, depth)
     if outside := [p for p in given if not (-0.5 <= p[0] <= columns - 0.5 and -0.5 <= p[1] <= rows - 0.5)]:
         raise InputError(
-            f"--points: ({outside[0][0]:g}, {outside[0][1]:g}) lies outside of {image}, expected 0 to {columns - 1}, 0 to "
-            f"{rows - 1}"
+            f"--points: ({outside[0][0]:g}, {outside[0][1]:g}) lies outside of {image}, expected 0 to {columns - 1}, "
+            f"0 to {rows - 1}"
         )
     result = solve(given, replace(Camera(), size_pixels=[columns, rows]), fit_focal)
     data, residual = {"space": result.to_data()}, float((result.residual_pixels**2).mean() ** 0.5)
     if out is not None:
         with whole_file(out) as beside:
-            beside.write_text(f"# Camera of {image.name}; {residual:.2f} pixels rms\n{dump_yaml(data)}", encoding="utf-8")
+            beside.write_text(
+                f"# Camera of {image.name}; {residual:.2f} pixels rms\n{dump_yaml(data)}", encoding="utf-8"
+            )
     if as_json:
         print_json(data | {"rms_pixels": residual, "residual_pixels": result.residual_pixels.tolist()})
         return
     print(out if out is not None else dump_yaml(data), end="\n" if out is not None else "")
     print(f"rms {residual:.2f} pixels over {len(given)} points")
+
+
+def vision(
+    *, out: Annotated[Path, Parameter(help="folder of the page")] = Path("vision"),
+    seconds: Annotated[float, Parameter(help="of the run with both robots [s]")] = 14.0,
+    seed: Annotated[int, Parameter(help="of carpet and noise")] = 0, as_json: Json = False,
+) -> None:
+    """Write a page with what the room sees: perspective, top view, thresholds, depth, map, and both robots tracking."""
+    if not 1.0 <= seconds <= 600.0 or seed < 0:
+        raise InputError(f"--seconds, --seed: expected 1 to 600 s and a seed of at least 0, got {seconds:g} and {seed}")
+    from drake_ispace.report.vision_page import write_vision_page
+    from drake_ispace.terminal import progress
+
+    with progress(None, "vision") as advance:
+        page, data = write_vision_page(out, seconds, seed, advance)
+    if as_json:
+        print_json(data | {"page": str(page)})
+        return
+    print(f"open {page}")
 
 
 def _row(name, sighting):

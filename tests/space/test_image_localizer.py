@@ -27,7 +27,7 @@ from drake_ispace.space.markers import blobs
 from drake_ispace.space.renderer import Renderer
 from drake_ispace.space.scene import PAINTS, Box, Patch, robot_box
 from drake_ispace.space.top_view import TopView, top_view_of, trapezoid
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 SPACE = Space()
 NAMES = ("omni", "pendulum")
@@ -49,7 +49,9 @@ def robots(omni=(-0.5, 0.2, 0.3), pendulum=(0.5, -0.2, 2.0)):
 
 def slab(x, y, colour, side=0.09, height=0.02):
     """A painted thing on the floor or in the air."""
-    return Box(x, y, 0.2, side, side, height, (50.0, 50.0, 50.0), patches=(Patch(0.0, 0.0, side, side, PAINTS[colour]),))
+    return Box(
+        x, y, 0.2, side, side, height, (50.0, 50.0, 50.0), patches=(Patch(0.0, 0.0, side, side, PAINTS[colour]),)
+    )
 
 
 def errors(found, pose):
@@ -176,17 +178,31 @@ def test_one_marker_alone_is_no_robot(eye, renderer):
     assert eye.locate(renderer.render([slab(0.0, 0.0, "red", height=0.15)]).colour) == {"omni": None, "pendulum": None}
 
 
-@pytest.mark.parametrize("image", [
-    np.zeros((480, 640, 3), np.uint8), np.full((480, 640, 3), 128, np.uint8), np.full((480, 640, 3), (30, 20, 200), np.uint8),
-    np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8),
-], ids=["black", "grey", "all red", "random"])
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((480, 640, 3), np.uint8),
+        np.full((480, 640, 3), 128, np.uint8),
+        np.full((480, 640, 3), (30, 20, 200), np.uint8),
+        np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8),
+    ],
+    ids=["black", "grey", "all red", "random"],
+)
 def test_pictures_without_robots(eye, image):
     assert eye.locate(image) == {"omni": None, "pendulum": None}
 
 
-@pytest.mark.parametrize("image", [
-    np.zeros((240, 320, 3), np.uint8), np.zeros((480, 640), np.uint8), np.zeros((480, 640, 3)), np.zeros((0, 0, 3), np.uint8), None,
-], ids=["small", "one channel", "float", "empty", "none"])
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((240, 320, 3), np.uint8),
+        np.zeros((480, 640), np.uint8),
+        np.zeros((480, 640, 3)),
+        np.zeros((0, 0, 3), np.uint8),
+        None,
+    ],
+    ids=["small", "one channel", "float", "empty", "none"],
+)
 def test_pictures_of_another_kind_are_refused(eye, image):
     with pytest.raises(InputError, match="expected an image of 640 x 480 pixels with 3 colours of 8 bit"):
         eye.locate(image)
@@ -225,7 +241,9 @@ def messages(space, ticks, poses=(-0.5, 0.2, 0.3), names=("omni",)):
     builder.Connect(reader.get_output_port(), log.get_input_port())
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    kinect.get_input_port().FixValue(kinect.GetMyMutableContextFromRoot(simulator.get_mutable_context()), np.array(poses))
+    kinect.get_input_port().FixValue(
+        kinect.GetMyMutableContextFromRoot(simulator.get_mutable_context()), np.array(poses)
+    )
     simulator.AdvanceTo(ticks * TICK_S)
     return log.FindLog(simulator.get_context()).data().T[1:]
 
@@ -274,9 +292,17 @@ def test_the_schedule_shows_the_camera_and_the_message():
     assert [(row["phase"], row["period_ticks"]) for row in rows] == [("sense", 20)] * 3 + [("sense", 19)] * 2
 
 
+@pytest.mark.parametrize("name", CATALOG)
+def test_every_diagram_takes_the_image_mode(name):
+    settings = ["space.localizer.mode=image", "space.camera.size_pixels=[160, 120]", "seconds=0.1"]
+    assert simulate(load_scenario(name, settings)).diverged_s is None
+
+
 def test_a_compiled_rollout_refuses_it():
     scenario = load_scenario("omni_multirate", ["space.localizer.mode=image", "space.camera.size_pixels=[160, 120]"])
-    with pytest.raises(InputError, match="kinect: the maths of ImageLocalizer are no kernels, so it cannot be compiled"):
+    with pytest.raises(
+        InputError, match="kinect: the maths of ImageLocalizer are no kernels, so it cannot be compiled"
+    ):
         compile_diagram(build_diagram(scenario))
 
 
@@ -294,7 +320,9 @@ def test_a_robot_drives_on_images(name):
 def test_the_square_on_images_is_that_of_the_fitted_geometric_mode(name):
     square = ["seconds=20", f"{name}.trajectory.kind=square"]
     fitted = [
-        "space.localizer.whole_pixels=false", "space.localizer.noise_std_pixels=0.06", "space.localizer.latency_ticks=3",
+        "space.localizer.whole_pixels=false",
+        "space.localizer.noise_std_pixels=0.06",
+        "space.localizer.latency_ticks=3",
     ]
     errors = []
     for mode in (["space.localizer.mode=image"], fitted):

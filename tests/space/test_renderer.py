@@ -67,7 +67,10 @@ def test_markers_have_their_paint_where_they_are_projected(clean):
 
 
 def test_the_nearer_of_two_boxes_is_seen(clean):
-    low, high = Box(0.0, 0.0, 0.0, 0.4, 0.4, 0.1, (0.0, 0.0, 255.0)), Box(0.0, 0.0, 0.0, 0.2, 0.2, 0.3, (255.0, 0.0, 0.0))
+    low, high = (
+        Box(0.0, 0.0, 0.0, 0.4, 0.4, 0.1, (0.0, 0.0, 255.0)),
+        Box(0.0, 0.0, 0.0, 0.2, 0.2, 0.3, (255.0, 0.0, 0.0)),
+    )
     for boxes in ([low, high], [high, low]):
         assert at(clean.draw(boxes).colour, (0.0, 0.0, 0.3)) == pytest.approx([255.0, 0.0, 0.0], abs=0.1)
 
@@ -87,7 +90,9 @@ def test_a_shadow_darkens_the_floor_beside_a_box(real):
 
 def test_light_falls_off_along_the_width():
     bright = Renderer(SMALL, Scenery(carpet_contrast=0.0, light_gradient=0.3)).draw().colour
-    assert at(bright, (1.0, 0.0, 0.0), SMALL) / at(bright, (-1.0, 0.0, 0.0), SMALL) == pytest.approx(1.12 / 0.88, abs=0.01)
+    assert at(bright, (1.0, 0.0, 0.0), SMALL) / at(bright, (-1.0, 0.0, 0.0), SMALL) == pytest.approx(
+        1.12 / 0.88, abs=0.01
+    )
 
 
 def test_a_picture_depends_on_seed_and_tick_alone():
@@ -102,7 +107,9 @@ def test_a_picture_depends_on_seed_and_tick_alone():
 def test_noise_has_its_strength(clean):
     picture = with_noise(clean.draw(), Scenery(noise_grey_levels=3.0, depth_noise_m=0.0012), 0, 0)
     assert picture.colour.dtype == np.uint8
-    assert (picture.colour - clean.draw().colour)[200:300].std() == pytest.approx(np.hypot(3.0, 1 / np.sqrt(12)), rel=0.02)
+    assert (picture.colour - clean.draw().colour)[200:300].std() == pytest.approx(
+        np.hypot(3.0, 1 / np.sqrt(12)), rel=0.02
+    )
     gap = (picture.depth - clean.draw().depth) / clean.draw().depth ** 2
     assert gap.std() == pytest.approx(0.0012, rel=0.01)
 
@@ -158,7 +165,7 @@ def test_both_renderers_agree_in_depth_but_for_edges(both):
 
 
 def test_both_renderers_agree_in_colour_but_for_edges_and_upright_faces(both):
-    one, other, space = both
+    one, other, _ = both
     rows = VIEW.p_ws + one.depth[..., None] * VIEW.rays(VIEW.pixel_grid()).reshape(480, 640, 3)
     flat = np.min([np.abs(rows[..., 2] - h) for h in (0.0, 0.15, 0.25, 0.3, 0.35)], axis=0) < 1e-3
     gap = np.abs(one.colour - other.colour).max(axis=2)[flat]

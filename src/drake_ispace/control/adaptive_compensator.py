@@ -37,15 +37,15 @@ class Adaptation:
     coulomb_n_m: float = quantity(0.0, "N*m", minimum=0.0)
     viscous_n_m_s: float = quantity(0.0, "N*m*s/rad", minimum=0.0)
     # G: N*m per s and unit of Phi'B'P x, assumed
-    coulomb_rate: float = quantity(2e-4, minimum=0.0)
-    viscous_rate: float = quantity(2e-4, minimum=0.0)
+    coulomb_rate: float = quantity(2e-3, minimum=0.0)
+    viscous_rate: float = quantity(2e-3, minimum=0.0)
     # projection
-    coulomb_limit_n_m: float = quantity(0.05, "N*m", above=0.0)
-    viscous_limit_n_m_s: float = quantity(0.05, "N*m*s/rad", above=0.0)
+    coulomb_limit_n_m: float = quantity(0.02, "N*m", above=0.0)
+    viscous_limit_n_m_s: float = quantity(0.03, "N*m*s/rad", above=0.0)
     # Q of the Lyapunov equation: s, phi, theta and rates
     q: list[float] = quantity([10.0, 1.0, 1.0, 1.0, 0.1, 0.01], above=0.0, length=6)
     # x'P x below which nothing adapts
-    threshold: float = quantity(1e-4, minimum=0.0)
+    threshold: float = quantity(1e-3, minimum=0.0)
 
 
 def lyapunov_matrix(a: np.ndarray, b: np.ndarray, gain: np.ndarray, q) -> np.ndarray:

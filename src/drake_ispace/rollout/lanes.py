@@ -108,7 +108,7 @@ class _Writer:
         groups = _groups(loop)
         self._shared = {v for v in self._sizes if any(v in _names(s) for s in filled) or _crosses(v, groups)}
         arguments = ", ".join(a.arg for a in rollout.args.args if a.arg != "recorded")
-        lines = [f"def rollout({arguments}):", '    """As the emitted rollout; one more index on every array, the lane."""']
+        lines = [f"def rollout({arguments}):", '    """One more index on every array: the lane."""']
         lines += [f"    {v} = local({size})" for v, size in self._sizes.items()]
         lines += [f"    {v}_all = matrix({size}, {lanes})" for v, size in self._sizes.items() if v in self._shared]
         lines += self._loop(filled, "    ")

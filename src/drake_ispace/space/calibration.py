@@ -52,7 +52,9 @@ def read_points(texts, width_m: float, depth_m: float) -> np.ndarray:
         rows.append(numbers)
     if rows and all(len(row) == 2 for row in rows):
         if len(rows) != 4:
-            raise InputError(f"--points: expected the four corners of the space, or u,v,x,y of each point, got {len(rows)}")
+            raise InputError(
+                f"--points: expected the four corners of the space, or u,v,x,y of each point, got {len(rows)}"
+            )
         return np.hstack([rows, CORNERS * [width_m, depth_m]])
     if any(len(row) == 2 for row in rows):
         raise InputError("--points: expected u,v,x,y of every point, or u,v of the four corners alone")
@@ -73,7 +75,9 @@ def calibrate(points, camera: Camera, fit_focal: bool = False) -> Calibration:
     """
     points = np.asarray(points, dtype=float)
     pixels, floor = np.ascontiguousarray(points[:, :2]), np.column_stack([points[:, 2:], np.zeros(len(points))])
-    bad = InputError("--points: no camera above the floor sees these points so, expected points in order, no three on a line")
+    bad = InputError(
+        "--points: no camera above the floor sees these points so, expected points in order, no three on a line"
+    )
     spread = np.linalg.svd(floor[:, :2] - floor[:, :2].mean(axis=0), compute_uv=False)
     if spread[1] < 1e-3 * max(spread[0], 1e-9):
         raise bad
@@ -97,7 +101,7 @@ def calibrate(points, camera: Camera, fit_focal: bool = False) -> Calibration:
     residual = np.hypot(*(back - pixels).T)
     if (worst := float(residual.max())) > _WORST_PIXELS:
         raise InputError(
-            f"--points: the best camera misses one of the points by {worst:.0f} pixels, expected at most {_WORST_PIXELS:g}: "
+            f"--points: the best camera misses a point by {worst:.0f} pixels, expected at most {_WORST_PIXELS:g}: "
             "points in order, and a focal length that is right (or found, with --fit-focal)"
         )
     return Calibration(found, residual)

@@ -19,7 +19,7 @@ _LEAST_CELLS = 6  # of an obstacle, less is noise
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A box around what stands on the floor: middle of its top in W [m], yaw [rad] of its length, sides and height [m]."""
+    """A box around what stands on the floor: middle in W [m], yaw [rad] of its length, sides and height [m]."""
 
     x_m: float
     y_m: float
@@ -154,7 +154,9 @@ def free_space_overlap(cells: np.ndarray, truth: np.ndarray) -> float:
 def true_cells(boxes, width_m: float, depth_m: float, cell_m: float = 0.02) -> np.ndarray:
     """(rows, columns) FREE or OBSTACLE: which middles of cells lie in the footprint of one of the scene's boxes."""
     rows, columns = round(depth_m / cell_m), round(width_m / cell_m)
-    x, y = np.meshgrid((np.arange(columns) + 0.5) * cell_m - width_m / 2.0, depth_m / 2.0 - (np.arange(rows) + 0.5) * cell_m)
+    x, y = np.meshgrid(
+        (np.arange(columns) + 0.5) * cell_m - width_m / 2.0, depth_m / 2.0 - (np.arange(rows) + 0.5) * cell_m
+    )
     cells = np.full((rows, columns), FREE, np.uint8)
     for box in boxes:
         c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)

@@ -1,5 +1,6 @@
 """Real footage: a scene file that says what a camera looks at, and the images or videos it made."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
@@ -79,7 +80,9 @@ def load_scene(name_or_file: str) -> Scene:
         InputError: unknown name or key, a value of the wrong kind, a robot without colours.
     """
     if name_or_file in scene_names():
-        data = load_yaml((resources.files("drake_ispace.space") / "scenes" / f"{name_or_file}.yaml").read_text(), name_or_file)
+        data = load_yaml(
+            (resources.files("drake_ispace.space") / "scenes" / f"{name_or_file}.yaml").read_text(), name_or_file
+        )
     elif name_or_file.endswith((".yaml", ".yml")) or "/" in name_or_file:
         data = load_yaml(Path(name_or_file), name_or_file)
     else:
@@ -95,7 +98,8 @@ def load_scene(name_or_file: str) -> Scene:
         for colour in (robot.front, robot.rear):
             if colour not in scene.colours:
                 raise InputError(
-                    f"{name_or_file}: robots.{name}: no colour {shown(colour)}, {expected_one_of(colour, scene.colours)}"
+                    f"{name_or_file}: robots.{name}: no colour {shown(colour)}, "
+                    f"{expected_one_of(colour, scene.colours)}"
                 )
     for i, point in enumerate(scene.points):
         if len(point) != 4:
@@ -112,8 +116,17 @@ def scene_eye(scene: Scene, where: str = "scene") -> Eye:
     sizes, looks = scene.markers, []
     for height in sorted({robot.height_m for robot in scene.robots.values()}):
         targets = tuple(
-            Target(name, robot.front, robot.rear, sizes.spacing_m, sizes.tolerance_m, tuple(sizes.area_m2), sizes.elongation)
-            for name, robot in scene.robots.items() if robot.height_m == height
+            Target(
+                name,
+                robot.front,
+                robot.rear,
+                sizes.spacing_m,
+                sizes.tolerance_m,
+                tuple(sizes.area_m2),
+                sizes.elongation,
+            )
+            for name, robot in scene.robots.items()
+            if robot.height_m == height
         )
         looks.append(Look(scene_top(scene, where, height), targets))
     colours = {name: Colour(tuple(c.hue), c.saturation, c.value) for name, c in scene.colours.items()}
@@ -160,6 +173,7 @@ def frames(path: Path) -> Iterator[tuple[float, np.ndarray]]:
                 raise InputError(f"{path}: no image can be read from it, expected a whole file of {', '.join(IMAGES)}")
             yield 0.0, image
             return
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
         video, count = cv2.VideoCapture(str(path)), 0
         try:
             rate = video.get(cv2.CAP_PROP_FPS)

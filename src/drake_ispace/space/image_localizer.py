@@ -118,7 +118,11 @@ class ImageLocalizer(Block):
         def expose(tick, xd, poses, out):
             out[:] = xd
             before = xd[1 : 1 + 3 * robots] if xd[0] >= 0.0 else poses
-            out[0], out[1 : 1 + 3 * robots], out[1 + 3 * robots : start] = tick, poses, _per_tick(poses, before, tick - xd[0])
+            out[0], out[1 : 1 + 3 * robots], out[1 + 3 * robots : start] = (
+                tick,
+                poses,
+                _per_tick(poses, before, tick - xd[0]),
+            )
 
         def look(xd, noise_stream, out):
             out[:] = xd
@@ -132,7 +136,9 @@ class ImageLocalizer(Block):
             for i, name in enumerate(names):
                 found = sightings[name]
                 seen = found is not None and not lost[i]
-                messages[FIX * i : FIX * (i + 1)] = [frame, 1.0, found.x, found.y, found.phi] if seen else [frame, 0, 0, 0, 0]
+                messages[FIX * i : FIX * (i + 1)] = (
+                    [frame, 1.0, found.x, found.y, found.phi] if seen else [frame, 0, 0, 0, 0]
+                )
 
         def deliver(tick, xd, out):
             out[:] = xd

@@ -67,7 +67,9 @@ class Sighting:
     pixel: np.ndarray
 
 
-def blobs(mask: np.ndarray, top: TopView, least_m2: float, most_m2: float, reach: np.ndarray | None = None) -> list[Blob]:
+def blobs(
+    mask: np.ndarray, top: TopView, least_m2: float, most_m2: float, reach: np.ndarray | None = None
+) -> list[Blob]:
     """The blobs of a mask with an area between the limits.
 
     Args:

@@ -22,10 +22,12 @@ def annotate(image: np.ndarray, eye: Eye, sightings: dict, title: str = "") -> n
     for name, one in sightings.items():
         if one is None:
             continue
-        ahead = tops[name].to_image(tops[name].to_pixels([[one.x + 0.05 * np.cos(one.phi), one.y + 0.05 * np.sin(one.phi)]]))
+        ahead = tops[name].to_image(
+            tops[name].to_pixels([[one.x + 0.05 * np.cos(one.phi), one.y + 0.05 * np.sin(one.phi)]])
+        )
         way = ahead[0] - one.pixel
         tip = one.pixel + _ARROW_PIXELS * way / max(np.hypot(*way), 1e-9)
-        start, end = (tuple(int(round(16 * value)) for value in point) for point in (one.pixel, tip))
+        start, end = (tuple(round(16 * value) for value in point) for point in (one.pixel, tip))
         cv2.circle(drawn, start, 4 * 16, _COLOUR, 1, cv2.LINE_AA, shift=4)
         cv2.line(drawn, start, end, _COLOUR, 1, cv2.LINE_AA, shift=4)
         left = min(max(int(one.pixel[0]) - 20, 2), image.shape[1] - 8 * len(name))

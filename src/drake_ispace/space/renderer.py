@@ -74,7 +74,9 @@ class Renderer:
         columns, rows = view.size
         steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
         self._rays = [
-            view.rays(view.pixel_grid((u, v))).reshape(rows, columns, 3).astype(np.float32) for v in steps for u in steps
+            view.rays(view.pixel_grid((u, v))).reshape(rows, columns, 3).astype(np.float32)
+            for v in steps
+            for u in steps
         ]
         whole = (slice(0, rows), slice(0, columns))
         self._background = self._cast(whole, [list(static)] * len(self._rays))
@@ -166,7 +168,7 @@ def _paint(box, points, top):
 
 
 def with_noise(picture: Picture, scenery: Scenery, seed: int, tick: int) -> Picture:
-    """The picture with the noise of (seed, tick): colours as whole grey levels 0 to 255, depth blurred as its square."""
+    """The picture with the noise of (seed, tick): colours in whole grey levels, noise of depth as its square."""
     rng = np.random.default_rng([seed, tick, 11])
     colour, depth = picture.colour.astype(np.float32), picture.depth
     if scenery.noise_grey_levels > 0.0:

@@ -93,7 +93,7 @@ def obstacles(space: Space) -> tuple[Box, ...]:
 
 
 class Carpet:
-    """Brightness of the floor: a texture of 5.12 x 5.12 m around the middle, then repeated, 5 mm fine, the same for the same seed."""
+    """Brightness of the floor: a texture of 5.12 x 5.12 m around the middle, 5 mm fine, the same for the same seed."""
 
     _CELLS, _CELL_M = 1024, 0.005
 

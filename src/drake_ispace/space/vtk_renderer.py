@@ -57,7 +57,9 @@ class VtkRenderer:
                 "expected opencv"
             )
         if view.distortion.any():
-            raise InputError("space.camera.distortion: the vtk renderer knows no lens distortion, expected zeros or opencv")
+            raise InputError(
+                "space.camera.distortion: the vtk renderer knows no lens distortion, expected zeros or opencv"
+            )
         self.view, self.static, self._scenery, self._seed = view, tuple(static), scenery, seed
         self._scenes: dict[tuple, tuple] = {}
 
@@ -68,7 +70,7 @@ class VtkRenderer:
         shapes = tuple(box.at(0.0, 0.0, 0.0) for box in moving)
         if shapes not in self._scenes:
             self._scenes[shapes] = self._build(shapes)
-        diagram, context, port, sensor, frames = self._scenes[shapes]
+        _, context, port, sensor, frames = self._scenes[shapes]
         poses = FramePoseVector()
         for frame, box in zip(frames, moving, strict=True):
             poses.set_value(frame, _pose(box))
@@ -107,9 +109,14 @@ class VtkRenderer:
             RigidTransform(),
         )  # half a pixel: Drake counts from the corner of the first pixel
         x_wc = RigidTransform(RotationMatrix(self.view.r_ws @ R_CS.T), self.view.p_ws)
-        sensor = builder.AddSystem(RgbdSensor(
-            SceneGraph.world_frame_id(), x_wc, ColorRenderCamera(core, False), DepthRenderCamera(core, DepthRange(0.2, 25.0)),
-        ))
+        sensor = builder.AddSystem(
+            RgbdSensor(
+                SceneGraph.world_frame_id(),
+                x_wc,
+                ColorRenderCamera(core, False),
+                DepthRenderCamera(core, DepthRange(0.2, 25.0)),
+            )
+        )
         builder.Connect(graph.get_query_output_port(), sensor.query_object_input_port())
         if frames:
             builder.ExportInput(graph.get_source_pose_port(source), "poses")

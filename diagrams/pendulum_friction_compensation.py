@@ -1,0 +1,15 @@
+"""Fig. 4.1: friction compensation, a push on both wheels from 1.2 to 1.6 s, an identifier that listens."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.servo import pendulum_friction_compensation
+
+scenario = load_scenario("pendulum_friction_compensation", [f"seconds={seconds_asked(__doc__)}"])
+diagram = pendulum_friction_compensation(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))
