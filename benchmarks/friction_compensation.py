@@ -98,7 +98,8 @@ def detection(seeds):
         verdicts = []
         for seed in range(seeds):
             recording = run_recording(rollout, scenario, ticks, parameters(rollout, coulomb, viscous, seed))
-            verdicts.append(over_compensated(friction_coefficients(arx(friction_problem(recording))), coulomb, viscous))
+            found = friction_coefficients(arx(friction_problem(recording)))
+            verdicts.append(over_compensated(found, coulomb, viscous))
         table[f"{multiple:g}"] = {
             "said_over": float(np.mean([v["over"] for v in verdicts])),
             "coulomb_ratio": float(np.median([v["coulomb_ratio"] for v in verdicts])),
@@ -117,7 +118,7 @@ def linear_limit():
     for multiple in np.arange(1.0, 30.0, 0.05):
         a_d, b_d = zero_order_hold(a - b @ (TRUTH[1] * wheels), b, TICK_S)
         if np.abs(np.linalg.eigvals(a_d - b_d @ (gain - multiple * TRUTH[1] * wheels))).max() > 1.0:
-            return float(multiple)
+            return round(float(multiple), 2)
     return None
 
 
@@ -153,10 +154,10 @@ def main():
     print("push of 0.05 N m on both wheels, 1.2 to 1.6 s; medians")
     for name, row in table.items():
         print(f"  {name:28} IAE x {row['iae_position_m_s']:.4f} m s ({row['position_ratio']:.2f})  IAE tilt "
-              f"{row['iae_tilt_rad_s']:.4f} rad s ({row['tilt_ratio']:.2f})  peak {1e3 * row['peak_position_m']:.0f} mm")
+              f"{row['iae_tilt_rad_s']:.4f} rad s ({row['tilt_ratio']:.2f}) peak {1e3 * row['peak_position_m']:.0f} mm")
     print("at rest, last 10 of 40 s, peak to peak: without noise (counts on) | IMU as assumed | no dead band")
     for name, row in data["rest"].items():
-        print(f"  {name:28} {row['quiet_position_mm']:.2f} mm {row['quiet_tilt_mrad']:.2f} mrad | "
+        print(f"  {name:26} {row['quiet_position_mm']:.2f} mm {row['quiet_tilt_mrad']:.2f} mrad | "
               f"{row['noisy_position_mm']:.2f} mm {row['noisy_tilt_mrad']:.2f} mrad | "
               f"{row['sharp_position_mm']:.2f} mm {row['sharp_tilt_mrad']:.2f} mrad")
     print("over-compensation found from a run that drives")

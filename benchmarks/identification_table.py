@@ -22,7 +22,11 @@ from drake_ispace.identification.armaxd import armaxd
 from drake_ispace.identification.arx import arx, recursive_arx
 from drake_ispace.identification.friction_coefficients import friction_coefficients
 from drake_ispace.identification.friction_data import (
-    friction_estimates, friction_instruments, friction_prediction_error, friction_rollout, following_rollout,
+    following_rollout,
+    friction_estimates,
+    friction_instruments,
+    friction_prediction_error,
+    friction_rollout,
     run_recording,
 )
 from drake_ispace.identification.instrumental import instrumental
@@ -81,7 +85,8 @@ def servo_table(seeds):
                 for method in (arx, lambda p: armaxd(p, every=1000))]
         return row
 
-    names = ("arx", "armax", "armaxd", "iv", "pem", "armaxd, order 1", "armaxd, order 4", "arx, optimised", "armaxd, optimised")
+    names = ("arx", "armax", "armaxd", "iv", "pem", "armaxd, order 1", "armaxd, order 4", "arx, optimised",
+             "armaxd, optimised")
     tables = {}
     for label, filtered, white, count in (
         ("as printed", False, 0.0, seeds), ("and white noise of half the amplitude", False, 0.5, max(seeds // 4, 2)),
@@ -111,7 +116,8 @@ def servo_map(seeds):
 def friction_table(seeds):
     """Method -> spread of both coefficients, at the IMU's own noise and at ten times it."""
     tables = {}
-    for label, factor, count in (("IMU as assumed", 1.0, max(seeds // 4, 3)), ("ten times its noise", 10.0, max(seeds // 4, 3))):
+    count = max(seeds // 4, 3)
+    for label, factor in (("IMU as assumed", 1.0), ("ten times its noise", 10.0)):
         scenario = load_scenario("pendulum_friction_excitation", [
             f"pendulum.imu.accelerometer_noise_density={3e-3 * factor}",
             f"pendulum.imu.gyro_noise_density={1.5e-4 * factor}",
@@ -153,8 +159,9 @@ def online(quick):
     logs = rollout.run(ticks, rollout.with_seed(0))
     friction = logs["pendulum_friction"]
     within = np.all(np.abs(friction / np.array(TRUTH) - 1.0) < 0.25, axis=1)
-    late = np.flatnonzero(~within)
-    block = online_identifier.OnlineIdentifier(scenario.pendulum.identifier, scenario.pendulum.encoder.filter_time_constant_s)
+    late = np.append(np.flatnonzero(~within), -1).max() + 1  # the first row after the last one outside
+    robot = scenario.pendulum
+    block = online_identifier.OnlineIdentifier(robot.identifier, robot.encoder.filter_time_constant_s)
     p, idle = block.spec.parameters, 1_000_000 if not quick else 100_000
     values = [p["memory"], p["forgetting"], p["trace_limit"], p["dead_band_rad_s"], p["sizes"]]
     quiet = np.zeros(7)
@@ -169,7 +176,7 @@ def online(quick):
     root = xd[online_identifier.ROOT : online_identifier.SCRATCH]
     return {
         "final_coulomb": float(friction[-1, 0]), "final_viscous": float(friction[-1, 1]),
-        "within_25_percent_from_s": float((late[-1] + 1) * TICK_S) if len(late) and late[-1] + 1 < len(within) else None,
+        "within_25_percent_from_s": float(late * TICK_S) if late < len(within) else None,
         "cost_per_tick_us": 1e6 * cost, "idle_ticks": idle, "idle_finite": bool(np.isfinite(xd).all()),
         "idle_trace_of_p": float(root @ root),
     }
@@ -193,7 +200,8 @@ def pictures(folder, maps):
     scenario = load_scenario("pendulum_friction_excitation")
     rollout = friction_rollout(scenario)
     logs = rollout.run(ticks_in(scenario.seconds), rollout.with_seed(0))
-    t = np.arange(len(logs["pendulum_pose"])) * TICK_S
+    logs = {name: rows[20:] for name, rows in logs.items()}  # from the first way point on
+    t = (20 + np.arange(len(logs["pendulum_pose"]))) * TICK_S
     plot_signals(t, {
         "x [m]": {"position": logs["pendulum_pose"][:, 0], "way point": logs["pendulum_way_point"][:, 1]},
         "tilt [rad]": {"tilt": logs["pendulum_balance"][:, 0]},
@@ -208,7 +216,8 @@ def report(servo, maps, friction, live):
         print(f"\nE_er [%], noise {label}")
         for name, row in table.items():
             printed = f"   printed {PRINTED[name]}" if name in PRINTED else ""
-            print(f"  {name:20} {row['median']:9.4f}  [{row['p05']:.4f}, {row['p95']:.4f}] over {row['seeds']} seeds{printed}")
+            span = f"[{row['p05']:.4f}, {row['p95']:.4f}] over {row['seeds']} seeds"
+            print(f"  {name:20} {row['median']:9.4f}  {span}{printed}")
     print("\nmedian E_er [%] of ARX / of ARMAXD / share of seeds ARMAXD wins, by amplitude and frequency [Hz]")
     print("  amplitude" + "".join(f"{f:>20g}" for f in FREQUENCIES))
     for i, share in enumerate(AMPLITUDES):

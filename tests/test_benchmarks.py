@@ -74,7 +74,7 @@ def test_default_control_tracks_within_its_targets_and_as_printed_does_not():
         assert rows[path, "omni, as printed"]["rms_cross_track_m"]["median"] > 0.1
         assert rows[path, "omni, as printed"]["mean_lag_m"]["median"] > 0.5
     rest = {(row["friction"], row["compensation"]): row["position_swing_m"]["median"] for row in data["resting"]}
-    assert all(rest[friction, "exact"] < rest[friction, "none"] for friction in ("smooth", "elastoplastic"))
+    assert all(rest[friction, "default"] < rest[friction, "none"] for friction in ("smooth", "elastoplastic"))
 
 
 @pytest.mark.slow

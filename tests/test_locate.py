@@ -286,6 +286,11 @@ def test_calibrate_writes_the_camera_section(capsys, picture, tmp_path):
     assert "height_m: 2.7" in (tmp_path / "camera.yaml").read_text()
 
 
+def test_calibrate_wants_points_or_a_board(capsys, picture):
+    assert "either --points or --board" in refused(capsys, "calibrate", picture)
+    assert "no chessboard" in refused(capsys, "calibrate", picture, "--board", "7,6,0.1,0,0,0")
+
+
 def test_calibrate_refuses_points_outside_of_the_image(capsys, picture):
     texts = ["9000,5", *corner_texts()[1:]]
     assert "lies outside of" in refused(capsys, "calibrate", picture, *[w for t in texts for w in ("--points", t)])

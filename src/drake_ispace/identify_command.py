@@ -13,7 +13,9 @@ from drake_ispace.terminal import print_json, print_table
 @app.command
 def identify(
     run: Path, /, *,
-    structure: Annotated[Literal["arx", "armax", "armaxd", "iv", "pem"], Parameter(help="model of the noise, or method")] = "arx",
+    structure: Annotated[
+        Literal["arx", "armax", "armaxd", "iv", "pem"], Parameter(help="model of the noise, or method")
+    ] = "arx",
     out: Annotated[Path | None, Parameter(help="folder for identification.json and convergence.png")] = None,
     as_json: Json = False,
 ) -> None:
@@ -46,8 +48,9 @@ def identify(
     print(f"Coulomb {friction['coulomb_n_m']:.5f} ± {friction['coulomb_std']:.5f} N*m, "
           f"viscous {friction['viscous_n_m_s']:.5f} ± {friction['viscous_std']:.5f} N*m*s/rad (one standard deviation)")
     for test in data["residual_tests"]:
-        print(f"residual of {test['output']}: {'white' if test['white'] else 'not white'} "
-              f"(p = {test['whiteness_p']:.2g}), {'independent of' if test['independent'] else 'correlated with'} the regressors")
+        white = "white" if test["white"] else "not white"
+        tie = "independent of" if test["independent"] else "correlated with"
+        print(f"residual of {test['output']}: {white} (p = {test['whiteness_p']:.2g}), {tie} the regressors")
     for note in data["notes"]:
         print(f"note: {note}")
     if out is not None:

@@ -65,13 +65,20 @@ def calibrate(
     /,
     *,
     points: Annotated[
-        list[str],
+        list[str] | None,
         Parameter(
             negative="",
             help="u,v,x,y of points on the floor [pixels, m]; or u,v of the space's four corners: far left, far right, "
             "near right, near left",
         ),
-    ],
+    ] = None,
+    board: Annotated[
+        str | None,
+        Parameter(
+            help="columns,rows,square,x,y,yaw of a chessboard on the floor to look for instead: inner corners, side "
+            "[m], place of the first [m], direction of the first row [rad]"
+        ),
+    ] = None,
     width: Annotated[float, Parameter(help="of the space [m]")] = 2.5,
     depth: Annotated[float, Parameter(help="of the space [m]")] = 2.0,
     fit_focal: Annotated[
@@ -83,17 +90,19 @@ def calibrate(
     """Find where a camera stands from points on the floor of one of its images: a scenario's camera section."""
     if not (0.0 < width < 1e3 and 0.0 < depth < 1e3):
         raise InputError(f"--width, --depth: expected metres above 0, got {width:g} and {depth:g}")
+    if (points is None) == (board is None):
+        raise InputError("calibrate: expected either --points or --board")
     if out is not None:
         check_folder(out.parent)
+    from drake_ispace.space.calibration import board_points, read_points
     from drake_ispace.space.calibration import calibrate as solve
-    from drake_ispace.space.calibration import read_points
     from drake_ispace.space.footage import frames
     from drake_ispace.space.kinect import Camera
     from drake_ispace.yaml_guard import dump_yaml
 
     _, first = next(frames(image))
     rows, columns = first.shape[:2]
-    given = read_points(points, width, depth)
+    given = board_points(first, board) if board is not None else read_points(points, width, depth)
     if outside := [p for p in given if not (-0.5 <= p[0] <= columns - 0.5 and -0.5 <= p[1] <= rows - 0.5)]:
         raise InputError(
             f"--points: ({outside[0][0]:g}, {outside[0][1]:g}) lies outside of {image}, expected 0 to {columns - 1}, "
@@ -109,8 +118,8 @@ def calibrate(
     if as_json:
         print_json(data | {"rms_pixels": residual, "residual_pixels": result.residual_pixels.tolist()})
         return
-    print(out if out is not None else dump_yaml(data), end="\n" if out is not None else "")
-    print(f"rms {residual:.2f} pixels over {len(given)} points")
+    print(out if out is not None else dump_yaml(data).rstrip())
+    print(f"# rms {residual:.2f} pixels over {len(given)} points")
 
 
 def vision(

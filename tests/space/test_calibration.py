@@ -1,11 +1,12 @@
 """The camera's place from points on the floor."""
 
+import cv2
 import numpy as np
 import pytest
 
 from drake_ispace.errors import InputError
 from drake_ispace.scenario import load_scenario
-from drake_ispace.space.calibration import calibrate, read_points
+from drake_ispace.space.calibration import board_points, calibrate, read_points
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.kinect import Camera
 from drake_ispace.space.top_view import CORNERS, trapezoid
@@ -60,6 +61,43 @@ def test_the_section_is_a_scenarios_camera(tmp_path):
 def test_four_pixels_are_the_corners_of_the_space():
     points = read_points(["1,2", "3,4", "5,6", "7,8"], 2.5, 2.0)
     assert points[0].tolist() == [1.0, 2.0, -1.25, 1.0] and points[2].tolist() == [5.0, 6.0, 1.25, -1.0]
+
+
+def chessboard(view, columns, rows, square, x, y, yaw):
+    """What a View sees of a chessboard on a grey floor."""
+    cells = 20  # pixels a square
+    u, v = np.meshgrid(*(np.arange((n + 3) * cells) // cells for n in (columns, rows)))
+    inside = (u > 0) & (u < columns + 2) & (v > 0) & (v < rows + 2)
+    flat = np.where(inside & ((u + v) % 2 == 0), 30, 230).astype(np.uint8)
+    c, s = np.cos(yaw), np.sin(yaw)
+    along, across = ((np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [columns + 3, rows + 3] - 2.0) * square).T
+    floor = np.column_stack([x + c * along + s * across, y + s * along - c * across, np.zeros(4)])
+    corners = np.array([[0, 0], [flat.shape[1], 0], flat.shape[::-1], [0, flat.shape[0]]]) - 0.5
+    warp = cv2.getPerspectiveTransform(corners.astype(np.float32), view.project(floor).astype(np.float32))
+    image = cv2.warpPerspective(flat, warp, view.size, flags=cv2.INTER_AREA, borderValue=128)
+    return cv2.merge([cv2.GaussianBlur(image, (0, 0), 0.7)] * 3)
+
+
+@pytest.mark.parametrize("yaw", [0.2, 1.8, -2.5])
+def test_a_chessboard_is_found_the_right_way_round(yaw):
+    board = (7, 6, 0.12, -0.1, 0.2, yaw)
+    points = board_points(chessboard(view_of(MOVED), *board), ",".join(map(str, board)))
+    assert len(points) == 42
+    assert points[:, :2] == pytest.approx(seen(MOVED, points[:, 2:])[:, :2], abs=0.8)
+    assert calibrate(points, Camera()).camera.foot_m == pytest.approx(MOVED.foot_m, abs=0.03)
+
+
+def test_without_a_chessboard_there_is_a_sentence():
+    with pytest.raises(InputError, match="no chessboard of 7 x 6 inner corners is seen"):
+        board_points(np.zeros((480, 640, 3), np.uint8), "7,6,0.1,0,0,0")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "7,6", "7,7,0.1,0,0,0", "7,6,0,0,0,0", "7.5,6,0.1,0,0,0", "2,3,0.1,0,0,0", "a,6,1,0,0,0"]
+)
+def test_bad_boards_are_refused(text):
+    with pytest.raises(InputError, match="--board: expected columns,rows"):
+        board_points(np.zeros((480, 640, 3), np.uint8), text)
 
 
 @pytest.mark.parametrize(

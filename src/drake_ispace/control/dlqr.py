@@ -3,8 +3,6 @@
 import numpy as np
 from scipy.linalg import expm
 
-import control
-
 
 def zero_order_hold(a: np.ndarray, b: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:
     """(A_d, B_d) of dx/dt = A x + B u with u held over `period_s`; (6.17)-(6.19) and (6.34), exactly."""
@@ -22,6 +20,8 @@ def euler(a: np.ndarray, b: np.ndarray, period_s: float) -> tuple[np.ndarray, np
 
 def dlqr(a: np.ndarray, b: np.ndarray, q, r, period_s: float, discretise=zero_order_hold) -> np.ndarray:
     """The gain K (m, n) of u = -K x that minimises sum x'Qx + u'Ru; q, r: diagonals or matrices."""
+    import control  # half of a second process's start-up, and needed by those alone who design
+
     a_d, b_d = discretise(a, b, period_s)
     q, r = (np.diag(w) if np.ndim(w) == 1 else np.asarray(w) for w in (q, r))
     gain, _, _ = control.dlqr(a_d, b_d, q, r)

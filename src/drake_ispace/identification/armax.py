@@ -46,8 +46,8 @@ def armax(
     history = np.empty((-(-len(problem.target) // every), size * m))
     residual = np.empty_like(problem.target, dtype=float)
     _run(
-        np.ascontiguousarray(problem.regressor / scale), np.ascontiguousarray(problem.target / spread), order, forgetting,
-        trace_limit, theta, root, np.zeros(order * m), every, history, residual,
+        np.ascontiguousarray(problem.regressor / scale), np.ascontiguousarray(problem.target / spread), order,
+        forgetting, trace_limit, theta, root, np.zeros(order * m), every, history, residual,
     )
     units = np.concatenate([scale, np.tile(spread, order)])[:, None]
     p = np.diag(root.reshape(size, size) @ root.reshape(size, size).T)

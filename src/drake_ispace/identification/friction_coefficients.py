@@ -1,7 +1,7 @@
 """Friction coefficients from identified matrices, (4.8)-(4.9).
 
-B^ is 2 x 1 (or 3 x 2) and has no inverse; C_cu = B^+ (B C_cu)^ is its least-squares solution. Where B^ is badly known or
-badly conditioned the quotient means nothing, and that is said.
+B^ is 2 x 1 (or 3 x 2) and has no inverse; C_cu = B^+ (B C_cu)^ is its least-squares solution. Where B^ is badly known
+or badly conditioned the quotient means nothing, and that is said.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,9 @@ def friction_matrices(b: np.ndarray, b_coulomb: np.ndarray, b_viscous: np.ndarra
     """
     condition = np.linalg.cond(b)
     if not condition < largest_condition:
-        raise InputError(f"the identified B has condition number {condition:.3g}, expected less than {largest_condition:g}")
+        raise InputError(
+            f"the identified B has condition number {condition:.3g}, expected less than {largest_condition:g}"
+        )
     inverse = np.linalg.pinv(b)
     return inverse @ b_coulomb, inverse @ b_viscous
 
@@ -65,7 +67,9 @@ def friction_coefficients(estimate: Estimate) -> FrictionCoefficients:
     return FrictionCoefficients(*values, *spreads, float(np.linalg.cond(b)), float(np.sqrt(len(b)) / size))
 
 
-def over_compensated(found: FrictionCoefficients, coulomb_n_m: float, viscous_n_m_s: float, margin: float = 0.2) -> dict:
+def over_compensated(
+    found: FrictionCoefficients, coulomb_n_m: float, viscous_n_m_s: float, margin: float = 0.2
+) -> dict:
     """Whether a compensation adds more than the friction found from the run's total torque.
 
     A compensation above the friction pushes the wheel on: what is left of the friction is negative.
@@ -77,7 +81,10 @@ def over_compensated(found: FrictionCoefficients, coulomb_n_m: float, viscous_n_
     Returns:
         {"coulomb_ratio", "viscous_ratio": used / found, "over": either is too much, "certain": found is trustworthy}.
     """
-    pairs = ((coulomb_n_m, found.coulomb_n_m, found.coulomb_std), (viscous_n_m_s, found.viscous_n_m_s, found.viscous_std))
+    pairs = (
+        (coulomb_n_m, found.coulomb_n_m, found.coulomb_std),
+        (viscous_n_m_s, found.viscous_n_m_s, found.viscous_std),
+    )
     ratios = [used / value if value > 0.0 else float("inf") for used, value, _ in pairs]
     over = [used > (1.0 + margin) * max(value, 0.0) + 3.0 * std for used, value, std in pairs]
     return {"coulomb_ratio": ratios[0], "viscous_ratio": ratios[1], "over": any(over), "certain": found.trustworthy}

@@ -79,7 +79,9 @@ def following_rollout(scenario: Scenario) -> Rollout:
     return compile_diagram(following_diagram(plant, dlqr(a, b, _Q, _R, TICK_S)))
 
 
-def friction_prediction_error(follower: Rollout, scenario: Scenario, recording: Recording, start=(0.005, 0.01)) -> Estimate:
+def friction_prediction_error(
+    follower: Rollout, scenario: Scenario, recording: Recording, start=(0.005, 0.01)
+) -> Estimate:
     """C_cu and C_v that need the least correction to keep the simulated plant on the run (`motion_follower`).
 
     The speed over which the plant's sign turns is the scenario's and not fitted.

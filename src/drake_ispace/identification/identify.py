@@ -89,7 +89,9 @@ def identify_run(recording: Recording, structure: str) -> Identification:
         from drake_ispace.scenario import load_scenario
 
         scenario = load_scenario("pendulum_friction_excitation")
-        estimate = friction_prediction_error(following_rollout(scenario), scenario, recording)
+        first = friction_coefficients(arx(problem))
+        start = np.clip([first.coulomb_n_m, first.viscous_n_m_s], 1e-4, 0.05)
+        estimate = friction_prediction_error(following_rollout(scenario), scenario, recording, start)
         (coulomb, viscous), (c_std, v_std) = estimate.theta[:, 0], estimate.std[:, 0]
         friction = FrictionCoefficients(float(coulomb), float(viscous), float(c_std), float(v_std), 1.0, 0.0)
         return Identification(estimate, friction, _pem_tests(estimate), seconds)

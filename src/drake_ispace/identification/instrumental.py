@@ -1,8 +1,8 @@
 """Instrumental variables for closed-loop data: the reference moves the regressors and knows nothing of the noise.
 
-Two-stage least squares: the regressors are projected on a bank of low-passes of the reference, and Y is regressed on the
-projection. Refined: the loop is simulated without noise at the first estimate, and those noise-free regressors are the
-instruments, Theta = (Z'Phi)^-1 Z'Y; repeated until it stays.
+Two-stage least squares: the regressors are projected on a bank of low-passes of the reference, and Y is regressed on
+the projection. Refined: the loop is simulated without noise at the first estimate, and those noise-free regressors are
+the instruments, Theta = (Z'Phi)^-1 Z'Y; repeated until it stays.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,9 @@ def instrumental(
     """
     if instruments is None:
         if problem.reference is None or np.ptp(problem.reference) == 0.0:
-            raise InputError("instrumental variables need a reference that moves: expected the channel reference in the run")
+            raise InputError(
+                "instrumental variables need a reference that moves: expected the channel reference in the run"
+            )
         instruments = reference_instruments(problem.reference, problem.rate_hz)
     scale = problem.scale
     phi = problem.regressor / scale

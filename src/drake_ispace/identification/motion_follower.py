@@ -57,8 +57,9 @@ class MotionFollower(Block):
         - torque
         - correction
 
-    measured (8,): s [m], phi, theta [rad], their rates, torque right and left [N m], of this tick. wheel_angle (2,) [rad],
-    balance (4,): of the plant that follows (wheel *and* body rotation, (2.38)). torque, correction (2,): right, left [N m].
+    measured (8,): s [m], phi, theta [rad], their rates, torque right and left [N m], of this tick. wheel_angle (2,)
+    [rad], balance (4,): of the plant that follows (wheel *and* body rotation, (2.38)). torque, correction (2,): right,
+    left [N m].
 
     Args:
         gain: K (2, 6); radius_m, half_track_m: of the wheels.

@@ -11,7 +11,8 @@ _COLORS = ("#2980b9", "#c0392b", "#27ae60", "#8e44ad", "#e67e22", "0.4")
 
 
 def plot_convergence(
-    estimates: dict[str, Estimate], seconds: float, out: Path, actual: np.ndarray | None = None, rows: int | None = None,
+    estimates: dict[str, Estimate], seconds: float, out: Path, actual: np.ndarray | None = None,
+    rows: int | None = None,
 ) -> None:
     """Coefficients over time, one panel each (Figs. 3.11, 4.3): methods with a history as curves, others as lines.
 
@@ -50,7 +51,8 @@ def plot_convergence(
 
 def plot_signals(time_s: np.ndarray, panels: dict[str, dict[str, np.ndarray]], out: Path, span=None) -> None:
     """Panels over time: label of the axis -> label of the curve -> values (N,). `span` (2,): shaded [s]."""
-    figure, axes = plt.subplots(len(panels), 1, figsize=(10, 2.3 * len(panels)), squeeze=False, sharex=True, layout="constrained")
+    size = (10, 2.3 * len(panels))
+    figure, axes = plt.subplots(len(panels), 1, figsize=size, squeeze=False, sharex=True, layout="constrained")
     for axis, (label, curves) in zip(axes[:, 0], panels.items(), strict=True):
         if span is not None:
             axis.axvspan(*span, color="0.9", label="impulse")
@@ -68,7 +70,8 @@ def plot_gain_map(frequencies: list[str], amplitudes: list[float], ratio: np.nda
     figure, axis = plt.subplots(figsize=(8.5, 3.6), layout="constrained")
     image = axis.imshow(np.log2(ratio), cmap="RdYlGn_r", vmin=-2.0, vmax=2.0, aspect="auto")
     for (i, j), value in np.ndenumerate(ratio):
-        axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=9)
+        axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=9,
+                  color="white" if value < 0.4 else "black")
     axis.set_xticks(range(len(frequencies)), frequencies)
     axis.set_yticks(range(len(amplitudes)), [f"{a:g}" for a in amplitudes])
     axis.set(xlabel="noise frequency [Hz]", ylabel="amplitude / that of §3.4.1", title="E_er of ARMAXD / E_er of ARX")

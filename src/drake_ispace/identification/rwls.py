@@ -1,7 +1,7 @@
 """Recursive weighted least squares with forgetting, (3.20)-(3.26) corrected, in square-root form.
 
-As printed (3.24) has lambda on the wrong term and (3.26) lacks the innovation (docs/fidelity.md, row "(3.21)-(3.26)"). With
-the regressor phi (n), the parameters Theta (n, m), P (n, n) and the innovation e = Y - Theta'phi (m):
+As printed (3.24) has lambda on the wrong term and (3.26) lacks the innovation (docs/fidelity.md). With the
+regressor phi (n), the parameters Theta (n, m), P (n, n) and the innovation e = Y - Theta'phi (m):
 
     K = P phi / (lambda + phi'P phi),   Theta += K e',   P = (P - K phi'P) / lambda.
 
@@ -9,8 +9,8 @@ P itself loses symmetry and definiteness in floating point. Here S with P = S S'
 
     f = S'phi,  alpha = lambda + f'f,  S = (S - S f f' / (alpha (1 + sqrt(lambda / alpha)))) / sqrt(lambda).
 
-Without excitation P grows as lambda^-k (wind-up). Two guards: a sample that brings less information than forgetting
-takes away, f'f < 1 - lambda, is not forgotten for (lambda = 1 in that step), and the trace of P is bounded.
+Without excitation P grows as lambda^-k (wind-up). Two guards: for a sample that brings next to nothing, f'f below a
+hundredth of what forgetting takes away (1 - lambda), nothing is forgotten, and the trace of P is bounded.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def update(phi, innovation, forgetting, trace_limit, theta, root, scratch):
             total += root[i * n + j] * phi[i]
         scratch[j] = total
         energy += total * total
-    lam = forgetting if energy > 1.0 - forgetting else 1.0
+    lam = forgetting if energy > 0.01 * (1.0 - forgetting) else 1.0
     alpha = lam + energy
     shrink = 1.0 / (alpha * (1.0 + np.sqrt(lam / alpha)))
     grow = 1.0 / np.sqrt(lam)

@@ -156,8 +156,10 @@ def plant_parameters(theta: np.ndarray) -> dict[str, float]:
 
 
 def plant_rollout() -> Rollout:
-    """The printed plant alone, its torque an input: for simulation error from the torque that was recorded. (From the
-    reference through the noise-free loop it errs: at 200 Hz the loop's 800 Hz noise is a constant that it does feel.)"""
+    """The printed plant alone, its torque an input: for simulation error from the torque that was recorded.
+
+    From the reference through the noise-free loop it errs: at 200 Hz the loop's 800 Hz noise is a constant that the
+    real loop feels."""
     bench = Bench()
     bench.add("pendulum_plant", LinearPendulumPlant(PendulumPlantParameters()))
     bench.let_in(torque="pendulum_plant.torque")

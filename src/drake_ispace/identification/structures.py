@@ -134,8 +134,8 @@ def friction_problem(
     if "reference" in recording.channels:
         channel = recording.channels["reference"]
         at = np.searchsorted(channel.t, np.arange(first, last) * TICK_S + 1e-9, side="right") - 1
-        start = channel.values[0]
-        along = np.cos(start[2]) * (channel.column("x") - start[0]) + np.sin(start[2]) * (channel.column("y") - start[1])
+        gap, heading = channel.values[:, :2] - channel.values[0, :2], channel.values[0, 2]
+        along = np.cos(heading) * gap[:, 0] + np.sin(heading) * gap[:, 1]
         reference = along[np.maximum(at, 0)]
     return Problem(
         ("theta", "sgn", "omega", "tau"), ("s_ddot", "theta_ddot"), regressor, target, 1.0 / TICK_S, reference

@@ -1,4 +1,4 @@
-"""Position and tilt as the servo experiment of section 3.4 measures them: with a fast sinusoid on each, section 3.4.1."""
+"""Position and tilt as the servo experiment of section 3.4.1 measures them: with a fast sinusoid on each."""
 
 from dataclasses import dataclass
 

@@ -63,6 +63,51 @@ def read_points(texts, width_m: float, depth_m: float) -> np.ndarray:
     return np.array(rows)
 
 
+def board_points(image: np.ndarray, text: str) -> np.ndarray:
+    """(n, 4) u, v [pixels], x, y [m] of the inner corners of a chessboard that lies on the floor.
+
+    Args:
+        text: "columns,rows,square,x,y,yaw": numbers of inner corners, one odd and one even, so that both ends of the
+            board differ; side of a square [m]; place in W of the first inner corner [m] and direction of the first row
+            [rad], the other rows to the right of it. The square between the first four inner corners is dark.
+
+    Raises:
+        InputError: a text of another form, or no such board in the image.
+    """
+    try:
+        columns, rows, square, x, y, yaw = (float(part) for part in text.split(","))
+        if not (columns in range(3, 51) and rows in range(3, 51) and (columns + rows) % 2 and 0.0 < square < 10.0):
+            raise ValueError
+    except ValueError:
+        raise InputError(
+            f"--board: expected columns,rows,square,x,y,yaw, 3 to 50 inner corners, one number odd, got {shown(text)}"
+        ) from None
+    columns, rows = int(columns), int(rows)
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    found, corners = cv2.findChessboardCornersSB(grey, (columns, rows), flags=cv2.CALIB_CB_ACCURACY)
+    if not found:
+        raise InputError(
+            f"--board: no chessboard of {columns} x {rows} inner corners is seen, expected one on the floor"
+        )
+    grid = corners.reshape(rows, columns, 2)
+
+    (first, ahead), (beside, _) = grid[:2, :2]
+    if np.linalg.det([ahead - first, beside - first]) < 0.0:  # from above, rows follow each other to the right
+        grid = grid[::-1]
+
+    def brightness(square):
+        u, v = square.mean(axis=(0, 1))
+        return cv2.getRectSubPix(grey, (3, 3), (float(u), float(v))).mean()
+
+    if brightness(grid[:2, :2]) > brightness(grid[:2, 1:3]):
+        grid = grid[::-1, ::-1]
+    across, along = np.meshgrid(np.arange(columns) * square, np.arange(rows) * square)
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack([
+        grid.reshape(-1, 2), (x + c * across + s * along).ravel(), (y + s * across - c * along).ravel()
+    ])
+
+
 def calibrate(points, camera: Camera, fit_focal: bool = False) -> Calibration:
     """Where the camera stands, from points on the floor.
 
@@ -97,7 +142,7 @@ def calibrate(points, camera: Camera, fit_focal: bool = False) -> Calibration:
         camera, height_m=float(p_wc[2]), roll_rad=roll, pitch_rad=pitch, foot_m=[float(p_wc[0]), float(p_wc[1])],
         foot_yaw_rad=float(np.angle(np.exp(1j * (yaw - camera.yaw_rad)))),
     )
-    back = cv2.projectPoints(floor, rotation, place, matrix, distortion)[0][:, 0]
+    back = cv2.projectPoints(floor, rotation, place, matrix, distortion)[0].reshape(-1, 2)
     residual = np.hypot(*(back - pixels).T)
     if (worst := float(residual.max())) > _WORST_PIXELS:
         raise InputError(
@@ -127,7 +172,7 @@ def _focal(camera, pixels, floor, bad):
     def error(log_focal):
         matrix = camera_matrix(replace(camera, focal_pixels=[float(np.exp(log_focal))] * 2))
         rotation, place = _pose(pixels, floor, matrix, np.array(camera.distortion), bad)
-        back = cv2.projectPoints(floor, rotation, place, matrix, np.array(camera.distortion))[0][:, 0]
+        back = cv2.projectPoints(floor, rotation, place, matrix, np.array(camera.distortion))[0].reshape(-1, 2)
         return float(((back - pixels) ** 2).sum())
 
     return float(np.exp(minimize_scalar(error, bounds=np.log([0.3 * size, 5.0 * size]), method="bounded").x))

@@ -61,14 +61,14 @@ class View:
         ahead = p_c[:, 2] > 1e-6
         if ahead.any():
             none = np.zeros(3)
-            pixels[ahead] = cv2.projectPoints(p_c[ahead], none, none, self.matrix, self.distortion)[0][:, 0]
+            pixels[ahead] = cv2.projectPoints(p_c[ahead], none, none, self.matrix, self.distortion)[0].reshape(-1, 2)
         return pixels
 
     def rays(self, pixels) -> np.ndarray:
         """(n, 3) directions in W of (n, 2) pixels, one metre long along the view: times z-depth they give points."""
         pixels = np.asarray(pixels, dtype=float).reshape(-1, 2)
         if self.distortion.any():
-            plane = cv2.undistortPoints(pixels[:, None], self.matrix, self.distortion)[:, 0]
+            plane = cv2.undistortPoints(pixels[:, None], self.matrix, self.distortion).reshape(-1, 2)
         else:
             plane = (pixels - self.matrix[:2, 2]) / self.matrix[[0, 1], [0, 1]]
         return np.column_stack([np.ones(len(plane)), -plane]) @ self.r_ws.T

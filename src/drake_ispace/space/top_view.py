@@ -67,24 +67,24 @@ class TopView:
     def to_image(self, pixels) -> np.ndarray:
         """(n, 2) pixels of the image of (n, 2) pixels of the top view."""
         pixels = np.asarray(pixels, dtype=float).reshape(-1, 1, 2)
-        straight = cv2.perspectiveTransform(pixels, np.linalg.inv(self._to_map))[:, 0]
+        straight = cv2.perspectiveTransform(pixels, np.linalg.inv(self._to_map)).reshape(-1, 2)
         if self._lens is None:
             return straight
         matrix, distortion = self._lens
         rays = np.column_stack([(straight - matrix[:2, 2]) / matrix[[0, 1], [0, 1]], np.ones(len(straight))])
-        return cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, distortion)[0][:, 0]
+        return cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, distortion)[0].reshape(-1, 2)
 
     def from_image(self, pixels) -> np.ndarray:
         """(n, 2) pixels of the top view of (n, 2) pixels of the image."""
         straight = np.ascontiguousarray(self._straight(pixels))
-        return cv2.perspectiveTransform(straight[:, None], self._to_map)[:, 0]
+        return cv2.perspectiveTransform(straight[:, None], self._to_map).reshape(-1, 2)
 
     def _straight(self, pixels):
         pixels = np.asarray(pixels, dtype=float).reshape(-1, 2)
         if self._lens is None:
             return pixels
         matrix, distortion = self._lens
-        return cv2.undistortPoints(pixels[:, None], matrix, distortion, P=matrix)[:, 0]
+        return cv2.undistortPoints(pixels[:, None], matrix, distortion, P=matrix).reshape(-1, 2)
 
 
 def corners_from_points(points, width_m: float, depth_m: float, matrix=None, distortion=None) -> np.ndarray:
@@ -99,14 +99,14 @@ def corners_from_points(points, width_m: float, depth_m: float, matrix=None, dis
     points = np.asarray(points, dtype=float).reshape(-1, 4)
     pixels = points[:, :2]
     if distortion is not None and np.any(distortion):
-        pixels = cv2.undistortPoints(pixels[:, None], matrix, np.asarray(distortion), P=matrix)[:, 0]
+        pixels = cv2.undistortPoints(pixels[:, None], matrix, np.asarray(distortion), P=matrix).reshape(-1, 2)
     to_image, _ = cv2.findHomography(points[:, 2:], pixels) if len(points) >= 4 else (None, None)
     if to_image is None or np.linalg.cond(to_image) > 1e9:
         raise ValueError("the points fix no plane")
-    corners = cv2.perspectiveTransform((CORNERS * [width_m, depth_m])[:, None], to_image)[:, 0]
+    corners = cv2.perspectiveTransform((CORNERS * [width_m, depth_m])[:, None], to_image).reshape(-1, 2)
     if distortion is not None and np.any(distortion):
         rays = np.column_stack([(corners - matrix[:2, 2]) / matrix[[0, 1], [0, 1]], np.ones(4)])
-        corners = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.asarray(distortion))[0][:, 0]
+        corners = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, np.asarray(distortion))[0].reshape(-1, 2)
     return corners
 
 
