@@ -8,10 +8,13 @@ The servo experiment of section 3.4: printed plant and gains, 20 s, a pulse of 1
 
 import argparse
 import json
+import os
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # BLAS threads slow small products down tenfold
 
 import numba
 import numpy as np

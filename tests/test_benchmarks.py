@@ -92,6 +92,7 @@ def test_the_tracker_keeps_to_the_straight_line_and_the_printed_form_does_not_ar
         assert printed[start, "corrected", "default"]["arrived_s"] < 3.0
 
 
+@pytest.mark.slow
 def test_a_picture_is_written_where_asked(tmp_path):
     quick("estimator_vs_slip", "--figures", str(tmp_path / "new"))
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["estimator_vs_slip.png"]

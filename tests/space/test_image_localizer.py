@@ -1,5 +1,7 @@
 """The localiser on images: accuracy, what it refuses to guess, and its timing in the Diagram."""
 
+import ctypes.util
+
 import cv2
 import numpy as np
 import pytest
@@ -111,6 +113,14 @@ def test_poses_over_the_space(eye, renderer):
     position, heading = np.array(gaps).T
     assert np.median(position) < 1e-3 and position.max() < 4e-3
     assert np.median(heading) < np.radians(0.3) and heading.max() < np.radians(1.5)
+
+
+def test_edges_along_the_rows_of_the_picture_do_not_jump(eye, renderer):
+    rng, gaps = np.random.default_rng(7), []
+    for tick in range(8):
+        pose = (rng.uniform(-1.0, -0.4), rng.uniform(-0.7, 0.7), tick % 4 * np.pi / 2.0)
+        gaps.append(errors(eye.locate(renderer.render(robots(omni=pose), tick=tick).colour)["omni"], pose)[0])
+    assert max(gaps) < 0.8e-3  # half a pixel would be 2.5 mm
 
 
 @pytest.mark.slow
@@ -298,6 +308,24 @@ def test_every_diagram_takes_the_image_mode(name):
     assert simulate(load_scenario(name, settings)).diverged_s is None
 
 
+@pytest.mark.parametrize(
+    "setting, message",
+    [
+        ("space.camera.height_m=0.1", "in front of and below it"),
+        ("space.camera.foot_m=[0, 9]", "in front of and below it"),
+        ("space.localizer.pixel_m=[1e-05, 1e-05]", "top view of at most"),
+        ("space.camera.size_pixels=[4096, 4096]", "pixels to render"),
+        ("space.camera.pitch_rad=-1.0", "does not look down"),
+        ("space.scenery.obstacles=[[1.0]]", "expected x, y, yaw"),
+    ],
+)
+def test_a_room_that_cannot_be_seen_is_refused(setting, message):
+    settings = ["space.localizer.mode=image", "space.camera.size_pixels=[160, 120]", setting]
+    scenario = load_scenario("omni_multirate", settings)
+    with pytest.raises(InputError, match=message):
+        build_diagram(scenario)
+
+
 def test_a_compiled_rollout_refuses_it():
     scenario = load_scenario("omni_multirate", ["space.localizer.mode=image", "space.camera.size_pixels=[160, 120]"])
     with pytest.raises(
@@ -313,6 +341,14 @@ def test_a_robot_drives_on_images(name):
     assert (fixes[fixes[:, 0] >= 0.0, 1] == 1.0).all()
     gap = run.signals[f"{name}_estimate"][50:, -3:] - run.signals[f"{name}_pose"][50:]
     assert np.abs(gap[:, :2]).max() < 6e-3
+
+
+def test_a_robot_drives_on_drakes_own_renderer():
+    if ctypes.util.find_library("EGL") is None:
+        pytest.skip("libEGL is not on this machine")
+    settings = ["seconds=0.5", "space.localizer.mode=image", "space.scenery.renderer=vtk"]
+    fixes = simulate(load_scenario("omni_multirate", settings)).signals["omni_fix"]
+    assert (fixes[fixes[:, 0] >= 0.0, 1] == 1.0).all()
 
 
 @pytest.mark.slow

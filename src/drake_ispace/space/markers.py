@@ -11,6 +11,10 @@ import numpy as np
 
 from drake_ispace.space.top_view import TopView
 
+_AROUND = 2  # pixels beside a blob that may be mixed with its colour
+_GREY = 0.15  # of a blob's colour: less may be noise
+_LEAST_SATURATION, _LEAST_VALUE = 30.0, 20.0  # of a mixed pixel, else its hue is noise
+
 
 @dataclass(frozen=True)
 class Colour:
@@ -68,11 +72,13 @@ class Sighting:
 
 
 def blobs(
-    mask: np.ndarray, top: TopView, least_m2: float, most_m2: float, reach: np.ndarray | None = None
+    mask: np.ndarray, top: TopView, least_m2: float, most_m2: float, reach: np.ndarray | None = None,
+    share: np.ndarray | None = None,
 ) -> list[Blob]:
     """The blobs of a mask with an area between the limits.
 
     Args:
+        share: (rows, columns) how much of its colour each pixel has, to weigh the pixels of a blob and those around it.
         reach: where the camera's image ends within the top view; a blob that touches this border, or that of the top
             view, is cut and left away.
     """
@@ -86,7 +92,8 @@ def blobs(
             continue
         if left == 0 or above == 0 or left + width == columns or above + height == rows:
             continue
-        around = (slice(above - 1, above + height + 1), slice(left - 1, left + width + 1))
+        first_row, first_column = max(above - _AROUND, 0), max(left - _AROUND, 0)
+        around = (slice(first_row, above + height + _AROUND), slice(first_column, left + width + _AROUND))
         if reach is not None and not reach[around].all():
             continue
         window = labels[around] == i
@@ -94,8 +101,20 @@ def blobs(
         a, b, c = moments["mu20"] * top.pixel_m[0] ** 2, moments["mu02"] * top.pixel_m[1] ** 2, moments["mu11"] * unit
         root = np.hypot(a - b, 2.0 * c)
         elongation = np.sqrt((a + b + root) / max(a + b - root, 1e-12))
-        found.append(Blob(middles[i], top.to_metres(middles[i])[0], pixels * unit, elongation))
+        middle = middles[i]
+        if share is not None:
+            middle = _weighted_middle(window, share[around]) + [first_column, first_row]
+        found.append(Blob(middle, top.to_metres(middle)[0], pixels * unit, elongation))
     return found
+
+
+def _weighted_middle(window, share):
+    """(2,) u, v of a blob, by the colour of its pixels and of those around it: edges that run along rows or columns
+    would else jump by whole pixels."""
+    near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
+    weight = np.where(near, np.clip(share - _GREY * np.median(share[window]), 0.0, None), 0.0)
+    v, u = np.indices(window.shape)
+    return np.array([(weight * u).sum(), (weight * v).sum()]) / weight.sum()
 
 
 def find_robots(
@@ -108,10 +127,13 @@ def find_robots(
     that is shared by two robots, tell nothing.
     """
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    chroma = hsv[..., 1].astype(np.float32) * hsv[..., 2] / 255.0  # a grey pixel has none, a mixed one its share
     found: dict[str, list[Blob]] = {}
     least, most = min(t.area_m2[0] for t in targets), max(t.area_m2[1] for t in targets)
     for name in {colour for target in targets for colour in (target.front, target.rear)}:
-        found[name] = blobs(colours[name].mask(hsv), top, least, most, reach)
+        colour = colours[name]
+        hue = Colour(colour.hue, _LEAST_SATURATION, _LEAST_VALUE).mask(hsv)
+        found[name] = blobs(colour.mask(hsv), top, least, most, reach, np.where(hue > 0, chroma, 0.0))
     pairs = {target.name: _pairs(target, found) for target in targets}
     used = [id(blob) for candidates in pairs.values() for pair in candidates for blob in pair]
     sightings = {}

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.errors import InputError
 from drake_ispace.space.camera import View
 from drake_ispace.space.kinect import Scenery
 from drake_ispace.space.scene import CARPET, Box, Carpet
 
+_MOST_PIXELS = 4e6
 _RAYS = 3  # per side of a pixel
 _LIGHT = np.array([0.35, -0.25, 1.0]) / np.linalg.norm([0.35, -0.25, 1.0])  # towards the lamp
 _SIDE_LIGHT = 0.6  # of the faces that stand upright
@@ -65,9 +67,16 @@ class Renderer:
     Args:
         view: the camera; scenery: light, carpet and noise; static: boxes that do not move; width_m: of the space, for
             the light gradient; seed: of carpet and noise.
+
+    Raises:
+        InputError: a camera with more pixels than fit into memory.
     """
 
     def __init__(self, view: View, scenery: Scenery, static: tuple[Box, ...] = (), width_m: float = 2.5, seed: int = 0):
+        if view.size[0] * view.size[1] > _MOST_PIXELS:
+            raise InputError(
+                f"space.camera.size_pixels: expected at most {_MOST_PIXELS:g} pixels to render, got {view.size}"
+            )
         self.view, self.static, self._scenery, self._seed = view, static, scenery, seed
         self._carpet = Carpet(scenery.carpet_contrast, seed)
         self._gradient = scenery.light_gradient / width_m

@@ -3,7 +3,10 @@
 import cv2
 import numpy as np
 
+from drake_ispace.errors import InputError
 from drake_ispace.space.camera import View
+
+_MOST_PIXELS = 2e7
 
 #: Corners of the space in the order in which they become those of the top view: far left, far right, near right,
 #: near left (x of W to the right, y upward in the picture).
@@ -111,6 +114,17 @@ def corners_from_points(points, width_m: float, depth_m: float, matrix=None, dis
 
 
 def top_view_of(view: View, width_m: float, depth_m: float, pixel_m, height_m: float = 0.0) -> TopView:
-    """The top view of the plane z = height_m: markers on it stand where they are, free of parallax."""
+    """The top view of the plane z = height_m: markers on it stand where they are, free of parallax.
+
+    Raises:
+        InputError: a camera that does not see all corners of the space from above, or too many pixels.
+    """
     corners = trapezoid(view, width_m, depth_m, height_m)
+    if view.p_ws[2] <= height_m or not np.isfinite(corners).all():
+        raise InputError(
+            f"space.camera: expected one that has the whole {width_m:g} x {depth_m:g} m space, {height_m:g} m above "
+            "the floor, in front of and below it"
+        )
+    if width_m / pixel_m[0] * depth_m / pixel_m[1] > _MOST_PIXELS:
+        raise InputError(f"space.localizer.pixel_m: expected a top view of at most {_MOST_PIXELS:g} pixels")
     return TopView(corners, width_m, depth_m, pixel_m, view.matrix, view.distortion)
