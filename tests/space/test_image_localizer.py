@@ -357,7 +357,7 @@ def test_the_square_on_images_is_that_of_the_fitted_geometric_mode(name):
     square = ["seconds=20", f"{name}.trajectory.kind=square"]
     fitted = [
         "space.localizer.whole_pixels=false",
-        "space.localizer.noise_std_pixels=0.06",
+        "space.localizer.noise_std_pixels=0.02",
         "space.localizer.latency_ticks=3",
     ]
     errors = []
