@@ -19,7 +19,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # BLAS threads slow small pr
 import numba
 import numpy as np
 
-from drake_ispace.identification import online_identifier, servo_data
+from drake_ispace.control import online_identifier
+from drake_ispace.identification import servo_data
 from drake_ispace.identification.armax import armax
 from drake_ispace.identification.armaxd import armaxd
 from drake_ispace.identification.arx import arx, recursive_arx
@@ -186,7 +187,7 @@ def online(quick):
 
 
 def pictures(folder, maps):
-    from drake_ispace.identification.plots import plot_convergence, plot_gain_map, plot_signals
+    from drake_ispace.report.identification_plots import plot_convergence, plot_gain_map, plot_signals
 
     folder.mkdir(parents=True, exist_ok=True)
     rollout = servo_data.servo_rollout()

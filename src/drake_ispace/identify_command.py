@@ -32,7 +32,7 @@ def identify(
     if out is not None:
         import json
 
-        from drake_ispace.identification.plots import plot_convergence
+        from drake_ispace.report.identification_plots import plot_convergence
         from drake_ispace.report.pages import write_text
 
         write_text(out / "identification.json", json.dumps(data, indent=2))

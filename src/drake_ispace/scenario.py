@@ -4,9 +4,7 @@ Defaults are the thesis's tables where they hold and stated assumptions where it
 packaged scenarios, one per Diagram and one per `*_as_printed` variant, lie in `scenarios/`.
 """
 
-import copy
 import dataclasses
-import math
 import typing
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,11 +15,11 @@ import numpy as np
 
 from drake_ispace.control.adaptive_compensator import Adaptation
 from drake_ispace.control.friction_compensator import FrictionCompensation
+from drake_ispace.control.online_identifier import Identifier
 from drake_ispace.control.paths import Trajectory
 from drake_ispace.control.servo import Servo
 from drake_ispace.control.tracker import Tracker
 from drake_ispace.errors import InputError, expected_one_of, shown
-from drake_ispace.identification.online_identifier import Identifier
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator
@@ -33,9 +31,8 @@ from drake_ispace.sensing.imu import Imu
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
 from drake_ispace.sensing.tilt_filter import TiltFilter
 from drake_ispace.space.kinect import Space
+from drake_ispace.typed_tree import checked, read
 from drake_ispace.yaml_guard import load_yaml
-
-_SMALLEST, _LARGEST = 1e-12, 1e9  # what a number other than 0 can be without computations overflowing
 
 
 @dataclass
@@ -176,7 +173,7 @@ def with_option(scenario: Scenario, name: str, value) -> Scenario:
         InputError: naming the option.
     """
     (found,) = (f for f in dataclasses.fields(scenario) if f.name == name)
-    return dataclasses.replace(scenario, **{name: _checked(value, found.type, found.metadata, f"--{name}")})
+    return dataclasses.replace(scenario, **{name: checked(value, found.type, found.metadata, f"--{name}")})
 
 
 @contextmanager
@@ -215,17 +212,6 @@ def _check_places(scenario, where):
             )
 
 
-def read(defaults, data: dict, where: str):
-    """A copy of the dataclass `defaults` with `data` put over it, every key and value checked.
-
-    Raises:
-        InputError: naming `where` and the dotted key.
-    """
-    result = copy.deepcopy(defaults)
-    _merge(result, data, where, "")
-    return result
-
-
 def to_data(scenario) -> dict:
     """The whole tree as plain mappings, ready for YAML."""
     return dataclasses.asdict(scenario)
@@ -245,54 +231,3 @@ def _difference(data, defaults):
         elif value != defaults[key]:
             changed[key] = value
     return changed
-
-
-def _merge(target, data, where, path):
-    fields = {f.name: f for f in dataclasses.fields(target)}
-    if not isinstance(data, dict):
-        keys = ", ".join(list(fields)[:3])
-        raise InputError(f"{where}: {path}: expected a mapping with keys such as {keys}, got {shown(data)}")
-    for key, value in data.items():
-        dotted = f"{path}.{key}" if path else key
-        if key not in fields:
-            raise InputError(f"{where}: {dotted}: unknown key, {expected_one_of(key, fields)}")
-        if dataclasses.is_dataclass(getattr(target, key)):
-            _merge(getattr(target, key), value, where, dotted)
-        else:
-            setattr(target, key, _checked(value, fields[key].type, fields[key].metadata, f"{where}: {dotted}"))
-
-
-def _checked(value, kind, rules, where):
-    """`value` as `kind`, within the `rules` of `quantity`."""
-    options = [option for option in typing.get_args(kind) if option is not type(None)]
-    if type(None) in typing.get_args(kind):
-        if value is None:
-            return None
-        kind = options[0]
-    if typing.get_origin(kind) is list:
-        (inner,) = typing.get_args(kind)
-        length = rules.get("length")
-        if not isinstance(value, list) or (length is not None and len(value) != length):
-            raise InputError(f"{where}: expected a list of {f'{length} ' if length else ''}values, got {shown(value)}")
-        return [_checked(entry, inner, {**rules, "length": None}, f"{where}[{i}]") for i, entry in enumerate(value)]
-    unit = f" [{rules['unit']}]" if rules.get("unit") else ""
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if type(value) is not kind:
-        names = {float: "a number", int: "a whole number", bool: "true or false", str: "a word"}
-        hint = f" without a unit, in {rules['unit']}" if kind is float and isinstance(value, str) and unit else unit
-        raise InputError(f"{where}: expected {names[kind]}{hint}, got {shown(value)}")
-    if kind is float and not math.isfinite(value):
-        raise InputError(f"{where}: expected a finite number{unit}, got {value}")
-    tests = {
-        "minimum": (lambda limit: value >= limit, "at least"), "maximum": (lambda limit: value <= limit, "at most"),
-        "above": (lambda limit: value > limit, "more than"), "below": (lambda limit: value < limit, "less than"),
-    }
-    for rule, (holds, words) in tests.items():
-        if rules.get(rule) is not None and not holds(rules[rule]):
-            raise InputError(f"{where}: expected {words} {rules[rule]:g}{unit}, got {value:g}")
-    if kind is float and value and not _SMALLEST <= abs(value) <= _LARGEST:
-        raise InputError(f"{where}: expected a size between {_SMALLEST:g} and {_LARGEST:g}{unit}, got {value:g}")
-    if rules.get("choices") and value not in rules["choices"]:
-        raise InputError(f"{where}: {shown(value)} is not known, expected one of {', '.join(rules['choices'])}")
-    return value

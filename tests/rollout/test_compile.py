@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import (
     Adder,
@@ -19,7 +18,6 @@ from pydrake.systems.primitives import (
     MatrixGain,
     Multiplexer,
     Saturation,
-    VectorLogSink,
     ZeroOrderHold,
 )
 

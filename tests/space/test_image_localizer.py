@@ -233,6 +233,14 @@ def test_a_blob_is_measured():
     assert blob.elongation == pytest.approx(20 * 4.873 / (10 * 5.510), rel=0.01)
 
 
+def test_a_grey_marker_is_weighed_by_its_area():
+    top = TopView(trapezoid(view_of(SPACE.camera), 2.5, 2.0), 2.5, 2.0, SPACE.localizer.pixel_m)
+    mask = np.zeros((363, 513), np.uint8)
+    mask[100:110, 200:220] = 255
+    (blob,) = blobs(mask, top, 0.0, 1.0, share=np.zeros((363, 513)))
+    assert list(blob.pixel) == [209.5, 104.5]
+
+
 # The block
 
 

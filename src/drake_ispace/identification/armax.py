@@ -4,8 +4,8 @@ squares): the last a-posteriori residuals join the regressor."""
 import numpy as np
 
 from drake_ispace.block import kernel
+from drake_ispace.control.rwls import update
 from drake_ispace.identification.estimate import Estimate
-from drake_ispace.identification.rwls import update
 from drake_ispace.identification.structures import Problem
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.signal import butter
 
 from drake_ispace.block import kernel
+from drake_ispace.control.rwls import update
 from drake_ispace.errors import InputError
 from drake_ispace.identification.estimate import Estimate
-from drake_ispace.identification.rwls import update
 from drake_ispace.identification.structures import Problem
 
 

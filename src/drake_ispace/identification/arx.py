@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from drake_ispace.control.rwls import recursive_least_squares
 from drake_ispace.identification.estimate import Estimate
-from drake_ispace.identification.rwls import recursive_least_squares
 from drake_ispace.identification.structures import Problem
 
 

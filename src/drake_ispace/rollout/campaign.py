@@ -29,8 +29,9 @@ from drake_ispace.rates import MAX_TICK, ticks_in
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.scenario import Scenario, blaming, difference, read
+from drake_ispace.scenario import Scenario, blaming, difference
 from drake_ispace.simulation import first_divergence, make_run
+from drake_ispace.typed_tree import read
 from drake_ispace.wiring.catalog import build_diagram
 
 #: Columns of every robot; metrics.py says what they are.

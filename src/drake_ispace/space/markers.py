@@ -113,6 +113,8 @@ def _weighted_middle(window, share):
     would else jump by whole pixels."""
     near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
     weight = np.where(near, np.clip(share - _GREY * np.median(share[window]), 0.0, None), 0.0)
+    if not weight.any():  # a grey blob of a scene that takes grey for a colour
+        weight = window.astype(float)
     v, u = np.indices(window.shape)
     return np.array([(weight * u).sum(), (weight * v).sum()]) / weight.sum()
 

@@ -9,12 +9,12 @@ from drake_ispace.control.adaptive_compensator import AdaptiveCompensator
 from drake_ispace.control.balance_controller import BalanceController
 from drake_ispace.control.friction_compensator import FrictionCompensator
 from drake_ispace.control.odometry import PendulumOdometry
+from drake_ispace.control.online_identifier import OnlineIdentifier
 from drake_ispace.control.paths import build_path, check_inside
 from drake_ispace.control.position_estimator import PositionEstimator
 from drake_ispace.control.servo import ServoController
 from drake_ispace.control.straight_error import StraightError
 from drake_ispace.control.trajectory import WAY_POINT, WayPoint
-from drake_ispace.identification.online_identifier import OnlineIdentifier
 from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.impulse import TorqueImpulse
 from drake_ispace.robots.pendulum import MOTIONS

@@ -4,9 +4,9 @@ import numba
 import numpy as np
 import pytest
 
-from drake_ispace.identification import online_identifier
+from drake_ispace.control import online_identifier
+from drake_ispace.control.online_identifier import ROOT, SCRATCH, Identifier, OnlineIdentifier
 from drake_ispace.identification.friction_data import friction_rollout
-from drake_ispace.identification.online_identifier import ROOT, SCRATCH, Identifier, OnlineIdentifier
 from drake_ispace.rates import ticks_in
 from drake_ispace.scenario import load_scenario
 
