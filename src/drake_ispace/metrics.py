@@ -57,7 +57,7 @@ def measure(run: Run, robot: str) -> Metrics:
     trajectory = getattr(run.scenario, robot).trajectory
     rows = run.time_s >= trajectory.start_s
     if not rows.any():
-        rows[-1] = True
+        rows[:] = True  # lost while its way point still rested
     time = run.time_s[rows] - trajectory.start_s
     pose = run.signals[f"{robot}_pose"][rows]
     way_point = run.signals[f"{robot}_way_point"][rows]
