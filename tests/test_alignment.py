@@ -7,9 +7,10 @@ import pytest
 
 from drake_ispace.alignment import to_recording
 from drake_ispace.rates import TICK_S, VISION_TICKS
-from drake_ispace.recording import validate
+from drake_ispace.recording import load, validate
 from drake_ispace.robots.omni import mass_matrix
-from drake_ispace.scenario import Scenario, load_scenario
+from drake_ispace.rollout.engine import simulate_compiled
+from drake_ispace.scenario import Scenario, load_scenario, read
 from drake_ispace.simulation import Run, simulate
 
 TICKS = 60
@@ -210,8 +211,6 @@ def test_two_robots_give_two_recordings():
 
 
 def test_a_recording_on_disk_is_the_recording_in_memory(tmp_path, omni):
-    from drake_ispace.recording import load
-
     run, channels = omni
     to_recording(run, "omni").save(tmp_path / "run")
     again = load(tmp_path / "run")
@@ -219,6 +218,23 @@ def test_a_recording_on_disk_is_the_recording_in_memory(tmp_path, omni):
     for name, channel in channels.items():
         assert np.array_equal(again.channels[name].values, channel.values)
         assert np.array_equal(again.channels[name].t, channel.t)
+
+
+@pytest.mark.parametrize("name", ["omni_multirate", "omni_multirate_as_printed", "shared_space"])
+def test_a_recording_repeats_its_run(tmp_path, name):
+    run = simulate(load_scenario(name, ["seconds=0.2", "seed=3", "omni.plant.mass_kg=8.1"]))
+    to_recording(run, "omni").save(tmp_path / "run")
+    assert read(Scenario(), load(tmp_path / "run").settings, "run") == run.scenario
+    again = load_scenario(str(tmp_path / "run" / "scenario.yaml"))
+    assert again == run.scenario
+    assert np.array_equal(simulate(again).signals["omni_pose"], run.signals["omni_pose"])
+
+
+def test_every_fix_of_2000_is_received_in_its_own_tick():
+    run = simulate_compiled(load_scenario("omni_multirate", ["seconds=190.5", "omni.trajectory.laps=0"]))
+    kinect = to_recording(run, "omni").channels["kinect"]
+    assert np.array_equal(ticks_of(kinect), VISION_TICKS * np.arange(len(kinect.t))) and len(kinect.t) > 2000
+    assert np.array_equal(kinect.column("t_received"), kinect.t)
 
 
 def test_a_run_of_one_tick_has_a_recording():

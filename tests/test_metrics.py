@@ -98,8 +98,21 @@ def test_iae_of_an_exponential_is_step_times_time_constant():
 
 
 def test_cross_track_of_a_step_is_the_distance_to_the_straight_line():
-    found = metrics(STEP, lambda time, way_point: way_point + np.where(time < 1.0, 0.0, 0.3)[:, None] * [0.0, 1.0])
+    found = metrics(STEP, lambda time, way_point: way_point + np.where(time < 0.9999, 0.0, 0.3)[:, None] * [0.0, 1.0])
     assert found.rms_cross_track_m == pytest.approx(0.3) and found.max_position_error_m == pytest.approx(0.3)
+
+
+def test_the_row_before_the_first_way_point_is_no_error():
+    run = made_up(dataclasses.replace(LINE, start_s=0.0), lambda time, way_point: way_point)
+    run.signals["omni_way_point"][0] = [-1.0, *np.full(9, 7.0)]
+    assert measure(run, "omni").max_position_error_m == 0.0
+
+
+def test_a_run_lost_before_its_way_point_starts_has_no_numbers_but_the_loss():
+    run = made_up(dataclasses.replace(STEP, start_s=50.0), lambda time, way_point: way_point, diverged_s=0.5)
+    found = measure(run, "omni")
+    assert found.diverged and found.diverged_at_s == 0.5
+    assert found.rms_position_error_m is None and found.iae_m_s is None
 
 
 def test_a_step_of_no_length_has_neither_overshoot_nor_division_by_zero():

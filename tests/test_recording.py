@@ -636,6 +636,38 @@ def test_saving_replaces_a_recording_as_a_whole(tmp_path):
     assert names_in(tmp_path) == ["run"] and names_in(tmp_path / "run") == ["imu.csv", "recording.yaml"]
 
 
+SETTINGS = {"diagram": "omni_multirate", "seed": 3, "omni": {"control": {"gains": "given", "q": [1e-7, 2.0]}}}
+
+
+def test_the_scenario_of_a_run_reads_back_and_goes_with_it(tmp_path):
+    run = awkward_run()
+    run.settings = SETTINGS
+    run.save(tmp_path / "run")
+    assert load(tmp_path / "run").settings == SETTINGS
+    run.settings = None
+    run.save(tmp_path / "run")
+    assert load(tmp_path / "run").settings is None and "scenario.yaml" not in names_in(tmp_path / "run")
+
+
+@pytest.mark.parametrize("text, part", [("[", "valid YAML"), ("", "empty"), ("- 3", "at the top level")])
+def test_a_scenario_that_cannot_be_read_is_refused(tmp_path, text, part):
+    (make_run(tmp_path / "run") / "scenario.yaml").write_text(text)
+    message = refusal(load, tmp_path / "run")
+    assert message.startswith(str(tmp_path / "run" / "scenario.yaml")) and part in message
+
+
+def test_a_scenario_outside_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "mine.yaml").write_text("seed: 3")
+    (make_run(tmp_path / "run") / "scenario.yaml").symlink_to(tmp_path / "mine.yaml")
+    assert "leads out of" in refusal(load, tmp_path / "run")
+
+
+def test_settings_that_are_no_mapping_are_not_saved(tmp_path):
+    run = awkward_run()
+    run.settings = "omni_multirate"
+    assert "settings is 'omni_multirate'" in refusal(run.save, tmp_path / "run")
+
+
 def test_saving_creates_the_folders_above(tmp_path):
     awkward_run().save(tmp_path / "a" / "b" / "run")
     assert names_in(tmp_path / "a" / "b") == ["run"]

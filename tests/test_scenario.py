@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S, VISION_S
+from drake_ispace.rates import MAX_TICK, TICK_S, VISION_S, ticks_in
 from drake_ispace.scenario import (
     Scenario,
     blaming,
@@ -129,6 +129,11 @@ def test_a_file_overrides_only_what_it_names(tmp_path):
     assert load_scenario(str(tmp_path / "mine.yaml")) == expected
 
 
+def test_a_section_without_a_value_changes_nothing(tmp_path):
+    (tmp_path / "mine.yaml").write_text("seed: 3\nomni:\n  plant:\n    # mass_kg: 8\npendulum:\n")
+    assert load_scenario(str(tmp_path / "mine.yaml")) == Scenario(seed=3)
+
+
 # --------------------------------------------------------------------------------------------------------- overrides
 
 
@@ -170,6 +175,13 @@ def test_an_option_is_checked_as_the_key_of_its_name():
     assert with_option(Scenario(), "seconds", 5).seconds == 5.0
     with pytest.raises(InputError, match=r"^--seconds: expected at least 0.005 \[s\], got -1$"):
         with_option(Scenario(), "seconds", -1.0)
+
+
+def test_the_longest_run_ends_at_the_last_tick_whose_time_is_exact():
+    longest = with_option(Scenario(), "seconds", MAX_TICK * TICK_S)
+    assert ticks_in(longest.seconds) == MAX_TICK
+    with pytest.raises(InputError, match="at most"):
+        with_option(Scenario(), "seconds", (MAX_TICK + 1) * TICK_S)
 
 
 def test_every_number_has_a_rule_or_may_be_anything():

@@ -8,10 +8,10 @@ sample of tick k - 1. Messages carry the tick of their sample, so they are place
 import numpy as np
 
 from drake_ispace.rates import TICK_S, VISION_S
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.recording import WHEELS, Channel, Recording
+from drake_ispace.scenario import difference
 from drake_ispace.simulation import Run
 
-_WHEELS = {"omni": ("1", "2", "3", "4"), "pendulum": ("r", "l")}
 _TRUTH = {
     "omni": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
     "pendulum": ("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s")),
@@ -22,7 +22,7 @@ def to_recording(run: Run, robot: str) -> Recording:
     """The recording of `robot` ("omni" or "pendulum") in `run`, truth included; channels without a sample left out."""
     own = f"{robot}_"
     signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}
-    wheels = _WHEELS[robot]
+    wheels = WHEELS[robot]
     n = len(wheels)
     ticks = np.arange(len(signal["pose"]))
     channels = {
@@ -40,7 +40,7 @@ def to_recording(run: Run, robot: str) -> Recording:
     )
     channels = {name: channel for name, channel in channels.items() if len(channel.t)}
     notes = f"simulated, seed {run.scenario.seed}"
-    return Recording(robot=robot, scenario=run.scenario.diagram, channels=channels, notes=notes)
+    return Recording(robot, run.scenario.diagram, channels, notes, settings=difference(run.scenario))
 
 
 def _time(ticks):

@@ -12,7 +12,9 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
+from drake_ispace.cli_options import Json, Seconds, Seed, Sets, whole
 from drake_ispace.errors import InputError, shown
+from drake_ispace.identify_command import register as register_identify_command
 from drake_ispace.places import check_folder
 from drake_ispace.terminal import print_json, print_metrics, print_spread, print_table, progress
 from drake_ispace.vision_commands import register as register_vision_commands
@@ -22,25 +24,6 @@ app = App(
     help="Two robots in an intelligent space, as Drake Diagrams: simulate, compare and draw them.",
     suppress_keyboard_interrupt=False,
 )
-
-Json = Annotated[bool, Parameter(name="--json", negative="", help="one JSON document on standard output, nothing else")]
-Sets = Annotated[
-    list[str] | None,
-    Parameter(name="--set", negative="", help="key=value over the scenario, as omni.plant.mass_kg=8"),
-]
-
-
-def _whole(kind, tokens):
-    """cyclopts alone would cut 1.5 to 1."""
-    try:
-        return int(tokens[0].value)
-    except ValueError:
-        raise ValueError(f"expected a whole number, got {shown(tokens[0].value)}") from None
-
-
-Seconds = Annotated[float | None, Parameter(help="simulated time [s]")]
-Seed = Annotated[int | None, Parameter(help="of every random draw", converter=_whole)]
-Depth = Annotated[int | None, Parameter(help="levels of nested Diagrams to open", converter=_whole)]
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
@@ -170,7 +153,7 @@ def simulate(
 def draw(
     name: str, /, *, set_: Sets = None,
     out: Annotated[Path | None, Parameter(help="x.svg, x.png or x.dot; left out: the dot text is printed")] = None,
-    depth: Depth = None,
+    depth: Annotated[int | None, Parameter(help="levels of nested Diagrams to open", converter=whole)] = None,
     kernel: Annotated[bool, Parameter(negative="", help="the function that it is compiled to, as text")] = False,
     as_json: Json = False,
 ) -> None:
@@ -249,13 +232,13 @@ def compare(
 
 @app.command
 def montecarlo(
-    name: str, /, *, runs: Annotated[int, Parameter(help="how many", converter=_whole)] = 100,
+    name: str, /, *, runs: Annotated[int, Parameter(help="how many", converter=whole)] = 100,
     vary: Annotated[
         list[str] | None,
         Parameter(negative="", help="key=normal(mean,std), uniform(a,b), loguniform(a,b) or choice(a,b,...)"),
     ] = None,
     seconds: Seconds = None, seed: Seed = None, set_: Sets = None,
-    threads: Annotated[int | None, Parameter(help="runs at once, default one per core", converter=_whole)] = None,
+    threads: Annotated[int | None, Parameter(help="runs at once, default one per core", converter=whole)] = None,
     cluster: Annotated[str | None, Parameter(help="a Dask scheduler, as tcp://host:8786, instead of threads")] = None,
     out: Annotated[Path | None, Parameter(help="folder of rows and figure; the same call resumes it")] = None,
     parameters: Annotated[bool, Parameter(negative="", help="list what can be varied, with its value")] = False,
@@ -331,6 +314,7 @@ def demo(
     print(f"open {page}")
 
 
+register_identify_command(app)
 register_vision_commands(app)
 
 
@@ -364,6 +348,3 @@ def _recording_folders(diagram, out):
     for folder in folders.values():
         check_place(folder)
     return folders
-
-
-from drake_ispace import identify_command  # noqa: E402, F401  registers its command

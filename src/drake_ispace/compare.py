@@ -10,21 +10,28 @@ from drake_ispace.wiring.catalog import build_diagram
 
 
 def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Copies of `scenarios`, all with the path, room, seed and duration of the first; each robot keeps its own way of
-    heading along the path."""
+    """Copies of `scenarios`, all with the path, room, seed and duration of the first.
+
+    The same robot starts where it starts in the first; the other one starts where the path does and keeps its own way
+    of heading along it. `shared_space` keeps its own paths and starts: two robots on one path would collide.
+    """
     first = scenarios[0]
-    lead = first.pendulum.trajectory if first.diagram.startswith("pendulum") else first.omni.trajectory
+    lead = "pendulum" if first.diagram.startswith("pendulum") else "omni"
+    given = getattr(first, lead)
     same = []
     for scenario in scenarios:
         robots = {
             name: dataclasses.replace(
                 getattr(scenario, name),
-                trajectory=dataclasses.replace(lead, heading=getattr(scenario, name).trajectory.heading),
+                trajectory=dataclasses.replace(
+                    given.trajectory, heading=getattr(scenario, name).trajectory.heading
+                ),
+                initial_pose=given.initial_pose if name == lead else None,
             )
             for name in ("omni", "pendulum")
         }
         if scenario.diagram == "shared_space":
-            robots = {}  # two robots on one path would collide
+            robots = {}
         same.append(dataclasses.replace(
             scenario, seconds=first.seconds, seed=first.seed, space=first.space, **robots
         ))

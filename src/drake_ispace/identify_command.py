@@ -1,16 +1,21 @@
 """`drake-ispace identify`: friction coefficients and linear model of the pendulum from a recorded run."""
 
+import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
-from drake_ispace.cli import Json, app
+from drake_ispace.cli_options import Json
 from drake_ispace.places import check_folder
 from drake_ispace.terminal import print_json, print_table
 
 
-@app.command
+def register(app: App) -> None:
+    """Add the command of this module."""
+    app.command(identify)
+
+
 def identify(
     run: Path, /, *,
     structure: Annotated[
@@ -30,8 +35,6 @@ def identify(
     result = identify_run(recording, structure)
     data = {"run": str(run), **result.to_data(), "out": str(out) if out is not None else None}
     if out is not None:
-        import json
-
         from drake_ispace.report.identification_plots import plot_convergence
         from drake_ispace.report.pages import write_text
 

@@ -1,12 +1,12 @@
 """How well a run followed its reference."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
 from drake_ispace.control.paths import build_path
-from drake_ispace.rates import TICK_S, VISION_TICKS
+from drake_ispace.rates import TICK_S, VISION_TICKS, ticks_in
 from drake_ispace.simulation import Run
 
 _ARRIVED_M = 0.02  # close enough to the end of the trajectory
@@ -31,17 +31,17 @@ class Metrics:
         diverged, diverged_at_s: whether and when the robot fell or was lost; the numbers above end there.
     """
 
-    rms_position_error_m: float
-    max_position_error_m: float
-    rms_cross_track_m: float
+    rms_position_error_m: float | None
+    max_position_error_m: float | None
+    rms_cross_track_m: float | None
     mean_lag_m: float | None
     rms_heading_error_rad: float | None
     overshoot_percent: float | None
     settling_time_s: float | None
     time_to_end_s: float | None
-    iae_m_s: float
-    control_effort: float
-    final_error_m: float
+    iae_m_s: float | None
+    control_effort: float | None
+    final_error_m: float | None
     diverged: bool
     diverged_at_s: float | None
 
@@ -55,10 +55,11 @@ class Metrics:
 def measure(run: Run, robot: str) -> Metrics:
     """The metrics of `robot` ("omni" or "pendulum") in `run`."""
     trajectory = getattr(run.scenario, robot).trajectory
-    rows = run.time_s >= trajectory.start_s
+    start_s = ticks_in(trajectory.start_s) * TICK_S
+    rows = (run.time_s >= start_s) & (run.signals[f"{robot}_way_point"][:, 0] >= 0.0)
     if not rows.any():
-        rows[:] = True  # lost while its way point still rested
-    time = run.time_s[rows] - trajectory.start_s
+        return _lost_before_the_start(run)
+    time = run.time_s[rows] - start_s
     pose = run.signals[f"{robot}_pose"][rows]
     way_point = run.signals[f"{robot}_way_point"][rows]
     torque = run.signals[f"{robot}_torque"][rows]
@@ -94,6 +95,12 @@ def measure(run: Run, robot: str) -> Metrics:
         control_effort=float((torque**2).sum() * TICK_S), final_error_m=float(error[-1]),
         diverged=run.diverged_s is not None, diverged_at_s=run.diverged_s,
     )
+
+
+def _lost_before_the_start(run):
+    """There is nothing to measure but the loss."""
+    numbers = dict.fromkeys((f.name for f in fields(Metrics)), None)
+    return Metrics(**numbers | {"diverged": run.diverged_s is not None, "diverged_at_s": run.diverged_s})
 
 
 def _rms(values):

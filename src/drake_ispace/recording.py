@@ -1,9 +1,11 @@
-"""Runs of a robot, measured or simulated, as folders on disk: `recording.yaml` and one table per channel.
+"""Runs of a robot, measured or simulated, as folders on disk: `recording.yaml`, one table per channel, and of a
+simulated run the `scenario.yaml` that repeats it.
 
 `docs/recordings.md` describes the format. In memory every number is in SI units and radians; units declared in
 `recording.yaml` are converted while loading.
 """
 
+import errno
 import math
 import os
 import re
@@ -25,6 +27,7 @@ FORMAT = "drake-ispace-recording"
 VERSION = 1
 PERIOD_TOLERANCE = 0.02  # of the period
 
+SETTINGS = "scenario.yaml"
 CHANNELS = ("reference", "command", "torque", "encoder", "imu", "kinect", "truth")
 WHEELS = {"omni": ("1", "2", "3", "4"), "pendulum": ("r", "l")}  # of any other robot: whatever its columns say
 
@@ -97,13 +100,19 @@ class Channel:
 
 @dataclass
 class Recording:
-    """One run: which robot, which scenario's controller drove it (None when unknown), and its channels by name."""
+    """One run: which robot, whose controller drove it, and its channels by name.
+
+    Attributes:
+        scenario: name of the Diagram, None when unknown.
+        settings: the scenario that repeats a simulated run, as plain data (`scenario.difference`); None when unknown.
+    """
 
     robot: str
     scenario: str | None = None
     channels: dict[str, Channel] = field(default_factory=dict)
     notes: str = ""
     path: Path | None = None
+    settings: dict[str, Any] | None = None
 
     def save(self, path: str | Path, format: str = "csv") -> None:
         """Writes the run as the folder `path`, its tables as "csv" or "parquet"; replaces a recording that is there.
@@ -144,6 +153,9 @@ def load(path: str | Path) -> Recording:
         raise InputError(f"{where}: channels is {found}, expected 'name: {{file: ...}}' entries")
     recording = Recording(data.get("robot") or "", data.get("scenario"), {}, data.get("notes") or "", folder)
     _check_frame(recording.robot, data["channels"], where)
+    if os.path.lexists(folder / SETTINGS):
+        settings = _file_inside(folder, SETTINGS, str(folder))
+        recording.settings = load_yaml(settings, str(settings))
     for name, entry in data["channels"].items():
         recording.channels[name] = _load_channel(folder, name, entry, recording.robot, where)
     return recording
@@ -152,6 +164,8 @@ def load(path: str | Path) -> Recording:
 def validate(recording: Recording, where: str | Path) -> None:
     """Raises InputError, with `where` naming the run, unless `recording` is one that `load` could have returned."""
     _check_frame(recording.robot, recording.channels, where)
+    if not isinstance(recording.settings, dict | None):
+        raise InputError(f"{where}: settings is {shown(recording.settings)}, expected a mapping or None")
     for name, channel in recording.channels.items():
         source = f"{where}: channel {name!r}"
         if channel.t.ndim != 1 or channel.values.shape != (len(channel.t), len(channel.columns)) or not len(channel.t):
@@ -181,9 +195,9 @@ def check_place(path: str | Path) -> None:
     if not str(data.get("format")).startswith(FORMAT + "/"):
         raise InputError(f"{path}: exists and is not a recording, expected a new folder or a recording to replace")
     channels = data.get("channels") if isinstance(data.get("channels"), dict) else {}
-    own = {"recording.yaml"} | {str(entry.get("file")) for entry in channels.values() if isinstance(entry, dict)}
+    own = {str(entry.get("file")) for entry in channels.values() if isinstance(entry, dict)}
     for file in path.rglob("*"):
-        if not file.is_dir() and str(file.relative_to(path)) not in own:
+        if not file.is_dir() and str(file.relative_to(path)) not in {"recording.yaml", SETTINGS, *own}:
             raise InputError(f"{file}: is no part of the recording to replace, expected it moved elsewhere first")
 
 
@@ -256,8 +270,10 @@ def _file_inside(folder: Path, name: Any, where: str) -> Path:
     file = folder / name
     try:
         inside = file.resolve(strict=file.is_symlink()).is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):  # a loop of symbolic links, or a link to nothing
+    except RuntimeError:  # a loop of symbolic links, before Python 3.13
         inside = False
+    except OSError as error:  # the same since then, or a link to nothing; other names fail when they are opened
+        inside = error.errno not in (errno.ELOOP, errno.ENOENT)
     if not inside or ".." in Path(name).parts or Path(name).is_absolute():
         raise InputError(f"{where} is {shown(name)}, which leads out of {folder}, expected a file inside it")
     return file
@@ -347,6 +363,8 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
     data |= {"channels": entries, "notes": recording.notes}
     text = dump_yaml({key: value for key, value in data.items() if value is not None})
     (folder / "recording.yaml").write_text(text, encoding="utf-8")
+    if recording.settings is not None:
+        (folder / SETTINGS).write_text(dump_yaml(recording.settings), encoding="utf-8")
 
 
 def _put_in_place(fresh: Path, path: Path) -> None:

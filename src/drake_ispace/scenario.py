@@ -21,7 +21,7 @@ from drake_ispace.control.servo import Servo
 from drake_ispace.control.tracker import Tracker
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
-from drake_ispace.rates import TICK_S
+from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.robots.actuator import Actuator
 from drake_ispace.robots.impulse import Impulse
 from drake_ispace.robots.omni import OmniPlantParameters
@@ -124,7 +124,7 @@ class Scenario:
 
     # a name of the catalog
     diagram: str = quantity("omni_multirate")
-    seconds: float = quantity(30.0, "s", minimum=TICK_S, maximum=40000.0)
+    seconds: float = quantity(30.0, "s", minimum=TICK_S, maximum=MAX_TICK * TICK_S)
     seed: int = quantity(0, minimum=0)
     space: Space = field(default_factory=Space)
     omni: OmniRobot = field(default_factory=OmniRobot)
@@ -144,8 +144,8 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
         InputError: unknown name, unreadable file, unknown key, wrong type, value out of range.
     """
     if name_or_file in scenario_names():
-        text = (resources.files("drake_ispace") / "scenarios" / f"{name_or_file}.yaml").read_text()
-        data = load_yaml(text, name_or_file)
+        file = resources.files("drake_ispace") / "scenarios" / f"{name_or_file}.yaml"
+        data = load_yaml(file.read_text(encoding="utf-8"), name_or_file)
         where = name_or_file
     elif name_or_file.endswith((".yaml", ".yml")) or "/" in name_or_file:
         data, where = load_yaml(Path(name_or_file), name_or_file), name_or_file

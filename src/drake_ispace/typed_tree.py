@@ -22,6 +22,8 @@ def read(defaults, data: dict, where: str):
 
 
 def _merge(target, data, where, path):
+    if data is None:  # a section in which everything is commented out
+        return
     fields = {f.name: f for f in dataclasses.fields(target)}
     if not isinstance(data, dict):
         keys = ", ".join(list(fields)[:3])

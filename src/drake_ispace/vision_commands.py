@@ -7,11 +7,10 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from drake_ispace.cli_options import Json, whole
 from drake_ispace.errors import InputError
 from drake_ispace.places import check_folder, whole_file
 from drake_ispace.terminal import print_json, print_table
-
-Json = Annotated[bool, Parameter(name="--json", negative="", help="one JSON document on standard output, nothing else")]
 
 
 def register(app: App) -> None:
@@ -125,7 +124,7 @@ def calibrate(
 def vision(
     *, out: Annotated[Path, Parameter(help="folder of the page")] = Path("vision"),
     seconds: Annotated[float, Parameter(help="of the run with both robots [s]")] = 14.0,
-    seed: Annotated[int, Parameter(help="of carpet and noise")] = 0, as_json: Json = False,
+    seed: Annotated[int, Parameter(help="of carpet and noise", converter=whole)] = 0, as_json: Json = False,
 ) -> None:
     """Write a page with what the room sees: perspective, top view, thresholds, depth, map, and both robots tracking."""
     if not 1.0 <= seconds <= 600.0 or seed < 0:

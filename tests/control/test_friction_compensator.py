@@ -9,7 +9,8 @@ from drake_ispace.control.friction_compensator import FrictionCompensation, Fric
 @pytest.fixture
 def compensated(drive):
     def of(torque, rates, **keywords):
-        block = FrictionCompensator(FrictionCompensation(**keywords), len(torque))
+        wide = {"dead_band_rad_s": 0.1, "speed_scale_rad_s": 0.2}
+        block = FrictionCompensator(FrictionCompensation(**wide | keywords), len(torque))
         encoder = [0.0, *np.zeros(len(torque)), *rates]
         return drive(block, "torque", [{"torque": torque, "encoder": encoder}])[0]
 

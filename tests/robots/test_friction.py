@@ -176,3 +176,15 @@ def test_bristles_hold_the_upright_pendulum_against_a_yaw_torque():
     stiffness = group(parameters.friction, pendulum_mobility(parameters))["stiffness"]
     angles = plant.GetOutputPort("wheel_angle").Eval(simulator.get_context())
     assert angles == pytest.approx([0.003 / stiffness, -0.003 / stiffness], rel=1e-5)
+
+
+@pytest.mark.parametrize("model", ["smooth", "elastoplastic"])
+def test_viscous_friction_that_the_step_cannot_integrate_is_refused(model):
+    with pytest.raises(InputError, match=r"viscous_n_m_s: 0\.5 N\*m\*s/rad is too much for the 5 ms step"):
+        friction_parameters(Friction(model=model, viscous_n_m_s=0.5), np.array([[1990.0]]), "plant.friction")
+
+
+def test_the_most_viscous_friction_is_the_stable_slope():
+    friction_parameters(Friction(viscous_n_m_s=0.25), np.array([[1990.0]]), "plant.friction")
+    with pytest.raises(InputError, match=r"at most 0\.252"):
+        friction_parameters(Friction(viscous_n_m_s=0.253), np.array([[1990.0]]), "plant.friction")

@@ -55,10 +55,10 @@ def test_additive_slip_acts_on_the_worlds_axes():
     assert rates == pytest.approx([2.0, 2.0, 0.0], rel=1e-14)
 
 
-@pytest.mark.parametrize("frame, factor", [("body", -0.3), ("world", -0.3), ("additive", 2.3)])
-def test_distance_travelled_over_a_run(frame, factor):
+@pytest.mark.parametrize("frame, slip, factor", [("body", 0.3, 0.7), ("world", 1.3, -0.3), ("additive", 1.3, 2.3)])
+def test_distance_travelled_over_a_run(frame, slip, factor):
     """P_act against P_odo: the wheels have rolled the same distance in every reading."""
-    plant = OmniPlant(OmniPlantParameters(slip=Slip(frame, [1.3] * 3)))
+    plant = OmniPlant(OmniPlantParameters(slip=Slip(frame, [slip] * 3)))
     simulator = Simulator(plant)
     context = simulator.get_mutable_context()
     plant.get_input_port().FixValue(context, FORWARD_2_N)
@@ -219,3 +219,9 @@ def test_the_pendulum_slips_in_yaw_too():
 def test_traction_slip_on_the_worlds_axes_is_refused(frame):
     with pytest.raises(InputError, match=r"omni\.plant\.slip\.traction_gain: expected zeros"):
         OmniPlant(OmniPlantParameters(slip=Slip(frame=frame, traction_gain=[0.1, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize("slip", [Slip(ratio=[1.0, 0.0, 0.0]), Slip(patch_ratio=[0.0, 2.0, 0.0])])
+def test_a_slip_that_would_drive_backwards_is_refused_in_the_body_frame(slip):
+    with pytest.raises(InputError, match="expected less than 1 with frame body"):
+        OmniPlant(OmniPlantParameters(slip=slip))

@@ -23,6 +23,14 @@ def test_cross_track_error_under_10_percent_slip(robot, limit_m, kind):
     assert measure(run, robot).rms_cross_track_m <= limit_m
 
 
+@pytest.mark.parametrize("kind, start", [("square", "[-0.6, -0.6, 3.14]"), ("circle", "[0.6, 0.0, -1.57]")])
+def test_a_pendulum_that_faces_backwards_follows_in_reverse(kind, start):
+    overrides = [f"pendulum.trajectory.kind={kind}", f"pendulum.initial_pose={start}", "seconds=25"]
+    run = simulate(load_scenario("pendulum_multirate", overrides))
+    found = measure(run, "pendulum")
+    assert found.rms_cross_track_m <= 0.020 and found.mean_lag_m == pytest.approx(0.22, abs=0.05)
+
+
 def final_place(diagram, *overrides):
     """x [m] after a step of 1 m, averaged over the last second."""
     run = simulate(load_scenario(diagram, ["omni.trajectory.kind=step", "seconds=12", *overrides]))

@@ -15,10 +15,10 @@ class FrictionCompensation:
     enabled: bool = quantity(True)
     coulomb_n_m: float = quantity(0.0061, "N*m", minimum=0.0)
     viscous_n_m_s: float = quantity(0.0106, "N*m*s/rad", minimum=0.0)
-    # below this wheel speed nothing is added: encoder counts would make the sign chatter
-    dead_band_rad_s: float = quantity(0.1, "rad/s", minimum=0.0)
+    # below this wheel speed nothing is added; a wide band calms the torque and keeps a limit cycle alive at rest
+    dead_band_rad_s: float = quantity(0.0, "rad/s", minimum=0.0)
     # over which the sign fades in beyond the dead band
-    speed_scale_rad_s: float = quantity(0.2, "rad/s", above=0.0)
+    speed_scale_rad_s: float = quantity(0.02, "rad/s", above=0.0)
 
 
 @kernel

@@ -5,7 +5,7 @@ With d the distance to the way point and phi_h = phi_T - phi_r the bearing error
 * corrected (default): s_e = d cos(phi_h) - look_ahead, limited; phi_h folded into +-90 degrees, so that a point behind
   is reached in reverse, and scaled by min(1, d / hold_radius), so that it fades at the way point instead of flipping.
   The way point's speed is fed forward only with look-ahead: without it the robot overtakes the point and spins.
-  Look-ahead holds while the way point moves; at its end the robot closes up.
+  Look-ahead holds while the way point moves, forward or in reverse; at its end the robot closes up.
 * as_printed: (6.31) mixes world dx, dy with cos(phi_h), sin(phi_h): facing y with the target straight ahead s_e is 0.
 * jacobian: s_e = d, our reading of Fig. 6.2's blue line, "position feedback with Jacobian matrix" without a tracker.
 """
@@ -61,16 +61,16 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
         out[2], out[3] = distance, bearing
         return
     speed = np.sqrt(way_point[4] ** 2 + way_point[5] ** 2)
-    ahead = look_ahead_m if speed > 0.0 else 0.0
-    error = distance * np.cos(bearing) - ahead
-    folded = bearing
+    side, folded = 1.0, bearing  # side -1: the point lies behind, the robot backs up to it
     if bearing > 0.5 * np.pi:
-        folded = bearing - np.pi
+        side, folded = -1.0, bearing - np.pi
     elif bearing < -0.5 * np.pi:
-        folded = bearing + np.pi
+        side, folded = -1.0, bearing + np.pi
+    ahead = side * look_ahead_m if speed > 0.0 else 0.0
+    error = distance * np.cos(bearing) - ahead
     out[2] = min(max(error, -longest_error_m), longest_error_m)
     out[3] = folded * min(1.0, distance / hold_radius_m)
-    out[4] = speed if feed_forward > 0.0 and ahead > 0.0 else 0.0
+    out[4] = side * speed if feed_forward > 0.0 and ahead != 0.0 else 0.0
 
 
 class TrajectoryTracker(Block):

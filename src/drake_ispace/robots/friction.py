@@ -2,7 +2,8 @@
 
 *smooth*: C tanh(w / w_s) + c w. It is zero at zero speed, so under a constant load the wheel creeps at about
 w_s * load / C instead of sticking. The slope C / w_s must stay below 2.51 / (h lambda), where the fixed Runge-Kutta
-step goes unstable (lambda = largest eigenvalue of the wheels' mobility E' M^-1 E), hence w_s >= 0.5 C h lambda.
+step goes unstable (lambda = largest eigenvalue of the wheels' mobility E' M^-1 E), hence w_s >= 0.5 C h lambda. Viscous
+friction adds its c to the slope.
 
 *elastoplastic*: a bristle per wheel that deflects by theta - anchor and slips where its force exceeds C; the anchor is
 dragged along once per tick. A load below C is held without creep. (LuGre and Karnopp need far smaller steps.)
@@ -34,6 +35,7 @@ class Friction:
 COULOMB, VISCOUS, SPEED_SCALE, BRISTLE, STIFFNESS, DAMPING = range(6)
 _BRISTLE_FREQUENCY = 0.5  # natural frequency times step: a quarter of what Runge-Kutta 3 allows
 _BRISTLE_DAMPING_RATIO = 0.7
+_STABLE_SLOPE = 2.51  # slope times step times mobility at which Runge-Kutta 3 goes unstable
 
 
 def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) -> dict[str, float]:
@@ -45,7 +47,7 @@ def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) ->
         where: the scenario's name of this section, for messages.
 
     Raises:
-        InputError: a speed scale that the fixed 5 ms step cannot integrate.
+        InputError: a speed scale, or viscous friction, that the fixed 5 ms step cannot integrate.
     """
     largest = float(np.linalg.eigvalsh(mobility)[-1])
     smallest_scale = 0.5 * friction.coulomb_n_m * TICK_S * largest
@@ -55,14 +57,20 @@ def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) ->
             f"{where}.speed_scale_rad_s: {scale:g} rad/s is too steep for the 5 ms step with coulomb_n_m = "
             f"{friction.coulomb_n_m:g}, expected at least {smallest_scale:.4g} rad/s (or null to use that)"
         )
+    is_bristle = friction.model == "elastoplastic"
+    scale = scale or max(smallest_scale, 1e-6)
     stiffness = (_BRISTLE_FREQUENCY / TICK_S) ** 2 / largest
+    damping = 2.0 * _BRISTLE_DAMPING_RATIO * np.sqrt(stiffness / largest)
+    dry_slope = damping if is_bristle and friction.coulomb_n_m > 0.0 else friction.coulomb_n_m / scale
+    most = _STABLE_SLOPE / (TICK_S * largest) - dry_slope
+    if friction.viscous_n_m_s > most:
+        raise InputError(
+            f"{where}.viscous_n_m_s: {friction.viscous_n_m_s:g} N*m*s/rad is too much for the 5 ms step, "
+            f"expected at most {most:.3g}"
+        )
     return {
-        "coulomb": friction.coulomb_n_m,
-        "viscous": friction.viscous_n_m_s,
-        "speed_scale": scale or max(smallest_scale, 1e-6),
-        "bristle": float(friction.model == "elastoplastic"),
-        "stiffness": stiffness,
-        "damping": 2.0 * _BRISTLE_DAMPING_RATIO * np.sqrt(stiffness / largest),
+        "coulomb": friction.coulomb_n_m, "viscous": friction.viscous_n_m_s, "speed_scale": scale,
+        "bristle": float(is_bristle), "stiffness": stiffness, "damping": damping,
     }
 
 
