@@ -142,7 +142,10 @@ def compiled_vs_c(repetitions, quick):
     results = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
-            builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
+            try:
+                builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
+            except FileNotFoundError as error:
+                return {"skipped": str(error)}
             ticks = (20_000 if quick else 100_000) * (10 if name == "plain_loop" else 1)
             results[name] = _beside(builds, unlogged(make()), ticks, repetitions)
     return results

@@ -29,9 +29,9 @@ IDEAL = values(
 ROBOTS = {
     "ideal": IDEAL, "ideal, printed gains": IDEAL + values(pendulum__control__gains="given"), "default": (),
     "default, hold radius 0.3 m": values(pendulum__control__tracker__hold_radius_m=0.3),
-    "default, compensation without dead band": values(
-        pendulum__control__friction_compensation__dead_band_rad_s=0.0,
-        pendulum__control__friction_compensation__speed_scale_rad_s=0.02,
+    "default, compensation with dead band": values(
+        pendulum__control__friction_compensation__dead_band_rad_s=0.1,
+        pendulum__control__friction_compensation__speed_scale_rad_s=0.2,
     ),
 }  # ideal: no noise, no friction
 

@@ -19,12 +19,12 @@ NO_FEED_FORWARD = values(omni__control__velocity_feed_forward=False) + NO_ACCELE
 OMNI_PRINTED, PENDULUM_PRINTED = values(omni__control__gains="given"), values(pendulum__control__gains="given")
 AS_PRINTED = values(pendulum__control__tracker__mode="as_printed")
 NO_COMPENSATION = values(pendulum__control__friction_compensation__enabled=False)
-SHARP = values(
-    pendulum__control__friction_compensation__dead_band_rad_s=0.0,
-    pendulum__control__friction_compensation__speed_scale_rad_s=0.02,
-)  # compensation that acts from the first encoder count on
+WIDE = values(
+    pendulum__control__friction_compensation__dead_band_rad_s=0.1,
+    pendulum__control__friction_compensation__speed_scale_rad_s=0.2,
+)  # compensation that waits until the wheels turn
 COMPENSATIONS = {
-    "none": NO_COMPENSATION, "default": (), "no dead band": SHARP,
+    "none": NO_COMPENSATION, "default": (), "dead band 0.1 rad/s": WIDE,
     **{f"Coulomb part x {share}": values(pendulum__control__friction_compensation__coulomb_n_m=0.0061 * share)
        for share in (3, 6)},
 }
@@ -42,7 +42,7 @@ LAWS = {
     "pendulum, own gains, no look-ahead":
         ("pendulum_multirate", PENDULUM_SLIP + values(pendulum__control__tracker__look_ahead_m=0.0)),
     PENDULUM: ("pendulum_multirate", PENDULUM_SLIP),
-    "pendulum, default, compensation without dead band": ("pendulum_multirate", PENDULUM_SLIP + SHARP),
+    "pendulum, default, compensation with dead band": ("pendulum_multirate", PENDULUM_SLIP + WIDE),
     "pendulum, default, no compensation": ("pendulum_multirate", PENDULUM_SLIP + NO_COMPENSATION),
 }
 QUICK = ("omni, as printed", OMNI, "pendulum, as printed", PENDULUM)

@@ -222,7 +222,7 @@ SCENARIOS = {
     "duplicate_inner_key": ("omni:\n  plant: {}\n  plant: {}\n", ["line 3", "omni.plant", "twice"]),
     "unknown_diagram": ("diagram: omni_multirat\n", ["no Diagram 'omni_multirat'", "did you mean 'omni_multirate'?"]),
     "diagram_is_a_number": ("diagram: 5\n", ["diagram", "expected a word", "got 5"]),
-    "section_is_missing": ("omni:\nseed: 1\n", ["omni", "expected a mapping"]),
+    "section_is_a_list": ("omni: []\nseed: 1\n", ["omni", "expected a mapping"]),
     "unit": ("omni: {plant: {mass_kg: 8 kg}}\n", ["omni.plant.mass_kg", "without a unit, in kg", "'8 kg'"]),
     "nan": ("omni: {plant: {mass_kg: .NaN}}\n", ["line 1", "omni.plant.mass_kg", "finite"]),
     "anchors": (BOMB, ["line 1", "anchor"]),

@@ -1,11 +1,16 @@
 """Block: wiring by argument names, phases of an instant, parameters in the Context, plain and compiled kernels."""
 
+import json as a_module
+import os
+import tempfile
+
+import numba
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, arguments, kernel, plain
+from drake_ispace.block import Block, Output, Phase, Spec, Update, arguments, cache_folder, kernel, plain
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.friction import Friction
 from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
@@ -339,3 +344,89 @@ def test_the_plain_form_of_a_plants_kernels_equals_the_compiled_one(name):
             with np.errstate(over="ignore"):
                 plain(function)(*values, interpreted)
             np.testing.assert_allclose(interpreted, compiled, rtol=1e-12, atol=1e-12)
+
+
+# -- What a kernel is hashed by
+
+TABLE = np.zeros(2000)
+TABLE_LIKE_IT = np.zeros(2000)
+TABLE_LIKE_IT[1000] = 1.0  # where its repr says "..."
+
+
+def made(text, name="f", **names):
+    """The digest of a function made of `text`, which has no source on disk."""
+    namespace = {"np": np, "__name__": __name__, **names}
+    exec(text, namespace)
+    return kernel(namespace[name]).digest
+
+
+def helper_one(x):
+    return x + 1.0
+
+
+def helper_two(x):
+    return x + 2.0
+
+
+def reaches_out(x, out):
+    out[0] = a_module.loads(x)
+
+
+def uses_nothing_known(x, out):
+    out[0] = defined_nowhere(x)  # noqa: F821
+
+
+def test_the_digest_follows_arrays_helpers_defaults_and_inner_functions():
+    text = "def f(x, out):\n    out[0] = g[3]\n"
+    assert made(text, g=TABLE) == made(text, g=TABLE.copy()) != made(text, g=TABLE_LIKE_IT)
+    assert made(text, g=TABLE) != made(text, g=TABLE.reshape(2, -1))
+    text = "def f(x, out):\n    out[0] = g(x[0])\n"
+    assert made(text, g=numba.njit(helper_one)) == made(text, g=numba.njit(helper_one))
+    assert made(text, g=numba.njit(helper_one)) != made(text, g=numba.njit(helper_two))
+    texts = [f"def f(x, out, step={step}):\n    out[0] = step\n" for step in (1.0, 2.0)]
+    assert made(texts[0]) == made(texts[0]) != made(texts[1])
+    text = "def f(x, out):\n    out[0] = [g for i in range(2)][0]\n"
+    assert made(text, g=1.0) != made(text, g=2.0)
+
+
+def test_a_kernel_without_source_runs_and_is_kept_nowhere():
+    namespace = {}
+    exec("def f(x, out):\n    out[0] = 2.0 * x[0]\n", namespace)
+    function, out = kernel(namespace["f"]), np.zeros(1)
+    function(np.array([4.0]), out)
+    assert out[0] == 8.0 and not function.stats.cache_path
+
+
+def test_a_closure_is_refused():
+    gain = 2.0
+
+    def inner(x, out):
+        out[0] = gain * x[0]
+
+    with pytest.raises(TypeError, match=r"inner uses variables of the function around it, .* module-level function"):
+        kernel(inner)
+
+
+def test_a_module_within_a_kernel_is_refused():
+    with pytest.raises(TypeError, match="reaches_out reaches into the module a_module"):
+        kernel(reaches_out)
+
+
+def test_a_name_that_is_not_defined_above_the_kernel_is_refused():
+    with pytest.raises(TypeError, match="uses_nothing_known uses defined_nowhere, which is not defined yet"):
+        kernel(uses_nothing_known)
+
+
+def test_the_fallback_cache_belongs_to_this_user_alone(tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("DRAKE_ISPACE_CACHE", str(blocked / "cache"))
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = tmp_path / f"drake_ispace-{os.getuid()}"
+    assert cache_folder() == folder and folder.stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o777)
+    assert cache_folder() is None
+    folder.chmod(0o700)
+    monkeypatch.setattr(os, "getuid", lambda: folder.stat().st_uid + 1)
+    (tmp_path / f"drake_ispace-{os.getuid()}").mkdir()
+    assert cache_folder() is None

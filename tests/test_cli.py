@@ -104,6 +104,12 @@ def test_out_writes_a_recording_with_truth(run_json):
     assert last.tolist() == list(data["final"].values())
 
 
+def test_a_recording_holds_the_scenario_that_repeats_it(run_json):
+    variant = ["omni_multirate_as_printed", "--seconds", "0.5", "--seed", "3", "--set", "omni.plant.mass_kg=8"]
+    first, again = run_json("simulate", *variant, "--out", "run"), run_json("simulate", "run/scenario.yaml")
+    assert first["final"] == again["final"] and again["seconds"] == 0.5
+
+
 def test_out_of_two_robots_is_two_recordings(run_json):
     data = run_json("simulate", "shared_space", "--seconds", "0.2", "--out", "both")
     assert data["recordings"] == {"omni": "both/omni", "pendulum": "both/pendulum"}

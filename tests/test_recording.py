@@ -649,7 +649,7 @@ def test_the_scenario_of_a_run_reads_back_and_goes_with_it(tmp_path):
     assert load(tmp_path / "run").settings is None and "scenario.yaml" not in names_in(tmp_path / "run")
 
 
-@pytest.mark.parametrize("text, part", [("[", "valid YAML"), ("", "empty"), ("- 3", "at the top level")])
+@pytest.mark.parametrize("text, part", [("seed: [", "valid YAML"), ("", "empty"), ("- 3", "at the top level")])
 def test_a_scenario_that_cannot_be_read_is_refused(tmp_path, text, part):
     (make_run(tmp_path / "run") / "scenario.yaml").write_text(text)
     message = refusal(load, tmp_path / "run")

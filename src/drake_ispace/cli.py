@@ -120,7 +120,7 @@ def simulate(
         if engine == "compiled":
             from drake_ispace.rollout.engine import simulate_compiled
 
-            run = simulate_compiled(scenario)
+            run = simulate_compiled(scenario, diagram)
         else:
             run = simulate_diagram(diagram, scenario, advance)
     for robot, folder in folders.items():
@@ -169,9 +169,9 @@ def draw(
         draw_diagram(diagram, out, depth)
     data = {"diagram": diagram.get_name(), "out": str(out) if out else None, "dot": dot_text(diagram, depth)}
     if kernel:
-        from drake_ispace.rollout.compile import compile_diagram
+        from drake_ispace.rollout.compile import kernel_text
 
-        data["kernel"] = compile_diagram(diagram).source
+        data["kernel"] = kernel_text(diagram)
     if as_json:
         print_json(data)
     else:
@@ -286,15 +286,19 @@ def parity_(
 ) -> None:
     """Compare Drake's Simulator with the compiled rollout, every output at every tick."""
     scenario = _scenario(name, seconds, set_, seed)
-    _diagram(name, scenario)
+    diagram = _diagram(name, scenario)
     from drake_ispace.rollout.engine import parity
 
-    result = parity(scenario)
+    result = parity(scenario, diagram)
     if as_json:
-        print_json({key: None if value == math.inf else value for key, value in result.items()})
+        print_json(result)
         return
-    print_table(["output", "largest difference"], [[key, f"{gap:.3g}"] for key, gap in result["signals"].items()])
-    print(f"{result['diagram']}: {result['max_abs_difference']:.3g} at most over {result['ticks']} ticks")
+
+    def said(gap):
+        return "not comparable" if gap is None else f"{gap:.3g}"
+
+    print_table(["output", "largest difference"], [[key, said(gap)] for key, gap in result["signals"].items()])
+    print(f"{result['diagram']}: {said(result['max_abs_difference'])} at most over {result['ticks']} ticks")
 
 
 @app.command

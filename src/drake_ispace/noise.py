@@ -35,12 +35,6 @@ def uniform(key, tick, channel):
 
 
 @kernel
-def normal(key, tick, channel):
-    """A standard normal number; arguments as `uniform`."""
-    return normal_quantile(uniform(key, tick, channel))
-
-
-@kernel
 def normal_quantile(p):
     """The inverse of the standard normal distribution at 0 < p < 1 (AS 241, PPND16)."""
     q = p - 0.5
@@ -83,3 +77,9 @@ def normal_quantile(p):
             + 5.99832206555887937690e-1) * r + 1.0
         )
     return (-1.0 if q < 0.0 else 1.0) * numerator / denominator
+
+
+@kernel
+def normal(key, tick, channel):
+    """A standard normal number; arguments as `uniform`."""
+    return normal_quantile(uniform(key, tick, channel))

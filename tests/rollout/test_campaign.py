@@ -219,6 +219,15 @@ def test_another_plan_in_the_folder_is_refused(scenario, tmp_path):
         run_campaign(scenario, 2, out=tmp_path)
 
 
+def test_rows_of_other_code_are_not_mixed(scenario, tmp_path):
+    run_campaign(scenario, 1, out=tmp_path)
+    plan = (tmp_path / "campaign.yaml").read_text()
+    code = make_plan(scenario, 1, {}, ({},), 0).code["omni_multirate"]
+    (tmp_path / "campaign.yaml").write_text(plan.replace(code, "0" * len(code)))
+    with pytest.raises(InputError, match=r"computed by other code \('omni_multirate'\), expected the same version"):
+        run_campaign(scenario, 1, out=tmp_path)
+
+
 def test_a_damaged_part_is_named(scenario, tmp_path):
     run_campaign(scenario, 1, out=tmp_path)
     part = tmp_path / "part-000000000.parquet"

@@ -3,8 +3,10 @@
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 
+import numba
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
@@ -23,9 +25,9 @@ from pydrake.systems.primitives import (
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update, cache_folder, kernel
 from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S
+from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.rollout import compile as compile_module
-from drake_ispace.rollout.compile import compile_diagram
+from drake_ispace.rollout.compile import compile_diagram, kernel_text
 from drake_ispace.rollout.sensitivity import jacobian
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator
@@ -51,6 +53,46 @@ def count(tick, xd, out):
 @kernel
 def show_memory(xd, out):
     out[0], out[1] = xd[0], xd[1]
+
+
+@kernel
+def double(xd, out):
+    out[0] = 2.0 * xd[0]
+
+
+@kernel
+def add_one(xd, out):
+    out[0] = xd[0] + 1.0
+
+
+@kernel
+def show_one(xd, out):
+    out[0] = xd[0]
+
+
+@kernel
+def weighted(xc, d, x, next, out):
+    out[0] = d[0] * xc[0] + 10.0 * x + 100.0 * next
+
+
+@kernel
+def decay(xc, xd, d, k1, out):
+    out[0] = -d[0] * xc[0] + k1 + xd[0]
+
+
+@kernel
+def scaled(u, gain, out):
+    out[0] = gain * u[0]
+
+
+@kernel
+def scaled_b(u, b_gain, out):
+    out[0] = b_gain * u[0]
+
+
+@numba.njit
+def not_a_kernel(xd, out):
+    out[0] = xd[0]
 
 
 class Mass(Block):
@@ -107,6 +149,181 @@ def primitives_diagram():
     )
     bench.show(state="plant.state", force="sum.sum", count="counter.count", mixed="mix.y0")
     return bench.build("primitives")
+
+
+def one_block(spec, name="block", port="y"):
+    bench = Bench()
+    bench.add(name, Block(spec))
+    bench.show(y=f"{name}.{port}")
+    return bench.build("one_block")
+
+
+@pytest.mark.parametrize(("updates", "expected"), [
+    ((Update(double, Phase.SENSE, 2), Update(add_one, Phase.SENSE, 1)), [0, 1, 2, 5, 6, 13]),
+    ((Update(add_one, Phase.SENSE, 2, 2), Update(double, Phase.SENSE, 1)), [0, 0, 0, 2, 4, 10]),
+])
+def test_updates_of_one_block_act_in_the_order_declared(updates, expected):
+    def diagram():
+        return one_block(Spec(outputs={"y": Output(1, show_one)}, discrete_state=np.zeros(1), updates=updates))
+
+    assert drake_log(diagram(), 5)["y"].ravel().tolist() == expected
+    assert compile_diagram(diagram()).run(5)["y"].ravel().tolist() == expected
+
+
+def test_parameters_may_have_any_name():
+    def diagram():
+        return one_block(Spec(
+            outputs={"y": Output(1, weighted)}, continuous_state=np.array([0.7]), derivatives=decay,
+            discrete_state=np.zeros(1), updates=(Update(add_one, Phase.COMPUTE),),
+            parameters={"d": np.array([3.0]), "x": 5.0, "next": 7.0, "k1": 0.25},
+        ), name="1st.block")
+
+    np.testing.assert_array_equal(compile_diagram(diagram()).run(40)["y"], drake_log(diagram(), 40)["y"])
+
+
+def test_names_that_read_alike_stay_apart():
+    def diagram():
+        bench = Bench()
+        bench.add("source", ConstantVectorSource([1.0]))
+        bench.add("a", Block(Spec(inputs={"u": 1}, outputs={"y": Output(1, scaled_b)}, parameters={"b_gain": 2.0})))
+        for name, gain in (("a_b", 3.0), ("a.b", 5.0), ("test_compile", 7.0), ("log_a", 11.0), ("np", 13.0)):
+            bench.add(name, Block(Spec(
+                inputs={"u": 1}, outputs={"y": Output(1, scaled)}, parameters={"gain": gain, "scaled": 0.0},
+            )))
+        bench.wire(*(("source.y0", f"{name}.u") for name in names))
+        return bench.build("alike")
+
+    names = ("a", "a_b", "a.b", "test_compile", "log_a", "np")
+    log = {f"{name}.y": 1 for name in names}
+    logs = compile_diagram(diagram(), log=log).run(1)
+    assert [rows[1, 0] for rows in logs.values()] == [2.0, 3.0, 5.0, 7.0, 11.0, 13.0]
+
+
+def test_logs_that_read_alike_stay_apart():
+    bench = Bench()
+    bench.add("a", ConstantVectorSource([1.0]))
+    bench.add("b", ConstantVectorSource([2.0]))
+    bench.show(**{"a.y0": "b.y0", "a_y0": "a.y0"})
+    logs = compile_diagram(bench.build("alike")).run(1)
+    assert (logs["a.y0"][1, 0], logs["a_y0"][1, 0]) == (2.0, 1.0)
+
+
+def test_two_systems_with_one_path_are_refused():
+    inner = DiagramBuilder()
+    inner.AddNamedSystem("b", ConstantVectorSource([1.0]))
+    plant = inner.Build()
+    plant.set_name("a")
+    outer = DiagramBuilder()
+    outer.AddSystem(plant)
+    outer.AddNamedSystem("a/b", ConstantVectorSource([2.0]))
+    with pytest.raises(InputError, match="two systems are called a/b"):
+        compile_diagram(outer.Build())
+
+
+def unnamed_diagram():
+    inner = DiagramBuilder()
+    source, gain = inner.AddSystem(ConstantVectorSource([1.5])), inner.AddSystem(Gain(2.0, 1))
+    inner.Connect(source.get_output_port(), gain.get_input_port())
+    inner.ExportOutput(gain.get_output_port())
+    outer = DiagramBuilder()
+    outer.ExportOutput(outer.AddSystem(inner.Build()).get_output_port())
+    return outer.Build()
+
+
+def test_systems_without_a_name_are_named_after_their_type():
+    one, other = unnamed_diagram(), unnamed_diagram()
+    rollout, again = compile_diagram(one), compile_diagram(other)
+    assert "@" not in rollout.source + "".join(rollout.parameter_names) + "".join(rollout.logged)
+    assert rollout.source == again.source and rollout.parameter_names == again.parameter_names
+    (rows,) = rollout.run(1).values()
+    assert rows[1, 0] == 3.0
+
+
+def test_a_function_of_njit_alone_is_refused():
+    spec = Spec(outputs={"y": Output(1, not_a_kernel)}, discrete_state=np.zeros(1))
+    with pytest.raises(InputError, match=r"block: not_a_kernel is compiled with numba\.njit alone, .*@kernel"):
+        compile_diagram(one_block(spec))
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    ({"ticks": -1}, "run of -1 ticks"),
+    ({"ticks": MAX_TICK + 1}, "expected 0 to"),
+    ({"ticks": 1, "parameters": [1.0, 2.0]}, r"parameters: is an array \(2,\), expected \(1,\)"),
+    ({"ticks": 1, "continuous_state": np.zeros((2, 1))}, "continuous_state"),
+    ({"ticks": 1, "discrete_state": [0.0]}, "discrete_state"),
+    ({"ticks": 2, "inputs": {"force": np.zeros((1, 2))}}, r"is an array \(1, 2\), expected \(2, 1\)"),
+    ({"ticks": 2, "inputs": {"force": np.zeros((2, 1, 1))}}, "is an array"),
+])
+def test_arrays_of_another_size_are_refused(arguments, words):
+    with pytest.raises(InputError, match=words):
+        driven_mass().run(**{"inputs": {"force": np.zeros(2)}, **arguments})
+
+
+def driven_mass():
+    bench = Bench()
+    bench.add("mass", Mass())
+    bench.show(state="mass.state")
+    bench.let_in(force="mass.force")
+    return compile_diagram(bench.build("driven"))
+
+
+def test_read_only_arrays_are_taken_without_compiling_again():
+    rollout, force = driven_mass(), np.ones((5, 1))
+    parameters = rollout.parameters.copy()
+    for array in (force, parameters):
+        array.flags.writeable = False
+    rollout.run(5, parameters, inputs={"force": force})
+    assert len(rollout._function.signatures) == 1
+
+
+def test_a_log_shows_the_input_of_its_own_tick():
+    bench = Bench()
+    bench.add("gain", Block(Spec(inputs={"u": 1}, outputs={"y": Output(1, scaled)}, parameters={"gain": 2.0})))
+    bench.show(y="gain.y")
+    bench.let_in(u="gain.u")
+    rows = compile_diagram(bench.build("through")).run(4, inputs={"u": [1.0, 2.0, 3.0, 4.0]})["y"]
+    assert rows.ravel().tolist() == [2.0, 4.0, 6.0, 8.0, 8.0]
+
+
+def test_a_long_delay_compiles_at_once():
+    def diagram():
+        bench = Bench()
+        bench.add("counter", Counter())
+        bench.add("late", DiscreteTimeDelay(TICK_S, 4000, 2))
+        bench.wire(("counter.count", "late.u"))
+        bench.show(late="late.delayed_u")
+        return bench.build("long_delay")
+
+    started = time.perf_counter()
+    rows = compile_diagram(diagram()).run(4100)["late"]
+    assert time.perf_counter() - started < 20.0
+    assert np.ptp(rows[4010:, 1]) > 0.0
+    np.testing.assert_array_equal(rows, drake_log(diagram(), 4100)["late"])
+
+
+def test_no_logs_means_none():
+    assert compile_diagram(primitives_diagram(), log={}).run(3) == {}
+
+
+@pytest.mark.parametrize("divisor", [0, -1, 1.5, True, "2"])
+def test_a_divisor_is_a_whole_number(divisor):
+    with pytest.raises(InputError, match="expected a whole number from 1 on"):
+        compile_diagram(primitives_diagram(), log={"state": divisor})
+
+
+def test_the_text_is_there_without_compiling(monkeypatch):
+    expected = small_rollout().source
+    monkeypatch.setattr(compile_module, "_machine_code", lambda *arguments: pytest.fail("compiled"))
+    bench = Bench()
+    bench.add("counter", Counter())
+    bench.show(count="counter.count")
+    assert kernel_text(bench.build("small")) == expected
+
+
+def test_without_a_folder_to_write_to_it_compiles_all_the_same(monkeypatch):
+    expected = small_rollout().run(20)["count"]
+    monkeypatch.setattr(compile_module, "cache_folder", lambda: None)
+    assert np.array_equal(small_rollout().run(20)["count"], expected)
 
 
 def test_drakes_primitives_and_nested_diagrams_agree():
@@ -174,7 +391,7 @@ def test_a_period_off_the_tick_is_refused():
 def test_a_new_mass_needs_no_new_compilation(monkeypatch):
     scenario = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given"])
     rollout = compile_diagram(build_diagram(scenario))
-    monkeypatch.setattr(compile_module, "_machine_code", lambda emitter: pytest.fail("compiled again"))
+    monkeypatch.setattr(compile_module, "_machine_code", lambda *arguments: pytest.fail("compiled again"))
     heavy = rollout.run(400, rollout.with_parameters({"omni_plant.mass_kg": 9.0}))
     assert np.abs(heavy["omni_pose"] - rollout.run(400)["omni_pose"]).max() > 1e-4
     built = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given", "omni.plant.mass_kg=9.0",

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from pydrake.systems.primitives import ZeroOrderHold
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
 from drake_ispace.errors import InputError
+from drake_ispace.rates import TICK_S
 from drake_ispace.rollout.lanes import compile_lanes
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.bench import Bench
@@ -44,7 +46,7 @@ def show(xd, out):
     copy(xd, out)
 
 
-def spring_loop():
+def spring_loop(drakes_hold=False):
     """A hardening spring under sampled feedback, the sensor at a third of the rate."""
     bench = Bench()
     bench.add("spring", Block(Spec(
@@ -56,20 +58,22 @@ def spring_loop():
         discrete_state=np.array([0.0, 0.0, -1.0]), updates=(Update(sample, Phase.SENSE, 3),),
     )))
     bench.add("law", Block(Spec(inputs={"sampled": 3}, outputs={"force": Output(1, force)}, parameters={"gain": 2.0})))
-    bench.add("hold", Block(Spec(
+    bench.add("hold", ZeroOrderHold(TICK_S, 1) if drakes_hold else Block(Spec(
         inputs={"command": 1}, outputs={"force": Output(1, show)}, discrete_state=np.zeros(1),
         updates=(Update(hold, Phase.COMPUTE),),
     )))
+    command, held = ("hold.u", "hold.y") if drakes_hold else ("hold.command", "hold.force")
     bench.wire(
-        ("spring.state", "sensor.state"), ("sensor.sampled", "law.sampled"), ("law.force", "hold.command"),
-        ("hold.force", "spring.force"),
+        ("spring.state", "sensor.state"), ("sensor.sampled", "law.sampled"), ("law.force", command),
+        (held, "spring.force"),
     )
-    bench.show(state="spring.state", force="hold.force")
+    bench.show(state="spring.state", force=held)
     return bench.build("spring_loop")
 
 
-def test_every_lane_equals_a_single_run_bit_for_bit():
-    rollout = compile_lanes(spring_loop(), log={"state": 1, "force": 5}, lanes=8)
+@pytest.mark.parametrize("drakes_hold", [False, True])
+def test_every_lane_equals_a_single_run_bit_for_bit(drakes_hold):
+    rollout = compile_lanes(spring_loop(drakes_hold), log={"state": 1, "force": 5}, lanes=8)
     names, values = rollout.single.parameter_names, rollout.single.parameters
     parameters = values * np.random.default_rng(0).uniform(0.8, 1.2, (11, len(names)))  # a full group and three runs
     logs = rollout.run(500, parameters)
@@ -83,3 +87,9 @@ def test_every_lane_equals_a_single_run_bit_for_bit():
 def test_a_diagram_with_trigonometry_is_refused_with_the_kernels_name():
     with pytest.raises(InputError, match=r"lanes: kernel \w+ (calls|branches)"):
         compile_lanes(build_diagram(load_scenario("omni_multirate")))
+
+
+def test_rows_of_another_length_are_refused():
+    rollout = compile_lanes(spring_loop(), log={"state": 1}, lanes=8)
+    with pytest.raises(InputError, match=r"expected \(runs, \d+\)"):
+        rollout.run(5, rollout.single.parameters[:-1])

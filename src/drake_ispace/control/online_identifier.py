@@ -43,6 +43,15 @@ _SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # of the regressors, so that P(0) mea
 
 
 @kernel
+def learn(out, first, second, forgetting, trace_limit):
+    innovation = np.array([first, second])
+    update(
+        out[REG : REG + 4], innovation, forgetting, trace_limit, out[THETA : THETA + 8], out[ROOT : ROOT + 16],
+        out[SCRATCH : SCRATCH + 4],
+    )
+
+
+@kernel
 def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band_rad_s, sizes, out):
     copy(xd, out)
     if encoder[0] == xd[TICK]:
@@ -70,15 +79,6 @@ def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_b
         out[SCRATCH + j] = out[ACC + j] - predicted
     first, second = out[SCRATCH], out[SCRATCH + 1]
     learn(out, first, second, forgetting, trace_limit)
-
-
-@kernel
-def learn(out, first, second, forgetting, trace_limit):
-    innovation = np.array([first, second])
-    update(
-        out[REG : REG + 4], innovation, forgetting, trace_limit, out[THETA : THETA + 8], out[ROOT : ROOT + 16],
-        out[SCRATCH : SCRATCH + 4],
-    )
 
 
 @kernel

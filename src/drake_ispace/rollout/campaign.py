@@ -79,6 +79,8 @@ class Plan:
     vary: dict[str, str]
     runs: int
     seed: int
+    #: Scenario -> hash of what its rollout computes: rows of other code do not belong into the same table.
+    code: dict[str, str]
 
     def __len__(self) -> int:
         return len(self.scenarios) * len(self.parameter_sets) * self.runs
@@ -176,7 +178,8 @@ def make_plan(
         for key in {key for one in sets for key in one}:
             values = [one[key] for one in sets if key in one]
             _check_range(scenario, key, (min(values), max(values)), "parameter_sets")
-    return Plan(data, sets, {key: str(distribution) for key, distribution in drawn.items()}, runs, seed)
+    code = {name: rollout.digest[:16] for name, rollout in rollouts.items()}
+    return Plan(data, sets, {key: str(distribution) for key, distribution in drawn.items()}, runs, seed, code)
 
 
 def parameters_of(scenario: Scenario) -> dict[str, float]:

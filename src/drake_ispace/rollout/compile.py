@@ -12,12 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numba
+import numba.core.errors
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
-from drake_ispace.block import cache_folder
+from drake_ispace.block import cache_folder, jitted
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.noise import stream
+from drake_ispace.rates import MAX_TICK
 from drake_ispace.rollout import views
 from drake_ispace.rollout.emit import Emitter, Layout
 from drake_ispace.rollout.network import Network, Port, take_apart
@@ -34,6 +36,7 @@ class Rollout:
         continuous_state, discrete_state: packed initial state in the Context.
         logged: name -> (size, divisor in ticks).
         kernels: name in the text -> kernel.
+        digest: of the text and the kernels; another one may give other numbers.
     """
 
     source: str
@@ -43,6 +46,7 @@ class Rollout:
     discrete_state: np.ndarray
     logged: dict[str, tuple[int, int]]
     kernels: dict[str, object] = field(repr=False)
+    digest: str
     _function: object = field(repr=False)
     _network: Network = field(repr=False)
     _layout: Layout = field(repr=False)
@@ -58,18 +62,21 @@ class Rollout:
 
         Returns:
             name -> (ticks // divisor + 1, size): row r is the value before the updates of tick r * divisor, as in a
-            log of Drake's Simulator. Rows after a state that is no number are NaN.
+            log of Drake's Simulator. A run ends at most 256 ticks after an element of the continuous state is no
+            number; its later rows are NaN. Without a continuous state it never ends early.
 
         Raises:
-            InputError: inputs that are missing or too short.
+            InputError: ticks, parameters, states or inputs of a wrong number, or inputs that are missing.
         """
+        check_ticks(ticks)
+        x = _own("continuous_state", continuous_state, self.continuous_state)
+        d = _own("discrete_state", discrete_state, self.discrete_state)
+        p = _own("parameters", parameters, self.parameters)
+        recorded = self._recorded(inputs or {}, ticks)
         logs = {
             name: np.full((ticks // divisor + 1, size), np.nan) for name, (size, divisor) in self.logged.items()
         }
-        x = np.array(self.continuous_state if continuous_state is None else continuous_state, dtype=float)
-        d = np.array(self.discrete_state if discrete_state is None else discrete_state, dtype=float)
-        p = np.ascontiguousarray(self.parameters if parameters is None else parameters, dtype=float)
-        self._function(0, ticks, x, d, p, self._recorded(inputs or {}, ticks), *logs.values())
+        self._function(0, ticks, x, d, p, recorded, *logs.values())
         return logs
 
     @property
@@ -116,7 +123,13 @@ class Rollout:
         for name, size in self._network.inputs.items():
             if name not in inputs:
                 raise InputError(f"the exported input {shown(name)} has no signal, expected an array ({ticks}, {size})")
-            signal = np.asarray(inputs[name], dtype=float).reshape(-1, size)
+            signal = np.asarray(inputs[name], dtype=float)
+            if signal.ndim == 1 and size == 1:
+                signal = signal[:, None]
+            if signal.ndim != 2 or signal.shape[1] != size:
+                raise InputError(
+                    f"the signal of input {shown(name)} is an array {signal.shape}, expected ({ticks}, {size})"
+                )
             if len(signal) < ticks:
                 raise InputError(f"the signal of input {shown(name)} has {len(signal)} rows, expected {ticks}")
             columns.append(signal[:ticks])
@@ -132,13 +145,11 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         log: name -> divisor in ticks; a name is an exported output or "block.port". Default: all outputs, every tick.
 
     Raises:
-        InputError: a system that a compiled rollout does not know, an unconnected input, no signal of a name.
+        InputError: a system that a compiled rollout does not know, an unconnected input, no signal of a name, a
+            divisor that is no number of ticks.
     """
-    network = take_apart(diagram, context if context is not None else diagram.CreateDefaultContext())
-    log = log or dict.fromkeys(network.outputs, 1)
-    wanted = {name: (_find(network, name), divisor) for name, divisor in log.items()}
-    emitter = Emitter(network, wanted)
-    leaves = network.leaves
+    network, wanted, emitter = _emitted(diagram, context, log)
+    leaves, digest = network.leaves, _digest(emitter)
 
     def packed(attribute):
         return np.concatenate([np.empty(0), *(getattr(leaf, attribute) for leaf in leaves.values())])
@@ -149,8 +160,42 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         parameters=packed("parameters"), continuous_state=packed("continuous_state"),
         discrete_state=packed("discrete_state"),
         logged={name: (network.source_size(port), divisor) for name, (port, divisor) in wanted.items()},
-        kernels=emitter.kernels, _function=_machine_code(emitter), _network=network, _layout=emitter.layout,
+        kernels=emitter.kernels, digest=digest, _function=_machine_code(emitter, digest), _network=network,
+        _layout=emitter.layout,
     )
+
+
+def kernel_text(diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None) -> str:
+    """`Rollout.source` without compiling anything; arguments and errors as `compile_diagram`."""
+    return _emitted(diagram, context, log)[2].source
+
+
+def _emitted(diagram, context, log) -> tuple[Network, dict[str, tuple[Port, int]], Emitter]:
+    network = take_apart(diagram, context if context is not None else diagram.CreateDefaultContext())
+    wanted = {}
+    for name, divisor in (dict.fromkeys(network.outputs, 1) if log is None else log).items():
+        if isinstance(divisor, bool) or not isinstance(divisor, int | np.integer) or divisor < 1:
+            raise InputError(f"log {shown(name)} has divisor {shown(divisor)}, expected a whole number from 1 on")
+        wanted[name] = (_find(network, name), int(divisor))
+    return network, wanted, Emitter(network, wanted)
+
+
+def check_ticks(ticks: int) -> None:
+    """Refuse a length that is negative or longer than the clock is exact.
+
+    Raises:
+        InputError: it is.
+    """
+    if not 0 <= ticks <= MAX_TICK:
+        raise InputError(f"a run of {ticks} ticks, expected 0 to {MAX_TICK}")
+
+
+def _own(name, values, default):
+    """A copy that the compiled function may write to, of the size that it takes for granted."""
+    own = np.array(default if values is None else values, dtype=float)
+    if own.shape != default.shape:
+        raise InputError(f"{name}: is an array {own.shape}, expected {default.shape}")
+    return own
 
 
 def _find(network: Network, name: str) -> Port:
@@ -163,39 +208,51 @@ def _find(network: Network, name: str) -> Port:
     raise InputError(f"there is no signal {shown(name)}, {expected_one_of(name, known)}")
 
 
-def _machine_code(emitter: Emitter):
-    """The compiled function, from the disk where it has been compiled before; damaged entries are made anew."""
+def _digest(emitter: Emitter) -> str:
     digest = hashlib.sha256(emitter.source.encode())
     for name, kernel in sorted(emitter.kernels.items()):
         digest.update(f"{name}={kernel.digest}".encode())
-    digest.update(inspect.getsource(views).encode())
-    digest.update(f"{numba.__version__} {np.__version__} {platform.machine()}".encode())
-    folder = cache_folder() / "rollouts" / digest.hexdigest()[:24]
+    return digest.hexdigest()
+
+
+def _machine_code(emitter: Emitter, digest: str):
+    """The compiled function, from the disk where it has been compiled before; damaged entries are made anew."""
+    if cache_folder() is None:
+        return _load(emitter, None)
+    key = f"{digest} {inspect.getsource(views)} {numba.__version__} {np.__version__} {platform.machine()}"
+    folder = cache_folder() / "rollouts" / hashlib.sha256(key.encode()).hexdigest()[:24]
     try:
         return _load(emitter, folder)
+    except (numba.core.errors.NumbaError, SyntaxError):
+        raise
     except Exception:  # whatever a damaged cache entry raises: nothing in it is needed
         shutil.rmtree(folder, ignore_errors=True)
+    try:
         return _load(emitter, folder)
+    except OSError:  # a full disk
+        return _load(emitter, None)
 
 
-def _load(emitter: Emitter, folder: Path):
-    file = folder / "rollout.py"
-    if not file.is_file() or file.read_text() != emitter.source:
-        folder.mkdir(parents=True, exist_ok=True)
-        beside = folder / f"{uuid.uuid4().hex}.part"
-        beside.write_text(emitter.source)
-        os.replace(beside, file)
+def _load(emitter: Emitter, folder: Path | None):
+    """Compile, or take from `folder` (None: kept nowhere)."""
+    file = "<rollout>" if folder is None else _written(emitter.source, folder)
     names = {"np": np, "local": views.local, "part": views.part, **emitter.kernels}
     # numba finds a cached function again through the name of a module that can be imported
     names |= {"__name__": __name__, "__file__": str(file)}
     exec(compile(emitter.source, str(file), "exec"), names)
     linecache.checkcache(str(file))
-    saved = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
-    try:
-        function = numba.njit(cache=True, nogil=True, error_model="numpy")(names["rollout"])
-    finally:
-        numba.config.CACHE_DIR = saved
+    function = jitted(names["rollout"], folder, nogil=True, error_model="numpy")
     row, rows = numba.float64[::1], numba.float64[:, ::1]
     function.compile((numba.int64, numba.int64, row, row, row, rows, *[rows] * len(emitter._log)))
+    function.disable_compile()  # arrays of another kind are refused instead of compiled for
     return function
+
+
+def _written(source: str, folder: Path) -> Path:
+    file = folder / "rollout.py"
+    if not file.is_file() or file.read_text() != source:
+        folder.mkdir(parents=True, exist_ok=True)
+        beside = folder / f"{uuid.uuid4().hex}.part"
+        beside.write_text(source)
+        os.replace(beside, file)
+    return file

@@ -16,6 +16,11 @@ from drake_ispace.rollout.network import Network, Port
 
 _CHECK_TICKS = 256  # between looks for a state that is no number
 _LONGEST_COPY = 64  # floats; a longer parameter, a path's table, is read where it lies
+_LARGEST_LOCAL = 1024  # floats; LLVM takes minutes over a longer vector on the stack
+#: What the text says itself. Names that begin with "log_" are those of logs, with "lanes_" those of lanes.py.
+_RESERVED = frozenset(
+    "np local part matrix empty k i h h6 x d p first last reached finite recorded range rollout lane".split()
+)
 
 
 @dataclass(frozen=True)
@@ -67,15 +72,14 @@ class Emitter:
         """`log`: name of a logged signal -> (port, its divisor in ticks)."""
         self._network = network
         self._log = log
-        self._alias = _unique_names(network.leaves)
+        self._names: dict[object, str] = {}
+        self._taken = set(_RESERVED)
         self.kernels: dict[str, object] = {}
         self.layout = Layout(
             _slices({name: len(leaf.continuous_state) for name, leaf in network.leaves.items()}),
             _slices({name: len(leaf.discrete_state) for name, leaf in network.leaves.items()}),
             _slices({name: len(leaf.parameters) for name, leaf in network.leaves.items()}),
         )
-        self._ports: dict[Port, str] = {}  # in order of first use: their place in the work vector
-        self._steps: dict[str, str] = {}
         self._dependencies: dict[object, frozenset] = {}
         self.source = self._write()
 
@@ -83,19 +87,19 @@ class Emitter:
 
     def _write(self) -> str:
         body = _Code([])
+        if self._network.inputs:
+            start = 0
+            with body.inside("k < last") as inner:
+                for name, size in self._network.inputs.items():
+                    inner.copy(size, f"recorded[k, {_at(start)}]", f"{self._port(Port(None, name))}[i]")
+                    start += size
         self._write_logs(body, "k")
         body.add("if k == last:")
         body.add("    break")
-        if self._network.inputs:
-            start = 0
-            for name, size in self._network.inputs.items():
-                body.copy(size, f"recorded[k, {_at(start)}]", f"{self._port(Port(None, name))}[i]")
-                start += size
-            body.fresh = {item for item in body.fresh if "u" not in self._depends(item)}
         for phase in (Phase.SENSE, Phase.COMPUTE):
             self._write_phase(body, phase)
         self._write_step(body)
-        logs = "".join(f", {_log_name(name)}" for name in self._log)
+        logs = "".join(f", {self._log_name(name)}" for name in self._log)
         head = [
             f"def rollout(first, last, x, d, p, recorded{logs}):",
             '    """Ticks first to last; x, d: continuous and discrete state, changed in place; p: parameters;',
@@ -110,29 +114,28 @@ class Emitter:
         """State, parameters and ports as vectors of constant size (views.py), made once before the loop."""
         code = _Code([], depth=1)
         for name, leaf in self._network.leaves.items():
-            alias = self._alias[name]
             if leaf.spec.derivatives is not None:
                 size = len(leaf.continuous_state)
                 for vector in ("x", "x0", "k1", "k2", "dx"):
-                    code.add(f"{alias}_{vector} = local({size})")
-                code.copy(size, f"x[{_at(self.layout.continuous[name].start)}]", f"{alias}_x[i]")
+                    code.add(_made(self._vector(name, vector), size))
+                code.copy(size, f"x[{_at(self.layout.continuous[name].start)}]", f"{self._vector(name, 'x')}[i]")
             if size := len(leaf.discrete_state):
                 for vector in ("d", "next", *(["held"] if self._has_several(name) else [])):
-                    code.add(f"{alias}_{vector} = local({size})")
-                code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{alias}_d[i]")
+                    code.add(_made(self._vector(name, vector), size))
+                code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{self._vector(name, 'd')}[i]")
             start = self.layout.parameters[name].start
             for parameter, size, is_scalar in _parameter_sizes(leaf.spec):
-                own = f"{alias}_{parameter}"
+                own = self._parameter(name, parameter)
                 if is_scalar:
                     code.add(f"{own} = p[{start}]")
                 elif size > _LONGEST_COPY:
                     code.add(f"{own} = part(p, {start}, {size})")
                 else:
-                    code.add(f"{own} = local({size})")
+                    code.add(_made(own, size))
                     code.copy(size, f"p[{_at(start)}]", f"{own}[i]")
                 start += size
-        for port, name in self._ports.items():
-            code.add(f"{name} = local({self._network.source_size(port)})")
+        for port in [key for key in self._names if isinstance(key, Port)]:
+            code.add(_made(self._port(port), self._network.source_size(port)))
         code.add("empty = local(0)")
         return code.lines
 
@@ -141,9 +144,9 @@ class Emitter:
         code = _Code([], depth=1)
         for name, leaf in self._network.leaves.items():
             if size := len(leaf.continuous_state):
-                code.copy(size, f"{self._alias[name]}_x[i]", f"x[{_at(self.layout.continuous[name].start)}]")
+                code.copy(size, f"{self._vector(name, 'x')}[i]", f"x[{_at(self.layout.continuous[name].start)}]")
             if size := len(leaf.discrete_state):
-                code.copy(size, f"{self._alias[name]}_d[i]", f"d[{_at(self.layout.discrete[name].start)}]")
+                code.copy(size, f"{self._vector(name, 'd')}[i]", f"d[{_at(self.layout.discrete[name].start)}]")
         return code.lines
 
     # -- phases ----------------------------------------------------------------------------------------------------
@@ -156,49 +159,52 @@ class Emitter:
                         self._evaluate(inner, port, tick)
                         row = "k" if divisor == 1 else f"k // {divisor}"
                         size = self._network.source_size(port)
-                        inner.copy(size, f"{self._port(port)}[i]", f"{_log_name(name)}[{row}, i]")
+                        inner.copy(size, f"{self._port(port)}[i]", f"{self._log_name(name)}[{row}, i]")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
-        """All updates of a phase see the state before it; then all are stored."""
-        due: dict[str | None, list[tuple[str, Update]]] = {}
+        """All updates of a phase see the state before it; then all are stored. Those of one leaf act one after the
+        other, in the order declared."""
+        alone: dict[str | None, list[tuple[str, Update]]] = {}
+        ordered = []
         for name, leaf in self._network.leaves.items():
             for update in leaf.spec.updates:
-                if update.phase is phase:
-                    due.setdefault(_condition(update), []).append((name, update))
-        if not due:
+                if update.phase is phase and self._has_several(name):
+                    ordered.append((_condition(update), [(name, update)]))
+                elif update.phase is phase:
+                    alone.setdefault(_condition(update), []).append((name, update))
+        groups = sorted(alone.items(), key=lambda item: item[0] or "") + ordered
+        if not groups:
             return
         code.add(f"# {phase.value}")
-        several = {name for _, group in due.items() for name, _ in group if self._has_several(name)}
-        for name in sorted(several):
+        for name in sorted({name for _, group in ordered for name, _ in group}):
             self._copy_memory(code, name, "d", "next")
-        for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
+        for condition, group in groups:
             with code.inside(condition) as inner:
                 for name, update in group:
                     self._write_update(inner, name, update)
-        for condition, group in sorted(due.items(), key=lambda item: item[0] or ""):
+        for condition, group in groups:
             with code.inside(condition) as inner:
-                for name in dict.fromkeys(name for name, _ in group):
+                for name, _ in group:
                     self._copy_memory(inner, name, "next", "d")
-        changed = {("d", name) for group in due.values() for name, _ in group}
+        changed = {("d", name) for _, group in groups for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
 
     def _copy_memory(self, code, name, source, target):
-        alias = self._alias[name]
-        code.copy(len(self._network.leaves[name].discrete_state), f"{alias}_{source}[i]", f"{alias}_{target}[i]")
+        source, target = (f"{self._vector(name, vector)}[i]" for vector in (source, target))
+        code.copy(len(self._network.leaves[name].discrete_state), source, target)
 
     def _has_several(self, name):
         return len(self._network.leaves[name].spec.updates) > 1
 
     def _write_update(self, code: _Code, name: str, update: Update) -> None:
-        alias = self._alias[name]
         if update.through:
             self._step(code, name, "k")
             return
         values = self._arguments(code, name, update.kernel, "k")
         if self._has_several(name):  # one after the other, in the order declared
             self._copy_memory(code, name, "next", "held")
-            values = [f"{alias}_held" if value == f"{alias}_d" else value for value in values]
-        code.add(f"{self._kernel(name, update.kernel)}({', '.join([*values, f'{alias}_next'])})")
+            values = [self._vector(name, "held") if value == self._vector(name, "d") else value for value in values]
+        self._call(code, update.kernel, values, self._vector(name, "next"))
 
     def _write_step(self, code: _Code) -> None:
         """Drake's fixed-step Runge-Kutta 3, in its own order of operations."""
@@ -213,8 +219,8 @@ class Emitter:
                 self._evaluate_steady(steady, port)
         stages = (
             ("k", []),
-            ("k", ["{0}_k1[i] = {0}_dx[i]", "{0}_x0[i] = {0}_x[i]", "{0}_x[i] = {0}_x0[i] + (0.5 * h) * {0}_k1[i]"]),
-            ("k + 1", ["{0}_k2[i] = {0}_dx[i]", "{0}_x[i] = {0}_x0[i] + (-h * {0}_k1[i] + (2.0 * h) * {0}_k2[i])"]),
+            ("k", ["{k1}[i] = {dx}[i]", "{x0}[i] = {x}[i]", "{x}[i] = {x0}[i] + (0.5 * h) * {k1}[i]"]),
+            ("k + 1", ["{k2}[i] = {dx}[i]", "{x}[i] = {x0}[i] + (-h * {k1}[i] + (2.0 * h) * {k2}[i])"]),
         )
         for tick, lines in stages:
             self._for_each_state(code, lines)
@@ -223,26 +229,25 @@ class Emitter:
             for name in leaves:
                 function = self._network.leaves[name].spec.derivatives
                 values = self._arguments(inner, name, function, tick)
-                code.add(f"{self._kernel(name, function)}({', '.join([*values, f'{self._alias[name]}_dx'])})")
+                self._call(code, function, values, self._vector(name, "dx"))
         code.add("h6 = h / 6.0")
-        self._for_each_state(code, [
-            "{0}_x[i] = {0}_x0[i] + ((h6 * {0}_k1[i] + (4.0 * h6) * {0}_k2[i]) + h6 * {0}_dx[i])",
-        ])
+        self._for_each_state(code, ["{x}[i] = {x0}[i] + ((h6 * {k1}[i] + (4.0 * h6) * {k2}[i]) + h6 * {dx}[i])"])
         code.add(f"if k % {_CHECK_TICKS} == 0:")
         inner = _Code(code.lines, depth=code.depth + 1)
         inner.add("finite = True")
-        self._for_each_state(inner, ["finite = finite and np.isfinite({0}_x[i])"])
+        self._for_each_state(inner, ["finite = finite and np.isfinite({x}[i])"])
         inner.add("if not finite:")
         inner.add("    reached = k")
         inner.add("    break")
 
     def _for_each_state(self, code: _Code, lines: list[str]) -> None:
-        """The lines for every element `i` of every leaf `{0}` with a continuous state."""
+        """The lines for every element `i` of every leaf with a continuous state, `{x}` and so on its vectors."""
         for name, leaf in self._network.leaves.items():
             if lines and leaf.spec.derivatives is not None:
+                vectors = {vector: self._vector(name, vector) for vector in ("x", "x0", "k1", "k2", "dx")}
                 code.add(f"for i in range({len(leaf.continuous_state)}):")
                 for line in lines:
-                    code.add("    " + line.format(self._alias[name]))
+                    code.add("    " + line.format(**vectors))
 
     # -- evaluating outputs ----------------------------------------------------------------------------------------
 
@@ -256,7 +261,7 @@ class Emitter:
         if stepped:
             self._step(code, port.leaf, tick)
         values = self._arguments(code, port.leaf, function, tick, stepped)
-        code.add(f"{self._kernel(port.leaf, function)}({', '.join([*values, self._port(port)])})")
+        self._call(code, function, values, self._port(port))
         code.fresh.add(port)
 
     def _evaluate_steady(self, code: _Code, port: Port) -> None:
@@ -277,21 +282,22 @@ class Emitter:
             return
         function = _through(self._network.leaves[name].spec).kernel
         values = self._arguments(code, name, function, tick)
-        code.add(f"{self._kernel(name, function)}({', '.join([*values, f'{self._alias[name]}_next'])})")
+        self._call(code, function, values, self._vector(name, "next"))
         code.fresh.add(("step", name))
 
     def _arguments(self, code: _Code, name: str, function, tick: str, stepped: bool = False) -> list[str]:
-        leaf, alias, values = self._network.leaves[name], self._alias[name], []
+        leaf, values = self._network.leaves[name], []
         for argument in arguments(function):
             if argument in leaf.spec.inputs:
                 self._evaluate(code, leaf.sources[argument], tick)
                 values.append(self._port(leaf.sources[argument]))
             elif argument == "xd":
-                values.append("empty" if not len(leaf.discrete_state) else f"{alias}_{'next' if stepped else 'd'}")
+                held = "next" if stepped else "d"
+                values.append(self._vector(name, held) if len(leaf.discrete_state) else "empty")
             elif argument == "xc":
-                values.append(f"{alias}_x")
+                values.append(self._vector(name, "x"))
             else:
-                values.append(tick if argument == "tick" else f"{alias}_{argument}")
+                values.append(tick if argument == "tick" else self._parameter(name, argument))
         return values
 
     def _sources(self, name, function):
@@ -299,11 +305,11 @@ class Emitter:
         return [leaf.sources[argument] for argument in arguments(function) if argument in leaf.sources]
 
     def _depends(self, item) -> frozenset:
-        """The atoms ("x", leaf), ("d", leaf), ("tick",), ("u",) that a port, or a leaf's step, depends on."""
+        """The atoms ("x", leaf), ("d", leaf), ("tick",) that a port, or a leaf's step, depends on."""
         if item in self._dependencies:
             return self._dependencies[item]
         if isinstance(item, Port) and item.leaf is None:
-            return frozenset({"u", ("u",)})
+            return frozenset()
         name = item.leaf if isinstance(item, Port) else item[1]
         leaf = self._network.leaves[name]
         through = _through(leaf.spec)
@@ -325,21 +331,43 @@ class Emitter:
 
     # -- names -----------------------------------------------------------------------------------------------------
 
-    def _port(self, port: Port) -> str:
-        if port not in self._ports:
-            owner = "input" if port.leaf is None else self._alias[port.leaf]
-            self._ports[port] = f"{owner}__{_identifier(port.name)}"
-        return self._ports[port]
+    def _name(self, key: object, wanted: str) -> str:
+        """The name in the text for `key`, as near to `wanted` as may be; all names come from here, no two are equal."""
+        if key not in self._names:
+            wanted = re.sub(r"[^0-9A-Za-z_]", "_", wanted)
+            if not _is_log(key) and re.match(r"\d|_|lanes_|log_", wanted):
+                wanted = f"n{wanted}"
+            candidates = itertools.chain([wanted], (f"{wanted}_{i}" for i in itertools.count(2)))
+            self._names[key] = next(name for name in candidates if name not in self._taken)
+            self._taken.add(self._names[key])
+        return self._names[key]
 
-    def _kernel(self, name: str, function) -> str:
-        """The kernel's name in the text: module and function, which tells equal names of different blocks apart."""
+    def _vector(self, leaf: str, vector: str) -> str:
+        return self._name(("vector", leaf, vector), f"{leaf}_{vector}")
+
+    def _parameter(self, leaf: str, parameter: str) -> str:
+        return self._name(("p", leaf, parameter), f"{leaf}_{parameter}")
+
+    def _port(self, port: Port) -> str:
+        return self._name(port, f"{'input' if port.leaf is None else port.leaf}__{port.name}")
+
+    def _log_name(self, log: str) -> str:
+        return self._name(("log", log), f"log_{log}")
+
+    def _call(self, code: _Code, function, values: list[str], out: str) -> None:
+        """A call of a kernel; its name in the text is that of its module and its own."""
         module = getattr(function, "py_func", function).__module__.rpartition(".")[2]
-        base = _identifier(f"{module}_{function.__name__}")
-        for number in itertools.count(1):
-            text = base if number == 1 else f"{base}_{number}"
-            if self.kernels.setdefault(text, function) is function:
-                return text
-        raise AssertionError("unreachable")
+        name = self._name(("kernel", function), f"{module}_{function.__name__}")
+        self.kernels[name] = function
+        code.add(f"{name}({', '.join([*values, out])})")
+
+
+def _is_log(key) -> bool:
+    return isinstance(key, tuple) and key[0] == "log"
+
+
+def _made(name: str, size: int) -> str:
+    return f"{name} = {'local' if size <= _LARGEST_LOCAL else 'np.zeros'}({size})"
 
 
 def _through(spec) -> Update | None:
@@ -374,20 +402,3 @@ def _slices(sizes: dict) -> dict:
         parts[name] = slice(start, start + size)
         start += size
     return parts
-
-
-def _identifier(text: str) -> str:
-    return re.sub(r"\W", "_", text)
-
-
-def _log_name(name: str) -> str:
-    return f"log_{_identifier(name)}"
-
-
-def _unique_names(leaves) -> dict[str, str]:
-    names: dict[str, str] = {}
-    for path in leaves:
-        base = _identifier(path)
-        candidates = itertools.chain([base], (f"{base}_{i}" for i in itertools.count(2)))
-        names[path] = next(name for name in candidates if name not in names.values())
-    return names

@@ -8,7 +8,6 @@ robots' plants.
 """
 
 import ast
-import inspect
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,9 +17,10 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from pydrake.systems.framework import Context, Diagram
 
+from drake_ispace.block import text_of
 from drake_ispace.errors import InputError
 from drake_ispace.rollout import views
-from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram
 
 _NUMPY_FUNCTIONS = {"floor", "sqrt"}
 _PYTHON_FUNCTIONS = {"abs", "min", "max", "range"}
@@ -46,16 +46,22 @@ class LaneRollout:
         Returns:
             name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives. A run that leaves the
             numbers goes on with infinities and NaN in its lane instead of stopping.
+
+        Raises:
+            InputError: a number of ticks that no clock holds, or rows of another length.
         """
+        check_ticks(ticks)
         parameters = np.atleast_2d(np.asarray(parameters, dtype=float))
-        runs = len(parameters)
+        runs, size = len(parameters), len(self.single.parameters)
+        if parameters.shape != (runs, size):
+            raise InputError(f"parameters: are an array {parameters.shape}, expected (runs, {size})")
         logs = {
             name: np.empty((runs, ticks // divisor + 1, size)) for name, (size, divisor) in self.single.logged.items()
         }
         for start in range(0, runs, self.lanes):
             chosen = np.minimum(np.arange(start, start + self.lanes), runs - 1)  # the last group repeats its last run
             rows = [np.empty((*log.shape[1:], self.lanes)) for log in logs.values()]
-            p = np.ascontiguousarray(parameters[chosen].T)
+            p = np.array(parameters[chosen].T, order="C")
             states = (self.single.continuous_state, self.single.discrete_state)
             self._function(0, ticks, *(np.repeat(s[:, None], self.lanes, axis=1) for s in states), p, *rows)
             for log, lanes in zip(logs.values(), rows, strict=True):
@@ -84,14 +90,15 @@ def compile_lanes(
     function = numba.njit(nogil=True, error_model="numpy")(names["rollout"])
     rows, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     function.compile((numba.int64, numba.int64, rows, rows, rows, *[cube] * len(single.logged)))
+    function.disable_compile()
     return LaneRollout(single, text, lanes, function)
 
 
 class _Writer:
     """The text of an emitted rollout, rewritten for lanes.
 
-    A vector `v` is that of the lane at hand; `v_all` holds it for all lanes. One that lives only inside a single loop
-    over the lanes has no `v_all`.
+    A vector `v` is that of the lane at hand; `lanes_v` holds it for all lanes. One that lives only inside a single loop
+    over the lanes has no `lanes_v`.
     """
 
     def __init__(self, rollout: ast.FunctionDef, lanes: int):
@@ -110,7 +117,7 @@ class _Writer:
         arguments = ", ".join(a.arg for a in rollout.args.args if a.arg != "recorded")
         lines = [f"def rollout({arguments}):", '    """One more index on every array: the lane."""']
         lines += [f"    {v} = local({size})" for v, size in self._sizes.items()]
-        lines += [f"    {v}_all = matrix({size}, {lanes})" for v, size in self._sizes.items() if v in self._shared]
+        lines += [f"    lanes_{v} = matrix({size}, {lanes})" for v, size in self._sizes.items() if v in self._shared]
         lines += self._loop(filled, "    ")
         lines += ["    for k in range(first, last + 1):"]
         for condition, statements in groups:
@@ -124,6 +131,8 @@ class _Writer:
 
     def _declare(self, statement, filled):
         name, value = statement.targets[0].id, statement.value
+        if isinstance(value, ast.Call) and ast.unparse(value.func) == "np.zeros":
+            raise InputError(f"lanes: {name} has {value.args[0].value} floats, expected vectors that fit on the stack")
         if isinstance(value, ast.Call) and value.func.id == "local":
             self._sizes[name] = value.args[0].value
         elif isinstance(value, ast.Call):  # part(p, start, size)
@@ -138,12 +147,12 @@ class _Writer:
         inner = [f"{name} = p[{place}, lane]" for name, place in self._scalars.items() if name in used]
         for vector, size in self._sizes.items():
             if vector in self._shared & used:
-                inner += [f"for i in range({size}):", f"    {vector}[i] = {vector}_all[i, lane]"]
+                inner += [f"for i in range({size}):", f"    {vector}[i] = lanes_{vector}[i, lane]"]
         for statement in statements:
             inner += ast.unparse(ast.fix_missing_locations(_PackedIndex().visit(statement))).splitlines()
         for vector, size in self._sizes.items():
             if vector in self._shared & written:
-                inner += [f"for i in range({size}):", f"    {vector}_all[i, lane] = {vector}[i]"]
+                inner += [f"for i in range({size}):", f"    lanes_{vector}[i, lane] = {vector}[i]"]
         return [f"{indent}for lane in range({self._lanes}):", *(f"{indent}    {line}" for line in inner)]
 
 
@@ -189,7 +198,10 @@ def _written(node) -> set[str]:
 def _obstacle(kernel: Dispatcher) -> str | None:
     """Why a kernel, or a helper of it, gains nothing from lanes."""
     function = kernel.py_func
-    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
+    text = text_of(kernel)
+    if text is None:
+        return "has no source text"
+    (definition,) = ast.parse(textwrap.dedent(text)).body
     for node in definition.body:
         for inner in ast.walk(node):
             if isinstance(inner, ast.If | ast.While):

@@ -1,5 +1,7 @@
 """A Diagram taken apart: its leaves as Specs with initial values, and who feeds whom, nested Diagrams opened."""
 
+import re
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,48 +52,77 @@ def take_apart(diagram: Diagram, context: Context) -> Network:
     Raises:
         InputError: a system that a compiled rollout does not know, or an input port that nothing feeds.
     """
-    leaves: dict[str, Leaf] = {}
-    inputs = {}
-    for i in range(diagram.num_input_ports()):
-        inputs[diagram.get_input_port(i).get_name()] = diagram.get_input_port(i).size()
-    fed = {i: Port(None, name) for i, name in enumerate(inputs)}
-    _open(diagram, context, "", fed, leaves)
-    outputs = {}
-    for i in range(diagram.num_output_ports()):
-        outputs[diagram.get_output_port(i).get_name()] = _source(diagram, i, "")
-    return Network(leaves, outputs, inputs)
+    return _Opened(diagram, context).network
 
 
-def _open(diagram: Diagram, context, prefix, fed, leaves):
-    """Add the leaves of `diagram`; `fed`: what feeds each of its own input ports."""
-    wires: dict[tuple[System, int], Port] = {}
-    for (target, port), (source, out) in diagram.connection_map().items():
-        wires[target, int(port)] = _output(source, int(out), prefix)
-    for i in range(diagram.num_input_ports()):
-        for target, port in diagram.GetInputPortLocators(InputPortIndex(i)):
-            wires[target, int(port)] = fed.get(i)
-    for system in diagram.GetSystems():
-        if isinstance(system, VectorLogSink):
-            continue
-        path = prefix + system.get_name()
-        feeds = {i: wires.get((system, i)) for i in range(system.num_input_ports())}
-        own = diagram.GetSubsystemContext(system, context)
+_ADDRESS = re.compile(r"@[0-9a-f]{16}$")  # at the end of the name that Drake gives to a system without one
+
+
+class _Opened:
+    """A Diagram on its way to a Network."""
+
+    def __init__(self, diagram: Diagram, context: Context):
+        self._types: Counter[str] = Counter()
+        self._own_names: dict[str, str] = {}  # name that holds an address -> one that is the same in every process
+        self._name_unnamed(diagram)
+        self._leaves: dict[str, Leaf] = {}
+        inputs = {}
+        for i in range(diagram.num_input_ports()):
+            inputs[self._named(diagram.get_input_port(i))] = diagram.get_input_port(i).size()
+        self._open(diagram, context, "", {i: Port(None, name) for i, name in enumerate(inputs)})
+        outputs = {}
+        for i in range(diagram.num_output_ports()):
+            outputs[self._named(diagram.get_output_port(i))] = self._source(diagram, i, "")
+        self.network = Network(self._leaves, outputs, inputs)
+
+    def _name_unnamed(self, diagram):
+        """Type and number for every system that has no name of its own."""
+        for system in diagram.GetSystems():
+            if _ADDRESS.search(system.get_name()):
+                kind = type(system).__name__
+                self._types[kind] += 1
+                self._own_names[system.get_name()] = f"{kind}_{self._types[kind]}"
+            if isinstance(system, Diagram):
+                self._name_unnamed(system)
+
+    def _named(self, item):
+        """The name of a system, or of an exported port, which may hold that of its system."""
+        name = item.get_name()
+        if "@" in name:
+            for address, own in self._own_names.items():
+                name = name.replace(address, own)
+        return name
+
+    def _open(self, diagram, context, prefix, fed):
+        """Add the leaves of `diagram`; `fed`: what feeds each of its own input ports."""
+        wires: dict[tuple[System, int], Port] = {}
+        for (target, port), (source, out) in diagram.connection_map().items():
+            wires[target, int(port)] = self._output(source, int(out), prefix)
+        for i in range(diagram.num_input_ports()):
+            for target, port in diagram.GetInputPortLocators(InputPortIndex(i)):
+                wires[target, int(port)] = fed.get(i)
+        for system in diagram.GetSystems():
+            if isinstance(system, VectorLogSink):
+                continue
+            path = prefix + self._named(system)
+            feeds = {i: wires.get((system, i)) for i in range(system.num_input_ports())}
+            own = diagram.GetSubsystemContext(system, context)
+            if isinstance(system, Diagram):
+                self._open(system, own, f"{path}/", feeds)
+            elif path in self._leaves:
+                raise InputError(f"two systems are called {path}, expected one of that name")
+            else:
+                self._leaves[path] = _leaf(system, own, path, feeds)
+
+    def _output(self, system, index, prefix) -> Port:
+        path = prefix + self._named(system)
         if isinstance(system, Diagram):
-            _open(system, own, f"{path}/", feeds, leaves)
-        else:
-            leaves[path] = _leaf(system, own, path, feeds)
+            return self._source(system, index, f"{path}/")
+        return Port(path, system.get_output_port(index).get_name())
 
-
-def _output(system, index, prefix) -> Port:
-    path = prefix + system.get_name()
-    if isinstance(system, Diagram):
-        return _source(system, index, f"{path}/")
-    return Port(path, system.get_output_port(index).get_name())
-
-
-def _source(diagram, index, prefix) -> Port:
-    system, out = diagram.get_output_port_locator(OutputPortIndex(index))
-    return _output(system, int(out), prefix)
+    def _source(self, diagram, index, prefix) -> Port:
+        system, out = diagram.get_output_port_locator(OutputPortIndex(index))
+        return self._output(system, int(out), prefix)
 
 
 def _leaf(system, context, path, feeds) -> Leaf:
@@ -105,6 +136,12 @@ def _leaf(system, context, path, feeds) -> Leaf:
                 f"{path}: the maths of {type(system).__name__} are no kernels, so it cannot be compiled; expected a "
                 "Diagram without it, or Drake's own Simulator"
             )
+        for function in _kernels(spec):
+            if not hasattr(function, "digest"):
+                raise InputError(
+                    f"{path}: {function.__name__} is compiled with numba.njit alone, expected block.kernel (@kernel), "
+                    "which knows when it has changed"
+                )
         parameters = context.get_numeric_parameter(0).CopyToVector()
     sources = {}
     read = {name for function in _kernels(spec) for name in arguments(function)}

@@ -30,7 +30,7 @@ def _kernel(text: str):
     exec(text, {"__name__": "drake"}, namespace)
     (function,) = namespace.values()
     compiled = numba.njit(**jit_options(function))(function)
-    compiled.digest = hashlib.sha256(text.encode()).hexdigest()
+    compiled.digest, compiled.text = hashlib.sha256(text.encode()).hexdigest(), text
     return compiled
 
 
@@ -85,7 +85,8 @@ def _demultiplexer(system, context, inputs, outputs, where):
     (source,) = inputs
     parts, start = {}, 0
     for name, size in outputs.items():
-        parts[name] = Output(size, _kernel(f"def output({source}, out):\n    out[:] = {source}[{start}:{start + size}]\n"))
+        text = f"def output({source}, out):\n    out[:] = {source}[{start}:{start + size}]\n"
+        parts[name] = Output(size, _kernel(text))
         start += size
     return Spec(inputs=inputs, outputs=parts)
 
@@ -109,7 +110,7 @@ def _matrix_gain(system, context, inputs, outputs, where):
 
 def _saturation(system, context, inputs, outputs, where):
     if len(inputs) > 1:
-        raise InputError(f"{where}: limits that come through ports are not known to a compiled rollout, expected constants")
+        raise InputError(f"{where}: a compiled rollout knows no limits that come through ports, expected constants")
     (size,) = inputs.values()
     lower, upper = (_evaluate(system, np.full(size, extreme)) for extreme in (-np.inf, np.inf))
     return _stateless(
@@ -127,7 +128,8 @@ def _hold(system, context, inputs, outputs, where):
 def _delay(system, context, inputs, outputs, where):
     """The state is a queue, oldest sample first."""
     (source,) = inputs
-    text = f"def update(xd, {source}, out):\n    n = {source}.shape[0]\n    out[:-n] = xd[n:]\n    out[-n:] = {source}\n"
+    lines = [f"n = {source}.shape[0]", "out[:-n] = xd[n:]", f"out[-n:] = {source}"]
+    text = f"def update(xd, {source}, out):\n" + "".join(f"    {line}\n" for line in lines)
     return _sampled(system, context, inputs, outputs, where, text)
 
 

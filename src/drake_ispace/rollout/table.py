@@ -127,6 +127,12 @@ def spread(table: pa.Table, names: Sequence[str]) -> dict[str, dict[str, float |
 
 def _compare(found, wanted, folder):
     for key in {**wanted, **found}:
+        if key == "code" and found.get(key) != wanted.get(key) and isinstance(found.get(key), dict):
+            changed = [name for name in wanted[key] if found[key].get(name) != wanted[key][name]]
+            raise InputError(
+                f"{folder / PLAN}: the rows there were computed by other code ({', '.join(map(shown, changed))}), "
+                "expected the same version of drake_ispace, or another folder"
+            )
         if found.get(key) != wanted.get(key):
             raise InputError(
                 f"{folder / PLAN}: another campaign lies there, its {key} is {shown(_plain(found.get(key)))}, not "
