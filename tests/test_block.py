@@ -385,6 +385,8 @@ def test_the_digest_follows_arrays_helpers_defaults_and_inner_functions():
     assert made(text, g=numba.njit(helper_one)) != made(text, g=numba.njit(helper_two))
     texts = [f"def f(x, out, step={step}):\n    out[0] = step\n" for step in (1.0, 2.0)]
     assert made(texts[0]) == made(texts[0]) != made(texts[1])
+    text = "def f(x, out):\n    out[0] = g(x)\n"
+    assert made(text, g=np.linalg.norm) == made(text, g=np.linalg.norm) != made(text, g=np.linalg.det)
     text = "def f(x, out):\n    out[0] = [g for i in range(2)][0]\n"
     assert made(text, g=1.0) != made(text, g=2.0)
 

@@ -182,6 +182,8 @@ def _described(value, where: str, name: str = "") -> str:
         return value.__name__
     if isinstance(value, Dispatcher):
         return getattr(value, "digest", None) or _digest(value.py_func, value.targetoptions)
+    if callable(value) and str(getattr(value, "__module__", "")).partition(".")[0] in _MODULES:
+        return f"{value.__module__}.{value.__name__}"
     if isinstance(value, types.FunctionType):
         return _digest(value)
     if isinstance(value, np.ndarray):

@@ -167,11 +167,13 @@ class Emitter:
         alone: dict[str | None, list[tuple[str, Update]]] = {}
         ordered = []
         for name, leaf in self._network.leaves.items():
-            for update in leaf.spec.updates:
-                if update.phase is phase and self._has_several(name):
-                    ordered.append((_condition(update), [(name, update)]))
-                elif update.phase is phase:
-                    alone.setdefault(_condition(update), []).append((name, update))
+            updates = [update for update in leaf.spec.updates if update.phase is phase]
+            for condition, group in itertools.groupby(updates, _condition):
+                due = [(name, update) for update in group]
+                if self._has_several(name):
+                    ordered.append((condition, due))
+                else:
+                    alone.setdefault(condition, []).extend(due)
         groups = sorted(alone.items(), key=lambda item: item[0] or "") + ordered
         if not groups:
             return
@@ -184,7 +186,7 @@ class Emitter:
                     self._write_update(inner, name, update)
         for condition, group in groups:
             with code.inside(condition) as inner:
-                for name, _ in group:
+                for name in dict.fromkeys(name for name, _ in group):
                     self._copy_memory(inner, name, "next", "d")
         changed = {("d", name) for _, group in groups for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
