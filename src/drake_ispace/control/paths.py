@@ -1,5 +1,6 @@
 """Paths on the floor, as a table over arc length, and the distance of points to them."""
 
+import itertools
 import os
 from dataclasses import dataclass
 
@@ -180,7 +181,7 @@ def _polyline(points, closed):
     if len(points) == 1:
         return Path(np.array([[0.0, *points[0], 1.0, 0.0, 0.0]]), closed=False)
     rows, arc = [], 0.0
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in itertools.pairwise(points):
         length = float(np.linalg.norm(b - a))
         tangent = (b - a) / length
         rows += [[arc, *a, *tangent, 0.0], [arc + length, *b, *tangent, 0.0]]

@@ -11,7 +11,7 @@ from drake_ispace.simulation import Run
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.pyplot as plt
 
 # Drawn in this order: what lies under the others is broad and pale.
 _STYLES = {

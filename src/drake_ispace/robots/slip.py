@@ -61,10 +61,10 @@ def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
         InputError: traction slip on the world's axes, which has no meaning; slip of 1 and more in the body frame.
     """
     if slip.frame != "body" and any(slip.traction_gain):
-        raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts in the body frame")
+        raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts on the body")
     for key, ratios in (("ratio", slip.ratio), ("patch_ratio", slip.patch_ratio)):
         if slip.frame == "body" and max(ratios) >= 1.0:
-            raise InputError(f"{where}.{key}: {max(ratios):g} would drive backwards, expected less than 1 with frame body")
+            raise InputError(f"{where}.{key}: {max(ratios):g} drives backwards, expected less than 1 with frame body")
     patch = slip.patch_m or [0.0] * 4
     axes = ("x", "y", "yaw")
     return {

@@ -32,7 +32,7 @@ def unpack(frame: bytes) -> tuple[int, tuple[float, ...]] | None:
     body, (checksum,) = frame[2:-2], struct.unpack("<H", frame[-2:])
     if binascii.crc_hqx(body, 0xFFFF) != checksum:
         return None
-    count, tick, *values = struct.unpack(f"<BI{frame[2]}f", body)
+    _, tick, *values = struct.unpack(f"<BI{frame[2]}f", body)
     return tick, tuple(values)
 
 
@@ -46,7 +46,9 @@ def delay_ticks(link: Link, order_size: int) -> int:
         return link.delay_ticks
     bits = 10 * len(pack(0, [0.0] * (FIX + order_size)))
     if bits > link.baud_rate:
-        raise InputError(f"space.link.baud_rate: {link.baud_rate} bit/s, expected at least {bits} (a frame a second) or 0")
+        raise InputError(
+            f"space.link.baud_rate: {link.baud_rate} bit/s, expected at least {bits} (a frame a second) or 0"
+        )
     return link.delay_ticks + int(np.ceil(bits / link.baud_rate / TICK_S))
 
 

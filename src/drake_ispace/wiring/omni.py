@@ -142,7 +142,7 @@ def omni_gains(robot: OmniRobot, period_s: float) -> tuple[np.ndarray, np.ndarra
 
 
 def linear_model(plant: OmniPlantParameters) -> tuple[np.ndarray, np.ndarray]:
-    """(A (6, 6), B (6, 3)) of (6.15)-(6.16): x = [x, y, phi and rates], input force in W, slip and friction left out."""
+    """(A (6, 6), B (6, 3)) of (6.15)-(6.16): x = [x, y, phi and rates], input force in W, no slip, no friction."""
     neutral = dataclasses.replace(plant, friction=Friction(), slip=Slip())
     block = OmniPlant(neutral)
     context = block.CreateDefaultContext()
@@ -155,5 +155,6 @@ def start_pose(trajectory: Trajectory, path: Path) -> list[float]:
     """x, y [m], phi [rad] where the path begins; the origin for a path that is a single point."""
     if path.length_m == 0.0:
         return [0.0, 0.0, trajectory.heading_rad]
-    heading = np.arctan2(path.table[0, 4], path.table[0, 3]) if trajectory.heading == "tangent" else trajectory.heading_rad
-    return [float(path.table[0, 1]), float(path.table[0, 2]), float(heading)]
+    _, x, y, along_x, along_y, _ = path.table[0]
+    heading = np.arctan2(along_y, along_x) if trajectory.heading == "tangent" else trajectory.heading_rad
+    return [float(x), float(y), float(heading)]
