@@ -10,7 +10,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, arguments, cache_folder, kernel, plain
+from drake_ispace.block import Block, Output, Phase, Spec, Update
+from drake_ispace.kernels import arguments, cache_folder, kernel, plain
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.friction import Friction
 from drake_ispace.robots.linear_pendulum import LinearPendulumPlant

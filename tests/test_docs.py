@@ -34,7 +34,9 @@ COMMANDS = [
 @pytest.mark.parametrize("page, text", PYTHON, ids=[f"{page}-{i}" for i, (page, _) in enumerate(PYTHON)])
 def test_code_on_a_page_runs(page, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    exec(compile(text, page, "exec"), {"__name__": "__main__"})
+    names = {"__name__": "__main__"}
+    exec(compile(text, page, "exec"), names)
+    assert len(names) > 1
 
 
 @pytest.mark.parametrize("page, line", COMMANDS, ids=[line for _, line in COMMANDS])

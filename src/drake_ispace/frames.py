@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.block import kernel
+from drake_ispace.kernels import kernel
 
 
 @kernel

@@ -8,7 +8,7 @@ import hashlib
 
 import numpy as np
 
-from drake_ispace.block import kernel
+from drake_ispace.kernels import kernel
 
 
 def stream(seed: int, name: str) -> np.ndarray:

@@ -23,8 +23,9 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, cache_folder, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.errors import InputError
+from drake_ispace.kernels import cache_folder, kernel
 from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.rollout import compile as compile_module
 from drake_ispace.rollout.compile import compile_diagram, kernel_text

@@ -6,7 +6,8 @@ directly used": P_ev in the ticks in which a fix arrives, raw P_lo in all others
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.space.localizer import FIX
 
 

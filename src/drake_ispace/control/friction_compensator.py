@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec, kernel
+from drake_ispace.block import Block, Output, Spec
+from drake_ispace.kernels import kernel
 from drake_ispace.quantity import quantity
 
 

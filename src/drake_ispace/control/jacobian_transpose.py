@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec, kernel
+from drake_ispace.block import Block, Output, Spec
+from drake_ispace.kernels import kernel
 from drake_ispace.robots.wheels import WheelGeometry
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.robots.wheels import WheelGeometry
 
 TICK, X, Y, PHI, PATH, BEFORE = 0, 1, 2, 3, 4, 5  # x_d; BEFORE: wheel angles (and tilt) of the last sample

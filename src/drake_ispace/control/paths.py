@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import kernel
 from drake_ispace.errors import InputError, shown
+from drake_ispace.kernels import kernel
 from drake_ispace.quantity import quantity
 
 KINDS = ("step", "pulse", "line", "square", "circle", "figure_eight", "polyline")

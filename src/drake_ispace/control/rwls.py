@@ -15,7 +15,7 @@ hundredth of what forgetting takes away (1 - lambda), nothing is forgotten, and 
 
 import numpy as np
 
-from drake_ispace.block import kernel
+from drake_ispace.kernels import kernel
 
 
 @kernel

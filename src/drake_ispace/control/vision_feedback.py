@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.rates import TICK_S, VISION_TICKS
 from drake_ispace.space.localizer import FIX
 

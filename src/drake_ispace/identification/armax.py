@@ -3,10 +3,10 @@ squares): the last a-posteriori residuals join the regressor."""
 
 import numpy as np
 
-from drake_ispace.block import kernel
 from drake_ispace.control.rwls import update
 from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.structures import Problem
+from drake_ispace.kernels import kernel
 
 
 @kernel(nogil=True)

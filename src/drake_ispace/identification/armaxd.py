@@ -13,11 +13,11 @@ noise lies below the cut-off L passes it and nothing is gained; noise of any oth
 import numpy as np
 from scipy.signal import butter
 
-from drake_ispace.block import kernel
 from drake_ispace.control.rwls import update
 from drake_ispace.errors import InputError
 from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.structures import Problem
+from drake_ispace.kernels import kernel
 
 
 @kernel

@@ -9,9 +9,10 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 from scipy.signal import savgol_filter
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.errors import InputError
 from drake_ispace.identification.structures import tilt_of
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
 from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec, copy, kernel
+from drake_ispace.block import Block, Output, Spec
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
 from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import kernel
 from drake_ispace.errors import InputError
+from drake_ispace.kernels import kernel
 from drake_ispace.quantity import quantity
 
 FRAMES = ("body", "world", "additive")

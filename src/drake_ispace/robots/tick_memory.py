@@ -6,7 +6,8 @@ and Drake's `Linearize` takes it as it is.
 
 import numpy as np
 
-from drake_ispace.block import Phase, Update, kernel
+from drake_ispace.block import Phase, Update
+from drake_ispace.kernels import kernel
 from drake_ispace.noise import normal
 from drake_ispace.robots.friction import Friction, dragged_anchor
 from drake_ispace.robots.slip import NOISE_STD, Slip

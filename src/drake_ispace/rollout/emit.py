@@ -10,8 +10,10 @@ import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from drake_ispace.block import Phase, Update, arguments
+from drake_ispace.block import Phase, Update
+from drake_ispace.kernels import arguments
 from drake_ispace.rates import TICK_S
+from drake_ispace.rollout.layout import layout_of, parameter_sizes
 from drake_ispace.rollout.network import Network, Port
 
 _CHECK_TICKS = 256  # between looks for a state that is no number
@@ -21,15 +23,6 @@ _LARGEST_LOCAL = 1024  # floats; LLVM takes minutes over a longer vector on the 
 _RESERVED = frozenset(
     "np local part matrix empty k i h h6 x d p first last reached finite recorded range rollout lane".split()
 )
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where each leaf's numbers lie in the packed vectors: leaf -> slice."""
-
-    continuous: dict[str, slice]
-    discrete: dict[str, slice]
-    parameters: dict[str, slice]
 
 
 @dataclass
@@ -75,11 +68,7 @@ class Emitter:
         self._names: dict[object, str] = {}
         self._taken = set(_RESERVED)
         self.kernels: dict[str, object] = {}
-        self.layout = Layout(
-            _slices({name: len(leaf.continuous_state) for name, leaf in network.leaves.items()}),
-            _slices({name: len(leaf.discrete_state) for name, leaf in network.leaves.items()}),
-            _slices({name: len(leaf.parameters) for name, leaf in network.leaves.items()}),
-        )
+        self.layout = layout_of(network)
         self._dependencies: dict[object, frozenset] = {}
         self.source = self._write()
 
@@ -124,7 +113,7 @@ class Emitter:
                     code.add(_made(self._vector(name, vector), size))
                 code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{self._vector(name, 'd')}[i]")
             start = self.layout.parameters[name].start
-            for parameter, size, is_scalar in _parameter_sizes(leaf.spec):
+            for parameter, size, is_scalar in parameter_sizes(leaf.spec):
                 own = self._parameter(name, parameter)
                 if is_scalar:
                     code.add(f"{own} = p[{start}]")
@@ -385,22 +374,6 @@ def _condition(update: Update) -> str | None:
     return f"k >= {update.offset_ticks} and (k - {update.offset_ticks}) % {update.period_ticks} == 0"
 
 
-def _parameter_sizes(spec):
-    """(name, number of floats, whether it is passed as a float) of every parameter."""
-    names = spec.parameter_names
-    for name, value in spec.parameters.items():
-        size = sum(1 for full in names if full == name or full.startswith((f"{name}.", f"{name}[")))
-        yield name, size, names.count(name) == 1 and not isinstance(value, dict)
-
-
 def _at(start: int) -> str:
     """The index of element `i` of a part that begins at `start`."""
     return f"{start} + i" if start else "i"
-
-
-def _slices(sizes: dict) -> dict:
-    start, parts = 0, {}
-    for name, size in sizes.items():
-        parts[name] = slice(start, start + size)
-        start += size
-    return parts

@@ -18,8 +18,9 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from drake_ispace.block import Output, Phase, Spec, Update, jit_options
+from drake_ispace.block import Output, Phase, Spec, Update
 from drake_ispace.errors import InputError
+from drake_ispace.kernels import jit_options
 from drake_ispace.rates import TICK_S
 
 

@@ -9,8 +9,9 @@ import struct
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.errors import InputError
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.noise import stream, uniform
 from drake_ispace.rates import TICK_S
 from drake_ispace.space.kinect import Link

@@ -6,7 +6,8 @@ the floor, and the pose is computed back from them. An image mode keeps the same
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update, copy, kernel
+from drake_ispace.block import Block, Output, Phase, Spec, Update
+from drake_ispace.kernels import copy, kernel
 from drake_ispace.noise import normal, stream, uniform
 from drake_ispace.rates import VISION_TICKS
 from drake_ispace.space.kinect import Space
