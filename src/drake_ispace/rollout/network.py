@@ -140,7 +140,7 @@ def _leaf(system, context, path, feeds) -> Leaf:
         for function in _kernels(spec):
             if not hasattr(function, "digest"):
                 raise InputError(
-                    f"{path}: {function.__name__} is compiled with numba.njit alone, expected block.kernel (@kernel), "
+                    f"{path}: {function.__name__} is compiled with numba.njit alone, expected @kernel of kernels.py, "
                     "which knows when it has changed"
                 )
         parameters = context.get_numeric_parameter(0).CopyToVector()
