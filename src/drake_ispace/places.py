@@ -22,11 +22,13 @@ def check_folder(folder: Path) -> None:
     trial = nearest / f".{name}.{uuid.uuid4().hex}.new"  # permissions alone do not tell: /proc lets root in, not files
     try:
         trial.mkdir()
-        trial.rmdir()
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}), expected a folder that exists or can be made"
         ) from None
+    finally:  # Ctrl-C leaves nothing behind either
+        with suppress(OSError):
+            trial.rmdir()
 
 
 @contextmanager
