@@ -25,7 +25,7 @@ import pyarrow as pa
 from drake_ispace.control.paths import build_path
 from drake_ispace.errors import InputError, shown
 from drake_ispace.metrics import measure
-from drake_ispace.rates import MAX_TICK, ticks_in
+from drake_ispace.rates import ticks_in
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
@@ -207,7 +207,7 @@ def run_rows(plan_text: str, numbers: Sequence[int]) -> list[dict]:
         }
         seed = noise_seed(plan.seed, run)
         parameters = rollout.with_seed(seed, rollout.with_parameters(values))
-        logs = rollout.run(min(ticks_in(scenario.seconds), MAX_TICK), parameters)
+        logs = rollout.run(ticks_in(scenario.seconds), parameters)
         current = {key: float(parameters[rollout.index(key)]) for key in plan.keys}
         rows.append({"run": number, "scenario": name, "seed": seed, **current, **_reduced(scenario, logs)})
     return rows

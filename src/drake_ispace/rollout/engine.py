@@ -6,7 +6,7 @@ import time
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.rates import MAX_TICK, ticks_in
+from drake_ispace.rates import ticks_in
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import Run, first_divergence, make_run, simulate_diagram
@@ -23,7 +23,7 @@ def simulate_compiled(scenario: Scenario, diagram: Diagram | None = None) -> Run
     """
     rollout = compile_diagram(build_diagram(scenario) if diagram is None else diagram)
     started = time.perf_counter()
-    logs = rollout.run(min(ticks_in(scenario.seconds), MAX_TICK))
+    logs = rollout.run(ticks_in(scenario.seconds))
     wall_s = time.perf_counter() - started
     return make_run(scenario, logs, first_divergence(logs), wall_s)
 
