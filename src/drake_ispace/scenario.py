@@ -19,6 +19,8 @@ from drake_ispace.control.online_identifier import Identifier
 from drake_ispace.control.paths import Trajectory
 from drake_ispace.control.servo import Servo
 from drake_ispace.control.tracker import Tracker
+from drake_ispace.effects.effect import Body
+from drake_ispace.effects.library import checked_effects
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import MAX_TICK, TICK_S
@@ -90,6 +92,8 @@ class OmniRobot:
     trajectory: Trajectory = field(default_factory=Trajectory)
     # x, y, phi at t = 0; null: where the path starts
     initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
+    # physical effects beyond the model that the controller was designed with, docs/effects.md: name -> its parameters
+    effects: dict = quantity({})
 
 
 @dataclass
@@ -109,6 +113,8 @@ class PendulumRobot:
     # x, y, phi at t = 0; null: where the path starts, along it
     initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
     initial_tilt_rad: float = quantity(0.0, "rad", minimum=-1.0, maximum=1.0)
+    # as the omni robot's
+    effects: dict = quantity({})
     # of the Diagram pendulum_servo only
     servo: Servo = field(default_factory=Servo)
     sensor_noise: SinusoidNoise = field(default_factory=SinusoidNoise)
@@ -163,7 +169,18 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
             value = {part: value}
         scenario = read(scenario, value, "--set")
     _check_places(scenario, where)
+    for name in ("omni", "pendulum"):
+        robot = getattr(scenario, name)
+        robot.effects = checked_effects(robot.effects, body_of(scenario, name), f"{where}: {name}.effects")
+        if robot.effects and getattr(robot, "model", "") == "linear_as_printed":
+            raise InputError(f"{where}: {name}.effects: expected none with model linear_as_printed")
     return scenario
+
+
+def body_of(scenario: Scenario, robot: str) -> Body:
+    """What effects may know of the scenario's robot ("omni", "pendulum")."""
+    plant = getattr(scenario, robot).plant
+    return Body(robot, robot, plant, len(plant.geometry.wheels))
 
 
 def with_option(scenario: Scenario, name: str, value) -> Scenario:
@@ -226,8 +243,8 @@ def _difference(data, defaults):
     changed = {}
     for key, value in data.items():
         if isinstance(value, dict):
-            if inner := _difference(value, defaults[key]):
+            if inner := _difference(value, defaults.get(key, {})):
                 changed[key] = inner
-        elif value != defaults[key]:
+        elif key not in defaults or value != defaults[key]:
             changed[key] = value
     return changed

@@ -34,8 +34,22 @@ def _merge(target, data, where, path):
             raise InputError(f"{where}: {dotted}: unknown key, {expected_one_of(key, fields)}")
         if dataclasses.is_dataclass(getattr(target, key)):
             _merge(getattr(target, key), value, where, dotted)
+        elif fields[key].type is dict:
+            setattr(target, key, _merged_mapping(getattr(target, key), value, f"{where}: {dotted}"))
         else:
             setattr(target, key, checked(value, fields[key].type, fields[key].metadata, f"{where}: {dotted}"))
+
+
+def _merged_mapping(known, value, where):
+    """A free mapping of mappings with `value` put over it; what it may hold is for its owner to check."""
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: expected a mapping of names, got {shown(value)}")
+    merged = dict(known)
+    for name, inner in value.items():
+        if not isinstance(name, str) or not isinstance(inner, dict | None):
+            raise InputError(f"{where}.{name}: expected a mapping of numbers, got {shown(inner)}")
+        merged[name] = {**merged.get(name, {}), **(inner or {})}
+    return merged
 
 
 def checked(value, kind, rules, where):

@@ -50,11 +50,11 @@ X, Y, PHI, VX, VY, WZ, LAG, THETA = 0, 1, 2, 3, 4, 5, 6, 9  # continuous state; 
 
 
 @kernel
-def derivatives(xc, xd, torque, mass_kg, inertia_kg_m2, wheel_inertia_kg_m2, wheels, friction, slip, out):
+def derivatives(xc, xd, torque, ground_force, mass_kg, inertia_kg_m2, wheel_inertia_kg_m2, wheels, friction, slip, out):
     """d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
     wx, wy, wz = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY], xc[WZ]
-    fx, fy, moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # friction taken off
+    fx, fy, moment = 0.0 * wx + ground_force[0], 0.0 * wx + ground_force[1], 0.0 * wx + ground_force[2]
     drive_x, drive_y, drive_moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # traction of the motors alone
     nxx, nxy, nyy, nxz, nyz, nzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(torque.shape[0]):
@@ -136,13 +136,15 @@ class OmniPlant(Block):
         name: OmniPlant
         input_ports:
         - torque
+        - ground_force
         output_ports:
         - pose
         - velocity
         - wheel_angle
         - wheel_rate
 
-    torque (n,): wheel torques [N m]. pose (3,): x, y [m], phi [rad] of B in W. velocity (3,): wheel-consistent
+    torque (n,): wheel torques [N m]. ground_force (3,), only with `ground`: force [N, N] and moment [N m] on the
+    body in its own axes, from the floor or a push. pose (3,): x, y [m], phi [rad] of B in W. velocity (3,): wheel-consistent
     v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle, wheel_rate (n,): theta [rad],
     theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
 
@@ -151,13 +153,16 @@ class OmniPlant(Block):
         initial_pose: x, y [m], phi [rad] at t = 0.
         seed: of the slip noise, stream `{name}/slip`.
         where: the scenario's name of the section, for messages.
+        ground: give it the input port `ground_force`; without it there is no such force.
 
     Raises:
         InputError: friction too steep for the 5 ms step, or traction slip on the world's axes.
         ValueError: wheels that hold sideways.
     """
 
-    def __init__(self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="omni.plant"):
+    def __init__(
+        self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="omni.plant", ground=False,
+    ):
         geometry = parameters.geometry
         if len(geometry.sideways):
             raise ValueError("an OmniPlant moves in all three directions, expected wheels that do not hold sideways")
@@ -165,23 +170,33 @@ class OmniPlant(Block):
         n = len(wheels)
         start = np.zeros(THETA + n)
         start[:3] = initial_pose
-        lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in geometry.wheels]))
         super().__init__(Spec(
-            inputs={"torque": n},
+            inputs={"torque": n} | ({"ground_force": 3} if ground else {}),
             outputs={
                 "pose": Output(3, pose), "velocity": Output(3, velocity), "wheel_angle": Output(n, wheel_angle),
                 "wheel_rate": Output(n, wheel_rate),
             },
-            parameters={
-                "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
-                "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": wheels.ravel(),
-                "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
-                "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"),
-                "noise_stream": stream(seed, f"{where}/slip"),
-            },
+            parameters=block_parameters(parameters, where) | {"noise_stream": stream(seed, f"{where}/slip")}
+            | ({} if ground else {"ground_force": np.zeros(3)}),
             continuous_state=start, derivatives=derivatives,
             noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, n),
         ))
+
+
+def block_parameters(parameters: OmniPlantParameters, where: str = "omni.plant") -> dict:
+    """The block's parameters that follow from masses, wheels, friction and slip.
+
+    Raises:
+        InputError: as OmniPlant.
+    """
+    geometry = parameters.geometry
+    lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in geometry.wheels]))
+    return {
+        "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
+        "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": geometry.inverse.ravel(),
+        "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
+        "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"),
+    }
 
 
 def mass_matrix(parameters: OmniPlantParameters) -> np.ndarray:

@@ -106,15 +106,16 @@ M11, M_B_Z, M13_ROTORS, M33, YAW_LYING, YAW_UPRIGHT, YAW_WHEELS, KAPPA, MASS = r
 
 
 @kernel
-def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, radius, half_track, body):
-    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels."""
+def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, ground_force, radius, half_track, body):
+    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels and a ground force."""
     c, s = np.cos(tilt), np.sin(tilt)
     m13 = body[M_B_Z] * c + body[M13_ROTORS]
     m22 = body[YAW_LYING] * s * s + body[YAW_UPRIGHT] * c * c + body[YAW_WHEELS]
     shape = s * c * (body[YAW_LYING] - body[YAW_UPRIGHT])
-    push = (tau_r + tau_l) / radius + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate)
-    lean = -body[KAPPA] * (tau_r + tau_l) + shape * yaw_rate * yaw_rate + body[M_B_Z] * GRAVITY * s
+    push = (tau_r + tau_l) / radius + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate) + ground_force[0]
+    lean = -body[KAPPA] * (tau_r + tau_l) + shape * yaw_rate * yaw_rate + body[M_B_Z] * GRAVITY * s + ground_force[2]
     turn = half_track * (tau_r - tau_l) / radius - (2.0 * shape * tilt_rate + body[M_B_Z] * s * s_rate) * yaw_rate
+    turn += ground_force[1]
     determinant = body[M11] * body[M33] - m13 * m13
     return (body[M33] * push - m13 * lean) / determinant, turn / m22, (body[M11] * lean - m13 * push) / determinant
 
@@ -143,11 +144,12 @@ def tractions(torque, radius_m, half_track_m, body, slip):
 
 
 @kernel
-def derivatives(xc, xd, torque, radius_m, half_track_m, body, friction, slip, out):
+def derivatives(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, out):
     """d/dt of [x, y, phi, tilt, s_rate, yaw_rate, tilt_rate, traction slip (2), theta_r, theta_l]."""
     tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
     out[S_RATE], out[YAW_RATE], out[TILT_RATE] = accelerations(
-        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, radius_m, half_track_m, body
+        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, ground_force, radius_m,
+        half_track_m, body,
     )
     out[TILT] = xc[TILT_RATE]
     out[THETA_R], out[THETA_L] = wheel_rates(
@@ -190,14 +192,15 @@ def wheel_rate(xc, radius_m, half_track_m, body, out):
 
 
 @kernel
-def body_motion(xc, xd, torque, radius_m, half_track_m, body, friction, slip, imu_height_m, out):
+def body_motion(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, imu_height_m, out):
     """Specific force (3) and angular rate (3) in the body's axes, at `imu_height_m` above the axle along the body.
 
     The axle moves as the room sees it, with slip; s is taken as constant over the tick.
     """
     tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
     s_acc, yaw_acc, tilt_acc = accelerations(
-        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, radius_m, half_track_m, body
+        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, ground_force, radius_m,
+        half_track_m, body,
     )
     t0, t2 = tractions(torque, radius_m, half_track_m, body, slip)
     if slip[RELAXATION] > 0.0:
@@ -229,6 +232,7 @@ class PendulumPlant(Block):
         name: PendulumPlant
         input_ports:
         - torque
+        - ground_force
         output_ports:
         - pose
         - balance
@@ -236,7 +240,8 @@ class PendulumPlant(Block):
         - wheel_rate
         - body_motion
 
-    torque (2,): right, left, between body and wheel [N m]. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
+    torque (2,): right, left, between body and wheel [N m]. ground_force (3,), only with `ground`: generalised force of
+    s [N], phi and theta [N m], from the floor or a push. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
     balance (4,): tilt [rad] (forward positive), wheel-consistent s_dot [m/s], phi_dot and tilt rate [rad/s].
     wheel_angle, wheel_rate (2,): right, left, relative to the body [rad], [rad/s]. body_motion (6,): specific force
     [m/s^2] (gravity included) and angular rate [rad/s] in the body's axes at the IMU; it sees the torque held now.
@@ -248,6 +253,7 @@ class PendulumPlant(Block):
         imu_height_m: of the IMU above the axle, along the body.
         seed: of the slip noise, stream `{where}/slip`.
         where: the scenario's name of the section, for messages.
+        ground: give it the input port `ground_force`; without it there is no such force.
 
     Raises:
         InputError: friction too steep for the 5 ms step.
@@ -255,26 +261,35 @@ class PendulumPlant(Block):
 
     def __init__(
         self, parameters: PendulumPlantParameters, initial_pose=(0.0, 0.0, 0.0), initial_tilt_rad=0.0,
-        imu_height_m=0.0, seed=0, where="pendulum.plant",
+        imu_height_m=0.0, seed=0, where="pendulum.plant", ground=False,
     ):
         start = np.zeros(THETA_L + 1)
         start[:3], start[TILT] = initial_pose, initial_tilt_rad
         super().__init__(Spec(
-            inputs={"torque": 2},
+            inputs={"torque": 2} | ({"ground_force": 3} if ground else {}),
             outputs={
                 "pose": Output(3, pose), "balance": Output(4, balance), "wheel_angle": Output(2, wheel_angle),
                 "wheel_rate": Output(2, wheel_rate), "body_motion": Output(6, body_motion),
             },
-            parameters={
-                "radius_m": parameters.wheel_radius_m, "half_track_m": parameters.half_track_m,
-                "body": parameters.inertias(), "imu_height_m": imu_height_m,
-                "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
-                "slip": slip_parameters(parameters.slip, parameters.half_track_m, f"{where}.slip"),
-                "noise_stream": stream(seed, f"{where}/slip"),
-            },
+            parameters=block_parameters(parameters, where)
+            | {"imu_height_m": imu_height_m, "noise_stream": stream(seed, f"{where}/slip")}
+            | ({} if ground else {"ground_force": np.zeros(3)}),
             continuous_state=start, derivatives=derivatives,
             noise_stream=f"{where}/slip", **tick_memory(parameters.slip, parameters.friction, tick_update, 2),
         ))
+
+
+def block_parameters(parameters: PendulumPlantParameters, where: str = "pendulum.plant") -> dict:
+    """The block's parameters that follow from masses, wheels, friction and slip.
+
+    Raises:
+        InputError: as PendulumPlant.
+    """
+    return {
+        "radius_m": parameters.wheel_radius_m, "half_track_m": parameters.half_track_m, "body": parameters.inertias(),
+        "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
+        "slip": slip_parameters(parameters.slip, parameters.half_track_m, f"{where}.slip"),
+    }
 
 
 def linear_model(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray]:

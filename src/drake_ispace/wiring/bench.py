@@ -13,6 +13,7 @@ class Bench:
     def __init__(self):
         self._builder = DiagramBuilder()
         self._blocks: dict[str, System] = {}
+        self._wires: list[tuple[str, str]] = []
 
     def add(self, name: str, block: System) -> System:
         """Add `block` under `name`."""
@@ -22,8 +23,14 @@ class Bench:
 
     def wire(self, *pairs: tuple[str, str]) -> None:
         """Connect each ("block.output", "block.input")."""
-        for source, target in pairs:
-            self._builder.Connect(self._output(source), self._input(target))
+        self._wires += pairs
+
+    def splice(self, targets: list[str], name: str, block: System, port: str) -> None:
+        """Put `block` into the one wire that ends at `targets`: in and out by its ports called `port`."""
+        self.add(name, block)
+        (source,) = {source for source, end in self._wires if end in targets}
+        self._wires = [(source, end) for source, end in self._wires if end not in targets]
+        self.wire((source, f"{name}.{port}"), *[(f"{name}.{port}", target) for target in targets])
 
     def show(self, **ports: str) -> None:
         """Export outputs of the Diagram: signal="block.output"."""
@@ -36,6 +43,8 @@ class Bench:
             self._builder.ExportInput(self._input(port), signal)
 
     def build(self, name: str) -> Diagram:
+        for source, target in self._wires:
+            self._builder.Connect(self._output(source), self._input(target))
         diagram = self._builder.Build()
         diagram.set_name(name)
         return diagram

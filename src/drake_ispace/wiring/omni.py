@@ -21,10 +21,11 @@ from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.friction import Friction
 from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters, mass_matrix
 from drake_ispace.robots.slip import Slip
-from drake_ispace.scenario import OmniRobot, Scenario
+from drake_ispace.scenario import OmniRobot, Scenario, body_of
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.space.link import RoomLink
 from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.effects import changed_plant, chosen_effects, needs_ground
 from drake_ispace.wiring.room import add_room, oldest_fix_ticks
 
 #: The inputs that take this robot's fix from the room.
@@ -78,7 +79,9 @@ def add_omni_body(bench: Bench, scenario: Scenario) -> None:
     start = robot.initial_pose or start_pose(robot.trajectory, path)
     geometry = robot.plant.geometry
     wheels = len(geometry.wheels)
-    bench.add("omni_plant", OmniPlant(robot.plant, start, seed, "omni.plant"))
+    effects = chosen_effects(robot.effects)
+    plant = changed_plant(robot.plant, body_of(scenario, "omni"), effects)
+    bench.add("omni_plant", OmniPlant(plant, start, seed, "omni.plant", needs_ground(effects)))
     bench.add("omni_actuator", TorqueActuator(robot.actuator, wheels, seed, "omni.actuator"))
     bench.add("omni_encoder", WheelEncoder(robot.encoder, wheels))
     bench.add("omni_odometry", OmniOdometry(geometry, start))

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, LeafSystem
 from pydrake.systems.primitives import Linearize
 
 from drake_ispace.control.balance_controller import BalanceController, from_printed
@@ -29,12 +29,13 @@ from drake_ispace.robots.pendulum import (
     PendulumPlantParameters,
 )
 from drake_ispace.robots.slip import Slip
-from drake_ispace.scenario import PendulumRobot, Scenario
+from drake_ispace.scenario import PendulumRobot, Scenario, body_of
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.sensing.imu import InertialSensor
 from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
 from drake_ispace.space.link import RoomLink
 from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.effects import changed_plant, chosen_effects, needs_ground
 from drake_ispace.wiring.omni import start_pose
 from drake_ispace.wiring.room import add_room, oldest_fix_ticks
 
@@ -80,7 +81,7 @@ def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) ->
     oldest = oldest_fix_ticks(scenario, TRACKING_ERROR)
     body_share = float(MOTIONS.index(plant.motion))
 
-    bench.add("pendulum_plant", _plant(robot, start, seed))
+    bench.add("pendulum_plant", pendulum_plant(scenario, start))
     bench.add("pendulum_actuator", TorqueActuator(robot.actuator, 2, seed, "pendulum.actuator"))
     bench.add("pendulum_encoder", WheelEncoder(robot.encoder, 2))
     bench.add("pendulum_imu", InertialSensor(robot.imu, seed, "pendulum.imu"))
@@ -126,10 +127,16 @@ def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) ->
     )
 
 
-def _plant(robot, start, seed):
+def pendulum_plant(scenario: Scenario, start) -> LeafSystem:
+    """The plant that `model` names, at the pose `start`, with the scenario's effects on its parameters."""
+    robot = scenario.pendulum
     if robot.model == "linear_as_printed":
         return LinearPendulumPlant(robot.plant, start, robot.initial_tilt_rad, robot.imu.height_m)
-    return PendulumPlant(robot.plant, start, robot.initial_tilt_rad, robot.imu.height_m, seed, "pendulum.plant")
+    effects = chosen_effects(robot.effects)
+    plant = changed_plant(robot.plant, body_of(scenario, "pendulum"), effects)
+    return PendulumPlant(
+        plant, start, robot.initial_tilt_rad, robot.imu.height_m, scenario.seed, "pendulum.plant", needs_ground(effects)
+    )
 
 
 def pendulum_gain(robot: PendulumRobot) -> np.ndarray:

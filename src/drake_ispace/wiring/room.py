@@ -2,15 +2,18 @@
 
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drake_ispace.scenario import Scenario
+from drake_ispace.scenario import Scenario, body_of
 from drake_ispace.space.link import delay_ticks
 from drake_ispace.space.localizer import FIX, KinectLocalizer
 from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 
 def add_room(bench: Bench, scenario: Scenario, viewers: dict[str, list[str]]) -> None:
-    """Let the Kinect see each plant named in `viewers` and wire its fix to the inputs listed there."""
-    bench.add("kinect", _localizer(scenario, [plant.removesuffix("_plant") for plant in viewers]))
+    """Let the Kinect see each plant named in `viewers` and wire its fix to the inputs listed there; then put in the
+    effects that the scenario lists for these robots."""
+    robots = [plant.removesuffix("_plant") for plant in viewers]
+    bench.add("kinect", _localizer(scenario, robots))
     if len(viewers) == 1:
         seen, delivered = ["kinect.poses"], ["kinect.fixes"]
     else:
@@ -21,6 +24,12 @@ def add_room(bench: Bench, scenario: Scenario, viewers: dict[str, list[str]]) ->
         delivered = [f"fixes.y{i}" for i in range(len(viewers))]
     for (plant, inputs), pose, fix in zip(viewers.items(), seen, delivered, strict=True):
         bench.wire((f"{plant}.pose", pose), *[(fix, target) for target in inputs])
+    for robot, pose, inputs in zip(robots, seen, viewers.values(), strict=True):
+        wires = {
+            "torque": [f"{robot}_plant.torque"], "wheel_angle": [f"{robot}_encoder.wheel_angle"],
+            "body_motion": [f"{robot}_imu.body_motion"], "pose": [pose], "fix": inputs,
+        }
+        splice_effects(bench, body_of(scenario, robot), chosen_effects(getattr(scenario, robot).effects), wires)
 
 
 def oldest_fix_ticks(scenario: Scenario, order_size: int) -> int:

@@ -26,7 +26,7 @@ from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
 from drake_ispace.space.link import RoomLink
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.omni import start_pose
-from drake_ispace.wiring.pendulum import _plant, linear_model, pendulum_gain
+from drake_ispace.wiring.pendulum import linear_model, pendulum_gain, pendulum_plant
 from drake_ispace.wiring.room import add_room, oldest_fix_ticks
 
 _VIEW = {"pendulum_plant": ["pendulum_link.fix"]}
@@ -110,7 +110,7 @@ def add_straight_robot(bench: Bench, scenario: Scenario) -> list[float]:
     body_share = float(MOTIONS.index(robot.plant.motion)) if robot.model == "nonlinear" else 1.0
     radius_m, half_track_m = robot.plant.wheel_radius_m, robot.plant.half_track_m
 
-    bench.add("pendulum_plant", _plant(robot, start, seed))
+    bench.add("pendulum_plant", pendulum_plant(scenario, start))
     bench.add("pendulum_actuator", TorqueActuator(robot.actuator, 2, seed, "pendulum.actuator"))
     bench.add("pendulum_encoder", WheelEncoder(robot.encoder, 2))
     bench.add("pendulum_imu", InertialSensor(robot.imu, seed, "pendulum.imu"))

@@ -1,0 +1,3 @@
+"""In the wire `pose`, between the robot and what the room's camera says of it."""
+
+EFFECTS = ()

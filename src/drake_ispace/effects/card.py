@@ -1,0 +1,51 @@
+"""What is known of an effect before any data: its card."""
+
+import math
+from dataclasses import dataclass
+
+#: Where an effect can enter, in the order from command to camera.
+HOMES = ("actuator", "transmission", "ground", "plant", "encoder", "imu", "camera", "link")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of an effect.
+
+    Attributes:
+        name: with its unit, as in a scenario. unit: for people and reports.
+        neutral: the value at which the model is the base model, bit for bit; infinite for limits.
+        low, high: what is physically possible.
+        probes: sizes at which a search begins, in units of `scale`.
+        scale: "" (SI units), or "torque", "speed": the run's own root mean square of commanded torque or wheel speed.
+        reciprocal: fitted as 1 / value, which is 0 where there is no limit.
+    """
+
+    name: str
+    unit: str
+    neutral: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
+    probes: tuple[float, ...] = (0.01,)
+    scale: str = ""
+    reciprocal: bool = False
+
+
+@dataclass(frozen=True)
+class Card:
+    """An effect on one page.
+
+    Attributes:
+        name: in scenarios and verdicts; title: for people. home: one of HOMES.
+        equation: in the symbols of docs/effects.md; source: where it comes from.
+        signature: what it leaves in the residuals.
+        look_alikes: names of the effects with the nearest signature; excitation: the motion that separates them.
+    """
+
+    name: str
+    title: str
+    home: str
+    equation: str
+    source: str
+    signature: str
+    look_alikes: tuple[str, ...]
+    excitation: str

@@ -1,0 +1,3 @@
+"""In the wire `wheel_angle`, between wheel and encoder."""
+
+EFFECTS = ()

@@ -1,0 +1,3 @@
+"""In the wire `fix`, between the room and the robot."""
+
+EFFECTS = ()

@@ -1,0 +1,3 @@
+"""Between a commanded body velocity and the one that a robot follows: effects in the wire `velocity`."""
+
+EFFECTS = ()
