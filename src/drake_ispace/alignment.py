@@ -1,8 +1,8 @@
 """From a simulated run to a recording: the one place that aligns logs.
 
 A log shows the value *before* the updates of its instant (docs/semantics.md): row k of a sampled signal holds the
-sample of tick k - 1. Messages carry the tick of their sample, so they are placed by their stamp; the torque held on
-[t_k, t_k+1) is what row k + 1 shows; the truth in row k is the state at t_k.
+sample of tick k - 1. Messages carry the tick of their sample, so they are placed by their stamp; the torque or body
+velocity commanded on [t_k, t_k+1) is what row k + 1 shows; the truth in row k is the state at t_k.
 """
 
 import numpy as np
@@ -14,23 +14,25 @@ from drake_ispace.simulation import Run
 
 _TRUTH = {
     "omni": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
+    "base": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
     "pendulum": ("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s")),
 }
 
 
 def to_recording(run: Run, robot: str) -> Recording:
-    """The recording of `robot` ("omni" or "pendulum") in `run`, truth included; channels without a sample left out."""
+    """The recording of `robot` ("omni", "pendulum", "base") in `run`, truth included; channels without a sample left
+    out."""
     own = f"{robot}_"
     signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}
-    wheels = WHEELS[robot]
-    n = len(wheels)
+    n = (signal["encoder"].shape[1] - 1) // 2
+    wheels = WHEELS.get(robot) or tuple(str(i) for i in range(1, n + 1))
     ticks = np.arange(len(signal["pose"]))
-    channels = {
-        "reference": _stamped(signal["way_point"], slice(1, 4), ("x", "y", "phi"), VISION_S),
-        "torque": _channel(ticks[:-1], signal["torque"][1:], tuple(f"tau_{w}" for w in wheels), TICK_S),
-        "encoder": _stamped(signal["encoder"], slice(1, 1 + n), tuple(f"theta_{w}" for w in wheels), TICK_S),
-        "kinect": _kinect(signal["fix"]),
-    }
+    channels = {"reference": _stamped(signal["way_point"], slice(1, 4), ("x", "y", "phi"), VISION_S)}
+    for name, columns in (("torque", tuple(f"tau_{w}" for w in wheels)), ("command", ("vx", "vy", "wz"))):
+        if name in signal:
+            channels[name] = _channel(ticks[:-1], signal[name][1:], columns, TICK_S)
+    channels["encoder"] = _stamped(signal["encoder"], slice(1, 1 + n), tuple(f"theta_{w}" for w in wheels), TICK_S)
+    channels["kinect"] = _kinect(signal["fix"])
     if "imu" in signal:
         channels["imu"] = _stamped(signal["imu"], slice(1, 7), ("ax", "ay", "az", "wx", "wy", "wz"), TICK_S)
     source, columns, units = _TRUTH[robot]
@@ -66,5 +68,6 @@ def _stamped(messages, part, columns, period_s):
 def _kinect(fixes):
     rows = _new_rows(fixes)
     rows = rows[fixes[rows, 1] > 0.0]
-    values = np.column_stack([fixes[rows, 2:5], _time(rows - 1)])  # row k first shows what arrived at tick k - 1
+    arrived = np.maximum(rows - 1, fixes[rows, 0])  # row k first shows what arrived at tick k - 1; a clock may be ahead
+    values = np.column_stack([fixes[rows, 2:5], _time(arrived)])
     return Channel(_time(fixes[rows, 0]), ("x", "y", "phi", "t_received"), values, {}, round(VISION_S, 6))

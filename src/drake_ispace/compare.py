@@ -4,19 +4,22 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from drake_ispace.metrics import Metrics, measure
-from drake_ispace.scenario import Scenario, blaming
+from drake_ispace.scenario import ROBOTS, Scenario, blaming
 from drake_ispace.simulation import Run, simulate_diagram
 from drake_ispace.wiring.catalog import build_diagram
+
+#: First word of a Diagram's name -> the robot in it, where that is not the omni robot.
+_LEADS = {"pendulum": "pendulum", "velocity": "base", "odometry": "base"}
 
 
 def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Copies of `scenarios`, all with the path, room, seed and duration of the first.
 
-    The same robot starts where it starts in the first; the other one starts where the path does and keeps its own way
+    The same robot starts where it starts in the first; another one starts where the path does and keeps its own way
     of heading along it. `shared_space` keeps its own paths and starts: two robots on one path would collide.
     """
     first = scenarios[0]
-    lead = "pendulum" if first.diagram.startswith("pendulum") else "omni"
+    lead = _LEADS.get(first.diagram.partition("_")[0], "omni")
     given = getattr(first, lead)
     same = []
     for scenario in scenarios:
@@ -28,7 +31,7 @@ def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
                 ),
                 initial_pose=given.initial_pose if name == lead else None,
             )
-            for name in ("omni", "pendulum")
+            for name in ROBOTS
         }
         if scenario.diagram == "shared_space":
             robots = {}

@@ -26,7 +26,7 @@ class Metrics:
         settling_time_s: after the way point's last move, until within 2 % of a step (20 mm of a path's end) for good.
         time_to_end_s: from the way point's start until first within 20 mm of its end.
         iae_m_s: integral of the position error.
-        control_effort: integral of the squared wheel torques [N^2 m^2 s].
+        control_effort: integral of the squared wheel torques [N^2 m^2 s]; None for a robot without torques.
         final_error_m: distance to the way point in the last row.
         diverged, diverged_at_s: whether and when the robot fell or was lost; the numbers above end there.
     """
@@ -53,7 +53,7 @@ class Metrics:
 
 
 def measure(run: Run, robot: str) -> Metrics:
-    """The metrics of `robot` ("omni" or "pendulum") in `run`."""
+    """The metrics of `robot` ("omni", "pendulum" or "base") in `run`."""
     trajectory = getattr(run.scenario, robot).trajectory
     start_s = ticks_in(trajectory.start_s) * TICK_S
     rows = (run.time_s >= start_s) & (run.signals[f"{robot}_way_point"][:, 0] >= 0.0)
@@ -62,7 +62,7 @@ def measure(run: Run, robot: str) -> Metrics:
     time = run.time_s[rows] - start_s
     pose = run.signals[f"{robot}_pose"][rows]
     way_point = run.signals[f"{robot}_way_point"][rows]
-    torque = run.signals[f"{robot}_torque"][rows]
+    torque = run.signals.get(f"{robot}_torque")
     gap = way_point[:, 1:3] - pose[:, :2]
     error = np.linalg.norm(gap, axis=1)
     path = build_path(trajectory, f"{robot}.trajectory")
@@ -92,7 +92,8 @@ def measure(run: Run, robot: str) -> Metrics:
         rms_heading_error_rad=_rms(turned) if len(turned) else None,
         overshoot_percent=overshoot, settling_time_s=_settling_time(time, error, resting, tolerance),
         time_to_end_s=_first(time, resting & (error <= _ARRIVED_M)), iae_m_s=float(error.sum() * TICK_S),
-        control_effort=float((torque**2).sum() * TICK_S), final_error_m=float(error[-1]),
+        control_effort=None if torque is None else float((torque[rows]**2).sum() * TICK_S),
+        final_error_m=float(error[-1]),
         diverged=run.diverged_s is not None, diverged_at_s=run.diverged_s,
     )
 

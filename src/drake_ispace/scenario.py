@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.control.adaptive_compensator import Adaptation
+from drake_ispace.control.base_command import BaseControl
 from drake_ispace.control.friction_compensator import FrictionCompensation
 from drake_ispace.control.online_identifier import Identifier
 from drake_ispace.control.paths import Trajectory
@@ -25,6 +26,8 @@ from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.robots.actuator import Actuator
+from drake_ispace.robots.base import BasePlantParameters
+from drake_ispace.robots.base import check as check_base
 from drake_ispace.robots.impulse import Impulse
 from drake_ispace.robots.omni import OmniPlantParameters
 from drake_ispace.robots.pendulum import PendulumPlantParameters
@@ -125,6 +128,21 @@ class PendulumRobot:
 
 
 @dataclass
+class BaseRobot:
+    """Somebody else's robot, which takes a body-velocity command; of velocity_base and odometry_replay only."""
+
+    plant: BasePlantParameters = field(default_factory=BasePlantParameters)
+    # resolution assumed
+    encoder: Encoder = field(default_factory=lambda: Encoder(counts_per_turn=2000))
+    control: BaseControl = field(default_factory=BaseControl)
+    trajectory: Trajectory = field(default_factory=Trajectory)
+    # x, y, phi at t = 0; null: where the path starts
+    initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
+    # as the omni robot's
+    effects: dict = quantity({})
+
+
+@dataclass
 class Scenario:
     """A Diagram of the catalog with everything it is made of."""
 
@@ -135,6 +153,11 @@ class Scenario:
     space: Space = field(default_factory=Space)
     omni: OmniRobot = field(default_factory=OmniRobot)
     pendulum: PendulumRobot = field(default_factory=PendulumRobot)
+    base: BaseRobot = field(default_factory=BaseRobot)
+
+
+#: The sections of a Scenario that are robots.
+ROBOTS = ("omni", "pendulum", "base")
 
 
 def scenario_names() -> list[str]:
@@ -169,18 +192,20 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
             value = {part: value}
         scenario = read(scenario, value, "--set")
     _check_places(scenario, where)
-    for name in ("omni", "pendulum"):
+    for name in ROBOTS:
         robot = getattr(scenario, name)
-        robot.effects = checked_effects(robot.effects, body_of(scenario, name), f"{where}: {name}.effects")
+        with blaming(where):
+            body = body_of(scenario, name)
+        robot.effects = checked_effects(robot.effects, body, f"{where}: {name}.effects")
         if robot.effects and getattr(robot, "model", "") == "linear_as_printed":
             raise InputError(f"{where}: {name}.effects: expected none with model linear_as_printed")
     return scenario
 
 
 def body_of(scenario: Scenario, robot: str) -> Body:
-    """What effects may know of the scenario's robot ("omni", "pendulum")."""
+    """What effects may know of the scenario's robot ("omni", "pendulum", "base")."""
     plant = getattr(scenario, robot).plant
-    return Body(robot, robot, plant, len(plant.geometry.wheels))
+    return Body(robot, robot, plant, len(plant.geometry.wheels), scenario.seed)
 
 
 def with_option(scenario: Scenario, name: str, value) -> Scenario:
@@ -215,7 +240,8 @@ def blaming(where: str):
 
 def _check_places(scenario, where):
     width, depth = scenario.space.width_m, scenario.space.depth_m
-    for name in ("omni", "pendulum"):
+    check_base(scenario.base.plant, f"{where}: base.plant")
+    for name in ROBOTS:
         robot = getattr(scenario, name)
         pose, patch = robot.initial_pose, robot.plant.slip.patch_m
         if pose is not None and not (abs(pose[0]) <= width / 2 and abs(pose[1]) <= depth / 2):

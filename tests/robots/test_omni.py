@@ -130,6 +130,8 @@ def test_the_wheels_turn_as_their_rates_say():
 def kinetic_energy(parameters, plant, context):
     vx, vy, wz = plant.GetOutputPort("velocity").Eval(context)
     wheels = plant.GetOutputPort("wheel_rate").Eval(context)
+    phi, (x, y) = plant.GetOutputPort("pose").Eval(context)[2], parameters.centre_of_gravity_m
+    vx, vy = vx - wz * (np.sin(phi) * x + np.cos(phi) * y), vy + wz * (np.cos(phi) * x - np.sin(phi) * y)
     return 0.5 * (
         parameters.mass_kg * (vx**2 + vy**2) + parameters.inertia_kg_m2 * wz**2
         + parameters.wheel_inertia_kg_m2 * wheels @ wheels
@@ -154,6 +156,75 @@ def energy_drift(parameters, config):
 
 def test_kinetic_energy_is_kept():
     assert energy_drift(HEAVY, PRECISE) < 1e-9
+
+
+# -- Centre of gravity beside the middle, and wheels of their own radius
+
+LOADED = replace(HEAVY, centre_of_gravity_m=[0.07, -0.04])
+
+
+def test_kinetic_energy_is_kept_with_the_centre_of_gravity_off_the_middle():
+    assert energy_drift(LOADED, PRECISE) < 1e-9
+
+
+def body_energy(parameters, q, q_dot):
+    """T [J] of the body alone at (x, y, phi): the speed of its centre of gravity, and the body about that."""
+    s, c = np.sin(q[2]), np.cos(q[2])
+    x, y = parameters.centre_of_gravity_m
+    vx = q_dot[0] - q_dot[2] * (s * x + c * y)
+    vy = q_dot[1] + q_dot[2] * (c * x - s * y)
+    return 0.5 * (parameters.mass_kg * (vx**2 + vy**2) + parameters.inertia_kg_m2 * q_dot[2] ** 2)
+
+
+def derived_accelerations(parameters, q, q_dot, torque):
+    """q_ddot from the body's d/dt(dT/dq_dot) - dT/dq by central differences, and the wheels' S'(I_w S q_ddot ...)."""
+
+    def along(f, at, i, h=1e-4):
+        step = h * np.eye(3)[i]
+        return (f(at + step) - f(at - step)) / (2.0 * h)
+
+    def momentum(q, q_dot):
+        return np.array([along(lambda v: body_energy(parameters, q, v), q_dot, i) for i in range(3)])
+
+    def wheels(phi):
+        s, c = np.sin(phi), np.cos(phi)
+        return parameters.geometry.inverse @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    mass = np.column_stack([along(lambda v: momentum(q, v), q_dot, i) for i in range(3)])
+    drift = sum(q_dot[i] * along(lambda p: momentum(p, q_dot), q, i) for i in range(3))
+    pull = np.array([along(lambda p: body_energy(parameters, p, q_dot), q, i) for i in range(3)])
+    s, s_dot = wheels(q[2]), q_dot[2] * (wheels(q[2] + 1e-5) - wheels(q[2] - 1e-5)) / 2e-5
+    i_w = parameters.wheel_inertia_kg_m2
+    return np.linalg.solve(mass + i_w * s.T @ s, s.T @ torque - drift + pull - i_w * s.T @ s_dot @ q_dot)
+
+
+@pytest.mark.parametrize("phi", ANGLES)
+@pytest.mark.parametrize("loaded", [LOADED, replace(LOADED, wheel_radius_shares=[0.2, 0.0, -0.1, 0.0])])
+def test_off_centre_accelerations_follow_from_the_energies(loaded, phi):
+    velocity, torque = np.array([0.4, -0.3, 3.7]), np.array([0.1, -0.2, 0.3, 0.05])
+    expected = derived_accelerations(loaded, np.array([0.3, -0.2, phi]), velocity, torque)
+    np.testing.assert_allclose(rates(loaded, phi, velocity, torque)[3:6], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_an_off_centre_mass_matrix_by_hand():
+    # m 7.31 kg at (0.07, -0.04) m: -m y = 0.2924, m x = 0.5117, m (x^2 + y^2) = 0.0475150 kg m^2
+    light = OmniPlantParameters(wheel_inertia_kg_m2=0.0, centre_of_gravity_m=[0.07, -0.04])
+    expected = [[7.31, 0.0, 0.2924], [0.0, 7.31, 0.5117], [0.2924, 0.5117, 0.120415]]
+    np.testing.assert_allclose(mass_matrix(light), expected, atol=1e-12)
+
+
+def test_the_middle_is_pulled_towards_a_mass_that_goes_around_it():
+    # 0.0475 kg m^2 and no torque: the centre of gravity does not accelerate, so the middle does by wz^2 c
+    loaded = OmniPlantParameters(wheel_inertia_kg_m2=0.0, centre_of_gravity_m=[0.1, 0.0])
+    np.testing.assert_allclose(rates(loaded, velocity=(0.0, 0.0, 2.0))[3:6], [0.4, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_larger_wheel_pushes_less_and_turns_less():
+    # wheel 1 drives along y; r = 0.03 instead of 0.024 m
+    grown = replace(HEAVY, wheel_inertia_kg_m2=0.0, wheel_radius_shares=[0.25, 0.0, 0.0, 0.0])
+    acceleration = rates(grown, velocity=(0.0, 0.3, 0.0), torque=[0.03, 0.0, 0.0, 0.0])
+    assert acceleration[4] == pytest.approx(1.0 / 7.31)
+    np.testing.assert_allclose(acceleration[THETA:], [10.0, 0.0, -12.5, 0.0], atol=1e-12)
 
 
 # -- Linearisation

@@ -186,7 +186,8 @@ def test_s_is_2_41():
 
 def kernel_accelerations(parameters, tilt, rates, torque):
     body = np.array(list(parameters.inertias().values()))
-    return np.array(accelerations(tilt, *rates, *torque, parameters.wheel_radius_m, parameters.half_track_m, body))
+    radius = np.array([wheel.radius_m for wheel in parameters.geometry.wheels])
+    return np.array(accelerations(tilt, *rates, *torque, np.zeros(3), radius, parameters.half_track_m, body))
 
 
 @pytest.mark.parametrize("route", ["lagrange", "newton_euler"])
@@ -358,6 +359,63 @@ def test_odometry_from_the_wheels_alone_misses_radius_times_tilt():
         wheels = 0.08 * plant.GetOutputPort("wheel_angle").Eval(context).mean()
         assert x - wheels == pytest.approx(0.08 * (tilt - 0.3), abs=1e-7)
     assert abs(x - wheels) > 0.01
+
+
+# -- Wheels of two radii
+
+
+def two_radii(parameters, tilt, rates):
+    """(M_bar, h, E_bar) as `derivation.reduced`, with constraints in which each wheel has its own radius."""
+    (right, left), b = (wheel.radius_m for wheel in parameters.geometry.wheels), parameters.half_track_m
+    kappa, yaw_rate = float(MOTIONS.index(parameters.motion)), rates[1]
+    s = np.array([
+        [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
+        [1.0 / right, b / right, -kappa], [1.0 / left, -b / left, -kappa],
+    ])
+    s_dot = np.zeros((6, 3))
+    s_dot[1, 0] = yaw_rate  # heading 0: d(cos phi)/dt = 0, d(sin phi)/dt = phi_dot
+    q, q_dot = np.array([0.0, 0.0, 0.0, tilt, 0.0, 0.0]), s @ rates
+    _, _, mass, velocity_terms, gravity = (number(entry, q, q_dot, parameters) for entry in derivation.lagrangian())
+    rest = velocity_terms + gravity
+    return s.T @ mass @ s, s.T @ (mass @ s_dot @ rates + rest), s.T @ derivation.E
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("shares", [[0.0, 0.0], [0.1, -0.2], [0.0, 0.3]])
+def test_wheels_of_two_radii_accelerate_as_derived(motion, shares):
+    parameters = replace(UNLIKE, motion=motion, wheel_radius_shares=shares)
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        tilt, rates, torque = rng.uniform(-3.1, 3.1), rng.uniform(-5.0, 5.0, 3), rng.uniform(-1.0, 1.0, 2)
+        mass, rest, effort = two_radii(parameters, tilt, rates)
+        derived = np.linalg.solve(mass, effort @ torque - rest)
+        kernel = kernel_accelerations(parameters, tilt, rates, torque)
+        assert np.linalg.norm(kernel - derived) < 1e-12 * np.linalg.norm(derived)
+    np.testing.assert_allclose(linear_terms(parameters)[0], two_radii(parameters, 0.0, np.zeros(3))[0], atol=1e-15)
+    np.testing.assert_allclose(linear_terms(parameters)[2], two_radii(parameters, 0.0, np.zeros(3))[2], atol=1e-14)
+
+
+def test_each_wheel_rolls_on_its_own_radius():
+    plant = PendulumPlant(replace(FREE, wheel_radius_shares=[0.25, 0.0]))
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, [0.0, 0.0])
+    state = context.get_mutable_continuous_state_vector()
+    state[S_RATE], state[YAW_RATE], state[TILT_RATE] = 0.4, 0.5, 1.0
+    # (0.4 + 0.2 * 0.5)/0.1 - 1 and (0.4 - 0.2 * 0.5)/0.08 - 1 rad/s
+    rate = plant.GetOutputPort("wheel_rate").Eval(context)
+    assert rate == pytest.approx([4.0, 2.75])
+    np.testing.assert_array_equal(plant.EvalTimeDerivatives(context).CopyToVector()[[THETA_R, THETA_L]], rate)
+
+
+def test_energy_is_kept_with_wheels_of_two_radii():
+    uneven = replace(FREE, wheel_radius_shares=[0.2, -0.1])
+    totals = []
+    for plant, context in swing(PRECISE, uneven, until=4.0):
+        q, v = coordinates(context)
+        q_dot = np.array([v[0], 0.0, *v[1:], *plant.GetOutputPort("wheel_rate").Eval(context)])
+        q[2] = 0.0  # with the heading along x the axle's middle moves along x
+        totals.append(number(derivation.lagrangian()[:2], q, q_dot, uneven).sum())
+    assert np.abs(np.array(totals) / totals[0] - 1.0).max() < 1e-8
 
 
 # -- Linearisation, (2.49)-(2.57)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3, omni4
+from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3, omni4, rescaled
 
 HOLONOMIC = {"omni4": omni4(0.024, 0.36), "omni3": omni3(0.05, 0.2), "mecanum": mecanum(0.05, 0.2, 0.15)}
 RNG = np.random.default_rng(1)
@@ -75,6 +75,23 @@ def test_a_plain_wheel_off_the_axis_is_held_across_its_drive():
     # turning about the origin would drag the contact at x = 0.3 sideways at 0.3 m/s per rad/s
     np.testing.assert_allclose(geometry.sideways @ [0.0, 0.0, 1.0], [0.3, 0.3])
     assert np.abs(geometry.sideways @ geometry.forward).max() < 1e-15
+
+
+def test_a_larger_wheel_turns_less_and_stays_where_it_is():
+    grown = rescaled(differential(0.08, 0.2), [0.25, 0.0])
+    # 1/0.1 and 1/0.08 per metre; 0.2 m from the middle
+    np.testing.assert_allclose(grown.inverse, [[10.0, 0.0, 2.0], [12.5, 0.0, -2.5]], atol=1e-14)
+    np.testing.assert_array_equal(grown.sideways, differential(0.08, 0.2).sideways)
+
+
+def test_no_shares_change_no_bit():
+    geometry = omni4(0.024, 0.36)
+    assert rescaled(geometry, [0.0] * 4) == geometry
+
+
+def test_shares_of_other_wheels_are_refused():
+    with pytest.raises(ValueError, match="shorter"):
+        rescaled(omni3(0.05, 0.2), [0.0, 0.1])
 
 
 @pytest.mark.parametrize("wheels, message", [

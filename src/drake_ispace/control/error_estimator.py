@@ -14,6 +14,7 @@ def step(xd, path, error, out):
     """Remember this tick's path and, for a new error, P_r,l[i]: the path in the tick its fix was captured in.
 
     While the robot is not seen, the way point moves on and the fix stays: such an error finds P_r,l[i] still there.
+    A stamp that is yet to come, from a clock that is ahead, is taken as that of now.
     """
     copy(xd, out)
     depth = (xd.shape[0] - RING) // 3
@@ -25,10 +26,13 @@ def step(xd, path, error, out):
             out[FIXED], out[FIXED + 1] = path[1], path[2]
     is_new = error[0] != xd[ORDER] or error[1] != xd[ORDER + 1]
     if is_new and error[0] >= 0.0:
-        slot = RING + 3 * (int(error[0]) % depth)
-        if out[slot] == error[0]:
+        captured = min(error[0], path[0])
+        slot = RING + 3 * (int(captured) % depth)
+        is_known = xd[ORDER] == error[0]
+        is_kept = captured >= 0.0 and out[slot] == captured
+        if is_kept and not is_known:
             out[FIXED], out[FIXED + 1] = out[slot + 1], out[slot + 2]
-        if out[slot] == error[0] or xd[ORDER] == error[0]:
+        if is_kept or is_known:
             copy(error, out[ORDER : ORDER + 5])
 
 

@@ -2,7 +2,7 @@
 
 P_es[i, k] = P_ev[i] + R(phi_ev[i] - phi_lo[i]) (P_lo[k] - P_lo[i]); the printed form leaves R away, so that increments
 point along odometry's own, drifting heading. A fix is fused with the odometry of the tick it was *captured* in, so a
-late one does no harm.
+late one does no harm; one with a stamp that is yet to come, from a clock that is ahead, is fused with that of now.
 """
 
 import numpy as np
@@ -29,8 +29,9 @@ def step(xd, odometry, fix, rotate, out):
         out[TICK] = odometry[0]
     if fix[1] > 0.0 and fix[0] > xd[SEEN_TICK]:
         out[SEEN_TICK] = fix[0]
-        slot = RING + 4 * (int(fix[0]) % depth)
-        if out[slot] == fix[0]:
+        captured = min(fix[0], odometry[0])
+        slot = RING + 4 * (int(captured) % depth)
+        if captured >= 0.0 and out[slot] == captured:
             for i in range(3):
                 out[EV + i] = fix[2 + i]
                 out[LO + i] = out[slot + 1 + i]

@@ -18,6 +18,8 @@ class Parameter:
         probes: sizes at which a search begins, in units of `scale`.
         scale: "" (SI units), or "torque", "speed": the run's own root mean square of commanded torque or wheel speed.
         reciprocal: fitted as 1 / value, which is 0 where there is no limit.
+        tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
+            deviation): a floor is never level to a tenth of a milliradian, and no model exact.
     """
 
     name: str
@@ -28,6 +30,7 @@ class Parameter:
     probes: tuple[float, ...] = (0.01,)
     scale: str = ""
     reciprocal: bool = False
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,14 @@ class Body:
     Attributes:
         name: prefix of its blocks. kind: "omni", "pendulum", "base" or a name of the user's own.
         plant: the parameter dataclass of its plant (None: the user's own). wheels: how many.
+        seed: of what is random in its effects.
     """
 
     name: str
     kind: str
     plant: Any
     wheels: int
+    seed: int = 0
 
 
 class Effect:
@@ -39,6 +41,8 @@ class Effect:
     card: Card
     kinds: tuple[str, ...] = ("omni", "pendulum")
     choices: tuple[str, ...] = ()
+    #: Whether the replay of a run has it. What happens at random is counted instead.
+    replayed = True
     #: Units and places in which a wheel of a robot is nothing special: any body with a torque wire can have it.
     general = False
 

@@ -1,28 +1,183 @@
 """The robot's own numbers, other than controller and odometry believe."""
 
 import dataclasses
+from collections.abc import Sequence
 
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import PlantEffect
 
 
+def _grown(plant, share: float, *names: str):
+    """A copy of `plant` with each of the numbers `names` times (1 + share)."""
+    return dataclasses.replace(plant, **{name: getattr(plant, name) * (1.0 + share) for name in names})
+
+
+def _worn(plant, share: float, wheels: Sequence[int]):
+    """A copy of `plant` with the radii of `wheels`, counted from 0, times (1 + share), unknown to its drive."""
+    shares = list(plant.wheel_radius_shares or [0.0] * len(plant.geometry.wheels))
+    for i in wheels:
+        shares[i] = shares[i] + share * (1.0 + shares[i])
+    return dataclasses.replace(plant, wheel_radius_shares=shares)
+
+
+def _one_of(plant, *names: str) -> str:
+    """The first of `names` that this robot's plant has."""
+    return next(name for name in names if hasattr(plant, name))
+
+
 class MassError(PlantEffect):
-    """The body's mass times (1 + share)."""
+    """The body's mass times (1 + share): mass_kg of the omni robot, body_mass_kg of the pendulum."""
 
     card = Card(
         name="mass_error", title="Mass error", home="plant", equation="m = (1 + share) m_nominal",
         source="payload, battery, cables",
-        signature="an unmodelled force against acceleration, none against turning",
-        look_alikes=("torque_gain_error", "inertia_error"),
-        excitation="straight acceleration and turning, both",
+        signature="an unmodelled force against acceleration, none against turning; the pendulum falls faster as well",
+        look_alikes=("torque_gain_error", "inertia_error", "centre_of_gravity_offset"),
+        excitation="straight acceleration and turning, both: a wrong torque gain shows in either",
     )
 
     def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.6, 2.0, (0.05,)),)
+        return (Parameter("share", "1", 0.0, -0.6, 1.5, (0.05, 0.3), tolerance=0.005),)
 
     def change(self, plant, values):
-        name = "mass_kg" if hasattr(plant, "mass_kg") else "body_mass_kg"
-        return dataclasses.replace(plant, **{name: getattr(plant, name) * (1.0 + values["share"])})
+        return _grown(plant, values["share"], _one_of(plant, "mass_kg", "body_mass_kg"))
 
 
-EFFECTS = (MassError(),)
+class InertiaError(PlantEffect):
+    """The omni robot's yaw inertia, the pendulum's pitch inertia I_yy (both about the centre of gravity)."""
+
+    card = Card(
+        name="inertia_error", title="Inertia error", home="plant",
+        equation="I = (1 + share) I_nominal, omni: yaw, pendulum: I_yy",
+        source="how the payload is spread; Table 2.2 prints a yaw inertia that no such robot has",
+        signature="an unmodelled moment against angular acceleration (omni: yaw, pendulum: pitch), none at rest",
+        look_alikes=("torque_gain_error", "turn_scrub", "mass_error", "track_error", "centre_of_gravity_offset"),
+        excitation="omni: quick changes of the yaw rate, with straight acceleration to exclude the torque gain; "
+        "pendulum: fast rocking. Its I_yy is small beside m_b z^2, so only large shares show",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5) if body.kind == "omni" else (0.3, 1.5), tolerance=0.01),)
+
+    def change(self, plant, values):
+        return _grown(plant, values["share"], _one_of(plant, "inertia_kg_m2", "body_inertia_pitch_kg_m2"))
+
+
+class YawInertiaError(PlantEffect):
+    """The pendulum's I_zz and I_xx, upright and lying, times (1 + share)."""
+
+    kinds = ("pendulum",)
+    card = Card(
+        name="yaw_inertia_error", title="Yaw inertia error", home="plant",
+        equation="I_zz, I_xx = (1 + share) nominal", source="width and payload of the body; I_xx is assumed anyway",
+        signature="an unmodelled moment against yaw acceleration, none at steady turning",
+        look_alikes=("turn_scrub", "track_error", "torque_gain_error"),
+        excitation="quick changes of the yaw rate both ways: scrub keeps its size, inertia goes with the acceleration",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5), tolerance=5e-3),)
+
+    def change(self, plant, values):
+        return _grown(plant, values["share"], "body_inertia_yaw_kg_m2", "body_inertia_roll_kg_m2")
+
+
+class CentreOfGravityOffset(PlantEffect):
+    """Omni: the centre of gravity beside the middle by x_m, y_m in B. Pendulum: higher above the axle by height_m."""
+
+    card = Card(
+        name="centre_of_gravity_offset", title="Centre of gravity offset", home="plant",
+        equation="omni: c = c_nominal + (x_m, y_m); pendulum: z = z_nominal + height_m",
+        source="payload off the middle; (2.3)",
+        signature="omni: a yaw moment in step with translational acceleration, a force in step with wz^2 and with yaw "
+        "acceleration; pendulum: it falls faster or slower than expected, the drive moves the tilt more or less",
+        look_alikes=("mass_error", "inertia_error", "weak_motor", "floor_tilt"),
+        excitation="omni: acceleration along x and y without turning, then turning fast on the spot; pendulum: slow "
+        "and fast rocking, since mass and height part only through the inertia m_b z^2",
+    )
+
+    def parameters(self, body):
+        if body.kind == "omni":
+            return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.15, 0.15, (0.005, 0.03), tolerance=5e-4) for axis in "xy")
+        return (Parameter("height_m", "m", 0.0, -0.8 * body.plant.centre_of_gravity_m, 0.3, (0.003, 0.02), tolerance=2e-4),)
+
+    def change(self, plant, values):
+        if "height_m" in values:
+            centre = plant.centre_of_gravity_m + values["height_m"]
+        else:
+            x, y = plant.centre_of_gravity_m
+            centre = [x + values["x_m"], y + values["y_m"]]
+        return dataclasses.replace(plant, centre_of_gravity_m=centre)
+
+
+class WheelRadiusError(PlantEffect):
+    """All true radii times (1 + share); odometry and controller keep the nominal one."""
+
+    kinds = ("omni", "pendulum", "base")
+    card = Card(
+        name="wheel_radius_error", title="Wheel radius error", home="plant", equation="r = (1 + share) r_nominal",
+        source="wear, pressure, soft tyres, caliper",
+        signature="the camera's displacement and angle turned are both (1 + share) times odometry's; forces are 1/(1 + "
+        "share) of those expected",
+        look_alikes=("encoder_scale", "camera_scale", "constant_slip", "track_error", "torque_gain_error"),
+        excitation="straight driving and turning, both: slip and camera scale leave the heading alone, a track error "
+        "changes it only. A wrong encoder scale leaves the forces alone, so accelerate too",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+
+    def change(self, plant, values):
+        if not hasattr(plant, "wheel_radius_m"):
+            return _worn(plant, values["share"], range(len(plant.geometry.wheels)))
+        return _grown(plant, values["share"], "wheel_radius_m")
+
+
+class SingleWheelRadiusError(PlantEffect):
+    """The true radius of one wheel times (1 + share)."""
+
+    kinds = ("omni", "pendulum", "base")
+    choices = ("wheel",)
+    card = Card(
+        name="single_wheel_radius_error", title="Radius error of one wheel", home="plant",
+        equation="r_i = (1 + share) r_nominal for one wheel i", source="wear of one wheel, a mounted spare",
+        signature="odometry's heading drifts in proportion to that wheel's travel; straight lines bend",
+        look_alikes=("encoder_lost_counts", "weak_motor", "track_error", "gyro_scale"),
+        excitation="straight driving along x and y both ways, and turning: a track error shows while turning only; "
+        "lost counts leave the forces alone and a weak motor the odometry",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+
+    def change(self, plant, values):
+        return _worn(plant, values["share"], [int(values["wheel"]) - 1])
+
+
+class TrackError(PlantEffect):
+    """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
+
+    kinds = ("omni", "pendulum", "base")
+    card = Card(
+        name="track_error", title="Track error", home="plant",
+        equation="b = (1 + share) b_nominal, omni: wheel to wheel, pendulum: half track",
+        source="where a wide tyre or roller touches the floor; UMBmark's wheelbase error",
+        signature="the camera's heading turns 1/(1 + share) of odometry's, displacement on straight lines agrees",
+        look_alikes=("inertia_error", "yaw_inertia_error", "gyro_scale", "wheel_radius_error", "turn_scrub"),
+        excitation="turning both ways over large angles, and a straight line to exclude the radius",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+
+    def change(self, plant, values):
+        if hasattr(plant, "track_share"):
+            track_share = plant.track_share + values["share"] * (1.0 + plant.track_share)
+            return dataclasses.replace(plant, track_share=track_share)
+        return _grown(plant, values["share"], _one_of(plant, "wheel_distance_m", "half_track_m"))
+
+
+EFFECTS = (
+    MassError(), InertiaError(), YawInertiaError(), CentreOfGravityOffset(), WheelRadiusError(),
+    SingleWheelRadiusError(), TrackError(),
+)

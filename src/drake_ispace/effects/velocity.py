@@ -1,3 +1,207 @@
-"""Between a commanded body velocity and the one that a robot follows: effects in the wire `velocity`."""
+"""Between a commanded body velocity and the one that a robot follows: effects in the wire `velocity`.
 
-EFFECTS = ()
+Memory is kept in the sensing phase, as in actuator.py, so nothing is a tick late. Velocity is constant over a tick;
+what changes within one enters with its mean.
+"""
+
+import math
+
+import numpy as np
+
+from drake_ispace.block import Output, Phase, Spec, Update
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.kernels import kernel
+from drake_ispace.rates import TICK_S
+
+_LEAST = 1e-6  # smallest limit that a scenario may set
+
+
+def _velocity_spec(function, parameters, update=None, state_size=0):
+    """Of a block from velocity to velocity, with one update of `state_size` numbers in the sensing phase or none."""
+    memory = {"discrete_state": np.zeros(state_size), "updates": (Update(update, Phase.SENSE),)} if update else {}
+    return Spec(inputs={"velocity": 3}, outputs={"velocity": Output(3, function)}, parameters=parameters, **memory)
+
+
+@kernel
+def held_before(xd, velocity, age, axis):
+    """What was commanded along an axis `age` ticks ago; x_d as in `remember_commands`."""
+    return velocity[axis] if age == 0 else xd[3 * (age - 1) + axis]
+
+
+@kernel
+def delayed(xd, velocity, delay_ticks, out):
+    whole = int(delay_ticks)
+    share = delay_ticks - whole
+    for axis in range(3):
+        newer, older = held_before(xd, velocity, whole, axis), held_before(xd, velocity, whole + 1, axis)
+        out[axis] = (1.0 - share) * newer + share * older
+
+
+@kernel
+def remember_commands(xd, velocity, out):
+    """x_d = the velocities commanded on the last ticks, the newest (3) first."""
+    for i in range(3):
+        out[i] = velocity[i]
+    for i in range(3, out.shape[0]):
+        out[i] = xd[i - 3]
+
+
+class VelocityDelay(BlockEffect):
+    """v(t - delay) of the held command; for a part of a tick the mean of the two commands that fall into the tick."""
+
+    kinds = ("base",)
+    wire = "velocity"
+    card = Card(
+        name="velocity_delay", title="Delay of the velocity command", home="actuator", equation="v'(t) = v(t - delay)",
+        source="radio, bus and computing time between command and drive",
+        signature="encoders and pose follow the command in its shape, but late by the same time whatever its size",
+        look_alikes=("velocity_lag", "camera_latency", "clock_offset"),
+        excitation="steps of the command: a lag rounds them, a delay shifts them; a late camera shifts the pose alone, "
+        "not the encoders",
+    )
+    longest_s = 0.3
+
+    def parameters(self, body):
+        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.01, 0.05)),)
+
+    def spec(self, body, values):
+        rows = math.ceil(self.longest_s / TICK_S) + 1
+        ticks = round(values["delay_s"] / TICK_S, 6)  # 0.005 s is one tick
+        return _velocity_spec(delayed, {"delay_ticks": ticks}, remember_commands, 3 * rows)
+
+
+@kernel
+def saturated(velocity, limit_m_s, limit_rad_s, out):
+    out[0], out[1] = velocity[0], velocity[1]
+    speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
+    if speed > limit_m_s:
+        out[0], out[1] = velocity[0] * (limit_m_s / speed), velocity[1] * (limit_m_s / speed)
+    out[2] = min(max(velocity[2], -limit_rad_s), limit_rad_s)
+
+
+class VelocitySaturation(BlockEffect):
+    """Speed at most limit_m_s, in the commanded direction; turning clip(wz, -limit_rad_s, limit_rad_s)."""
+
+    kinds = ("base",)
+    wire = "velocity"
+    card = Card(
+        name="velocity_saturation", title="Speed limit", home="actuator",
+        equation="v' = v min(1, limit_m_s / |v|), wz' = clip(wz, -limit_rad_s, limit_rad_s)",
+        source="speed limit of the drive's firmware, largest speed of the motors",
+        signature="encoders and pose fall behind fast commands only, and then move at one speed",
+        look_alikes=("velocity_gain", "velocity_lag"),
+        excitation="commands of several speeds, each held for a while: below the limit nothing is missing, where a "
+        "gain error takes its share of every command",
+    )
+
+    def parameters(self, body):
+        return (
+            Parameter("limit_m_s", "m/s", math.inf, _LEAST, math.inf, (0.15, 0.3), reciprocal=True),
+            Parameter("limit_rad_s", "rad/s", math.inf, _LEAST, math.inf, (0.5, 1.0), reciprocal=True),
+        )
+
+    def spec(self, body, values):
+        return _velocity_spec(saturated, {name: values[name] for name in ("limit_m_s", "limit_rad_s")})
+
+
+@kernel
+def scaled(velocity, gain, out):
+    for axis in range(3):
+        out[axis] = gain[axis] * velocity[axis]
+
+
+class VelocityGain(BlockEffect):
+    """(1 + share) v, a share for each of vx, vy and wz."""
+
+    kinds = ("base",)
+    wire = "velocity"
+    card = Card(
+        name="velocity_gain", title="Gain of the velocity command", home="actuator",
+        equation="vx' = (1 + share_x) vx, vy' = (1 + share_y) vy, wz' = (1 + share_yaw) wz",
+        source="wheel radius or track in the drive's firmware other than those of encoder and odometry",
+        signature="encoders and pose agree with each other, but not with the command, by a share of it",
+        look_alikes=("wheel_radius_error", "track_error", "constant_slip", "velocity_saturation"),
+        excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
+        "camera, a gain between command and encoder; a speed limit spares slow commands",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,)) for name in ("share_x", "share_y", "share_yaw"))
+
+    def spec(self, body, values):
+        shares = (values["share_x"], values["share_y"], values["share_yaw"])
+        return _velocity_spec(scaled, {"gain": np.array([1.0 + share for share in shares])})
+
+
+@kernel
+def coupled(velocity, yaw_per_x, yaw_per_y, out):
+    out[0], out[1] = velocity[0], velocity[1]
+    out[2] = velocity[2] + (yaw_per_x * velocity[0] + yaw_per_y * velocity[1])
+
+
+class VelocityCoupling(BlockEffect):
+    """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight."""
+
+    kinds = ("base",)
+    wire = "velocity"
+    card = Card(
+        name="velocity_coupling", title="Turning while driving", home="actuator",
+        equation="wz' = wz + yaw_per_x vx + yaw_per_y vy",
+        source="wheels that are driven with different gains, a drive that is not mounted straight",
+        signature="an uncommanded turn in proportion to the speed, seen by encoders and camera alike",
+        look_alikes=("single_wheel_radius_error", "encoder_lost_counts", "velocity_gain"),
+        excitation="straight driving forwards, backwards and sideways: a wheel of another size turns the robot without "
+        "its encoders noticing",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
+
+    def spec(self, body, values):
+        return _velocity_spec(coupled, {name: values[name] for name in ("yaw_per_x", "yaw_per_y")})
+
+
+@kernel
+def lagged(xd, velocity, blend, out):
+    for axis in range(3):
+        out[axis] = blend * xd[axis] + (1.0 - blend) * velocity[axis]
+
+
+@kernel
+def remember_lagged(xd, velocity, memory, out):
+    """x_d = [velocity of the lag at the end of the tick (3)]."""
+    for axis in range(3):
+        out[axis] = memory * xd[axis] + (1.0 - memory) * velocity[axis]
+
+
+class VelocityLag(BlockEffect):
+    """First-order lag of the held command.
+
+    At the end of a tick it has reached y_k = a y_k-1 + (1 - a) v_k, a = exp(-T/time_constant). Over the tick it gives
+    its mean, b y_k-1 + (1 - b) v_k with b = (1 - a) time_constant/T.
+    """
+
+    kinds = ("base",)
+    wire = "velocity"
+    card = Card(
+        name="velocity_lag", title="Lag of the velocity", home="actuator",
+        equation="time_constant d(v')/dt = v - v'",
+        source="the drive's own speed control, inertia of the robot",
+        signature="encoders and pose fall behind where the command rises and run on where it falls",
+        look_alikes=("velocity_delay", "velocity_saturation"),
+        excitation="steps and fast reversals of the command: a delay shifts them, a lag rounds them; a speed limit "
+        "acts on fast commands only",
+    )
+
+    def parameters(self, body):
+        return (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
+
+    def spec(self, body, values):
+        constant = values["time_constant_s"]
+        memory = math.exp(-TICK_S / constant) if constant > 0.0 else 0.0
+        parameters = {"memory": memory, "blend": (1.0 - memory) * constant / TICK_S}
+        return _velocity_spec(lagged, parameters, remember_lagged, 3)
+
+
+EFFECTS = (VelocityDelay(), VelocitySaturation(), VelocityGain(), VelocityCoupling(), VelocityLag())

@@ -3,10 +3,12 @@
 S' M S dv/dt + S' M dS/dt v = S' E tau with theta_dot = G R(phi)' v gives, in body components a of the world
 acceleration and w of the world velocity,
 
-    M_b a + N (a + phi_dot [w_y, -w_x, 0]) = G' (tau - friction),    N = I_w G' G.
+    M_b a - m phi_dot wz [c_x, c_y, 0] + N (a + phi_dot [w_y, -w_x, 0]) = G' (tau - friction),    N = I_w G' G.
 
 For the thesis's wheels N is diag(2/r^2, 2/r^2, b^2/r^2) I_w and this is (2.74)-(2.76) with V = 2 I_w/r^2 phi_dot
-[y_dot, -x_dot, 0].
+[y_dot, -x_dot, 0]. The centre of gravity c may lie beside the robot's middle, to which a and w belong: then
+
+    M_b = [m, 0, -m c_y; 0, m, m c_x; -m c_y, m c_x, I_phi + m c'c].
 """
 
 from dataclasses import dataclass, field
@@ -20,7 +22,7 @@ from drake_ispace.quantity import quantity
 from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.robots.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
 from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
-from drake_ispace.robots.wheels import WheelGeometry, omni4
+from drake_ispace.robots.wheels import WheelGeometry, omni4, rescaled
 
 
 @dataclass
@@ -29,7 +31,7 @@ class OmniPlantParameters:
 
     # M_t, body and wheels
     mass_kg: float = quantity(7.31, "kg", above=0.0)
-    # I_phi; Table 2.2 prints 7.29e-5, which no robot of this size and mass can have
+    # I_phi about the centre of gravity; Table 2.2 prints 7.29e-5, which no robot of this size and mass can have
     inertia_kg_m2: float = quantity(7.29e-2, "kg*m^2", above=0.0)
     # I_w
     wheel_inertia_kg_m2: float = quantity(0.1e-5, "kg*m^2", minimum=0.0)
@@ -37,20 +39,27 @@ class OmniPlantParameters:
     wheel_radius_m: float = quantity(0.024, "m", above=0.0)
     # b, the full distance between opposite wheels
     wheel_distance_m: float = quantity(0.36, "m", above=0.0)
+    # x, y of the centre of gravity in B
+    centre_of_gravity_m: list[float] = quantity([0.0, 0.0], "m", length=2)
+    # what each wheel's radius differs from r_w by, as a share of it
+    wheel_radius_shares: list[float] = quantity([0.0, 0.0, 0.0, 0.0], above=-0.9, length=4)
     # the omni robot's default is frictionless: (3.35)'s coefficients are the pendulum's
     friction: Friction = field(default_factory=Friction)
     slip: Slip = field(default_factory=Slip)
 
     @property
     def geometry(self) -> WheelGeometry:
-        return omni4(self.wheel_radius_m, self.wheel_distance_m)
+        return rescaled(omni4(self.wheel_radius_m, self.wheel_distance_m), self.wheel_radius_shares)
 
 
 X, Y, PHI, VX, VY, WZ, LAG, THETA = 0, 1, 2, 3, 4, 5, 6, 9  # continuous state; LAG: 3 lagged traction slips
 
 
 @kernel
-def derivatives(xc, xd, torque, ground_force, mass_kg, inertia_kg_m2, wheel_inertia_kg_m2, wheels, friction, slip, out):
+def derivatives(
+    xc, xd, torque, ground_force, mass_kg, inertia_kg_m2, centre_of_gravity_m, wheel_inertia_kg_m2, wheels, friction,
+    slip, out,
+):
     """d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
     wx, wy, wz = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY], xc[WZ]
@@ -83,13 +92,14 @@ def derivatives(xc, xd, torque, ground_force, mass_kg, inertia_kg_m2, wheel_iner
 
     turn = out[PHI]
     cx, cy = turn * wy, -turn * wx
-    i_w = wheel_inertia_kg_m2
-    b0 = fx - i_w * (nxx * cx + nxy * cy)
-    b1 = fy - i_w * (nxy * cx + nyy * cy)
+    i_w, away_x, away_y = wheel_inertia_kg_m2, mass_kg * centre_of_gravity_m[0], mass_kg * centre_of_gravity_m[1]
+    b0 = fx - i_w * (nxx * cx + nxy * cy) + away_x * wz * turn
+    b1 = fy - i_w * (nxy * cx + nyy * cy) + away_y * wz * turn
     b2 = moment - i_w * (nxz * cx + nyz * cy)
     # symmetric 3 x 3 solve of (M_b + N) a = b
-    m00, m01, m02 = mass_kg + i_w * nxx, i_w * nxy, i_w * nxz
-    m11, m12, m22 = mass_kg + i_w * nyy, i_w * nyz, inertia_kg_m2 + i_w * nzz
+    m00, m01, m02 = mass_kg + i_w * nxx, i_w * nxy, i_w * nxz - away_y
+    m11, m12 = mass_kg + i_w * nyy, i_w * nyz + away_x
+    m22 = inertia_kg_m2 + away_x * centre_of_gravity_m[0] + away_y * centre_of_gravity_m[1] + i_w * nzz
     k00, k01, k02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
     k11, k12, k22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
     determinant = m00 * k00 + m01 * k01 + m02 * k02
@@ -143,10 +153,10 @@ class OmniPlant(Block):
         - wheel_angle
         - wheel_rate
 
-    torque (n,): wheel torques [N m]. ground_force (3,), only with `ground`: force [N, N] and moment [N m] on the
-    body in its own axes, from the floor or a push. pose (3,): x, y [m], phi [rad] of B in W. velocity (3,): wheel-consistent
-    v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle, wheel_rate (n,): theta [rad],
-    theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
+    torque (n,): wheel torques [N m]. ground_force (3,), only with `ground`: force [N, N] and moment about the robot's
+    middle [N m] on the body in its own axes, from the floor or a push. pose (3,): x, y [m], phi [rad] of B in W.
+    velocity (3,): wheel-consistent v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle,
+    wheel_rate (n,): theta [rad], theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
 
     Args:
         parameters: masses, wheels, friction and slip.
@@ -193,6 +203,7 @@ def block_parameters(parameters: OmniPlantParameters, where: str = "omni.plant")
     lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in geometry.wheels]))
     return {
         "mass_kg": parameters.mass_kg, "inertia_kg_m2": parameters.inertia_kg_m2,
+        "centre_of_gravity_m": np.array(parameters.centre_of_gravity_m),
         "wheel_inertia_kg_m2": parameters.wheel_inertia_kg_m2, "wheels": geometry.inverse.ravel(),
         "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
         "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"),
@@ -202,7 +213,9 @@ def block_parameters(parameters: OmniPlantParameters, where: str = "omni.plant")
 def mass_matrix(parameters: OmniPlantParameters) -> np.ndarray:
     """M_bar (3, 3) of (2.74) in body axes [kg, kg, kg m^2]."""
     wheels = parameters.geometry.inverse
-    body = np.diag([parameters.mass_kg, parameters.mass_kg, parameters.inertia_kg_m2])
+    m, (x, y) = parameters.mass_kg, parameters.centre_of_gravity_m
+    turning = parameters.inertia_kg_m2 + m * (x * x + y * y)
+    body = np.array([[m, 0.0, -m * y], [0.0, m, m * x], [-m * y, m * x, turning]])
     return body + parameters.wheel_inertia_kg_m2 * wheels.T @ wheels
 
 

@@ -3,13 +3,18 @@
 With v = [s_dot, phi_dot, theta_dot], kappa = 1 for the thesis's motion (wheel *and* body rotation, (2.37)-(2.39)) and
 kappa = 0 for the literature's (wheel rotation only, (2.34)-(2.36)):
 
-    theta_wb_dot = s_dot/r +- b phi_dot/r - kappa theta_dot
+    theta_wb_dot = (s_dot +- b phi_dot)/r - kappa theta_dot
     m11 = m_b + 2 m_w + 2 (I_w + n^2 I_r)/r^2
     m13 = m_b z cos(theta) + 2 ((1 - kappa) I_w + n (1 - n kappa) I_r)/r
     m33 = m_b z^2 + I_yy + 2 (1 - kappa)^2 I_w + 2 (1 - n kappa)^2 I_r
     m22 = (m_b z^2 + I_xx) sin^2 + I_zz cos^2 + 2 (I_wz + I_rz) + 2 m_w b^2 + 2 (b/r)^2 (I_w + n^2 I_r)
 
-`pendulum_lagrangian.py` derives the same from the energies; a test compares them.
+`pendulum_lagrangian.py` derives the same from the energies; a test compares them. With wheels of two radii r_R, r_L
+each wheel has its own: 2/r^2 becomes 1/r_R^2 + 1/r_L^2, 2/r becomes 1/r_R + 1/r_L, and yaw is coupled to the rest by
+
+    m12 = b (I_w + n^2 I_r) (1/r_R^2 - 1/r_L^2),    m23 = b ((1 - kappa) I_w + n (1 - n kappa) I_r) (1/r_R - 1/r_L).
+
+(That such a robot stands at a slant is left out.)
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +39,7 @@ from drake_ispace.robots.slip import (
     traction_slip,
 )
 from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
-from drake_ispace.robots.wheels import WheelGeometry, differential
+from drake_ispace.robots.wheels import WheelGeometry, differential, rescaled
 
 MOTIONS = ("wheel_only", "wheel_and_body")
 
@@ -67,6 +72,8 @@ class PendulumPlantParameters:
     half_track_m: float = quantity(0.2, "m", above=0.0)
     # r_w
     wheel_radius_m: float = quantity(0.08, "m", above=0.0)
+    # what the right and the left wheel's radius differ from r_w by, as a share of it; odometry takes r_w for both
+    wheel_radius_shares: list[float] = quantity([0.0, 0.0], above=-0.9, length=2)
     # n, rotor speed over wheel speed as the thesis writes it
     gear_ratio: float = quantity(1.0 / 400.0, minimum=0.0)
     # (2.37)-(2.39), or the literature's (2.34)-(2.36)
@@ -76,61 +83,82 @@ class PendulumPlantParameters:
 
     @property
     def geometry(self) -> WheelGeometry:
-        return differential(self.wheel_radius_m, self.half_track_m)
+        return rescaled(differential(self.wheel_radius_m, self.half_track_m), self.wheel_radius_shares)
 
     def inertias(self) -> dict[str, float]:
         """The constants of the mass matrix, the plant's parameter group `body`; names as in the module."""
-        n, r, b = self.gear_ratio, self.wheel_radius_m, self.half_track_m
+        n, b = self.gear_ratio, self.half_track_m
+        right, left = (1.0 / wheel.radius_m for wheel in self.geometry.wheels)
         kappa = float(MOTIONS.index(self.motion))
         rolling = self.wheel_inertia_kg_m2 + n * n * self.rotor_inertia_kg_m2
+        leaning = (1.0 - kappa) * self.wheel_inertia_kg_m2 + n * (1.0 - n * kappa) * self.rotor_inertia_kg_m2
         lifted = self.body_mass_kg * self.centre_of_gravity_m
         wheels_yaw = self.wheel_inertia_yaw_kg_m2 + self.rotor_inertia_yaw_kg_m2 + self.wheel_mass_kg * b * b
         return {
-            "m11": self.body_mass_kg + 2.0 * self.wheel_mass_kg + 2.0 * rolling / r**2,
+            "m11": self.body_mass_kg + 2.0 * self.wheel_mass_kg + rolling * (right**2 + left**2),
             "m_b_z": lifted,
-            "m13_rotors": 2.0 * ((1.0 - kappa) * self.wheel_inertia_kg_m2
-                                 + n * (1.0 - n * kappa) * self.rotor_inertia_kg_m2) / r,
+            "m13_rotors": leaning * (right + left),
             "m33": lifted * self.centre_of_gravity_m + self.body_inertia_pitch_kg_m2
             + 2.0 * (1.0 - kappa) ** 2 * self.wheel_inertia_kg_m2
             + 2.0 * (1.0 - n * kappa) ** 2 * self.rotor_inertia_kg_m2,
             "yaw_lying": lifted * self.centre_of_gravity_m + self.body_inertia_roll_kg_m2,
             "yaw_upright": self.body_inertia_yaw_kg_m2,
-            "yaw_wheels": 2.0 * wheels_yaw + 2.0 * (b / r) ** 2 * rolling,
+            "yaw_wheels": 2.0 * wheels_yaw + b * b * rolling * (right**2 + left**2),
+            "m12": b * rolling * (right**2 - left**2),
+            "m23": b * leaning * (right - left),
             "kappa": kappa,
             "mass": self.body_mass_kg + 2.0 * self.wheel_mass_kg,
         }
 
 
 X, Y, PHI, TILT, S_RATE, YAW_RATE, TILT_RATE, LAG, THETA_R, THETA_L = 0, 1, 2, 3, 4, 5, 6, 7, 9, 10  # x_c
-M11, M_B_Z, M13_ROTORS, M33, YAW_LYING, YAW_UPRIGHT, YAW_WHEELS, KAPPA, MASS = range(9)
+M11, M_B_Z, M13_ROTORS, M33, YAW_LYING, YAW_UPRIGHT, YAW_WHEELS, M12, M23, KAPPA, MASS = range(11)
 
 
 @kernel
 def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, ground_force, radius, half_track, body):
-    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels and a ground force."""
+    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels and a ground force.
+
+    radius [m]: right, left.
+    """
     c, s = np.cos(tilt), np.sin(tilt)
+    right, left = tau_r / radius[0], tau_l / radius[1]
+    m11, m12, m23, m33 = body[M11], body[M12], body[M23], body[M33]
     m13 = body[M_B_Z] * c + body[M13_ROTORS]
     m22 = body[YAW_LYING] * s * s + body[YAW_UPRIGHT] * c * c + body[YAW_WHEELS]
     shape = s * c * (body[YAW_LYING] - body[YAW_UPRIGHT])
-    push = (tau_r + tau_l) / radius + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate) + ground_force[0]
+    push = right + left + body[M_B_Z] * s * (tilt_rate * tilt_rate + yaw_rate * yaw_rate) + ground_force[0]
     lean = -body[KAPPA] * (tau_r + tau_l) + shape * yaw_rate * yaw_rate + body[M_B_Z] * GRAVITY * s + ground_force[2]
-    turn = half_track * (tau_r - tau_l) / radius - (2.0 * shape * tilt_rate + body[M_B_Z] * s * s_rate) * yaw_rate
+    turn = half_track * (right - left) - (2.0 * shape * tilt_rate + body[M_B_Z] * s * s_rate) * yaw_rate
     turn += ground_force[1]
-    determinant = body[M11] * body[M33] - m13 * m13
-    return (body[M33] * push - m13 * lean) / determinant, turn / m22, (body[M11] * lean - m13 * push) / determinant
+    k11, k12, k13 = m22 * m33 - m23 * m23, m13 * m23 - m12 * m33, m12 * m23 - m13 * m22
+    k22, k23, k33 = m11 * m33 - m13 * m13, m12 * m13 - m11 * m23, m11 * m22 - m12 * m12
+    determinant = m11 * k11 + m12 * k12 + m13 * k13
+    return (
+        (k11 * push + k12 * turn + k13 * lean) / determinant,
+        (k12 * push + k22 * turn + k23 * lean) / determinant,
+        (k13 * push + k23 * turn + k33 * lean) / determinant,
+    )
 
 
 @kernel
 def wheel_rates(s_rate, yaw_rate, tilt_rate, radius, half_track, kappa):
-    """(right, left) theta_wb_dot [rad/s], (2.38)-(2.39) solved for the wheels."""
+    """(right, left) theta_wb_dot [rad/s] of wheels of one `radius` [m], (2.38)-(2.39) solved for the wheels."""
     forward, turn = s_rate / radius - kappa * tilt_rate, half_track * yaw_rate / radius
     return forward + turn, forward - turn
 
 
 @kernel
+def own_rates(xc, radius_m, half_track_m, body):
+    """(right, left) theta_wb_dot [rad/s] of wheels that each have their own radius."""
+    turn, lean = half_track_m * xc[YAW_RATE], body[KAPPA] * xc[TILT_RATE]
+    return (xc[S_RATE] + turn) / radius_m[0] - lean, (xc[S_RATE] - turn) / radius_m[1] - lean
+
+
+@kernel
 def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
     """(right, left) torque between body and wheel, friction taken off."""
-    right, left = wheel_rates(xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA])
+    right, left = own_rates(xc, radius_m, half_track_m, body)
     tau_r = torque[0] - friction_torque(right, deflection(xc[THETA_R], xd, 0), friction)
     tau_l = torque[1] - friction_torque(left, deflection(xc[THETA_L], xd, 1), friction)
     return tau_r, tau_l
@@ -139,7 +167,8 @@ def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
 @kernel
 def tractions(torque, radius_m, half_track_m, body, slip):
     """(forward, yaw) traction slip that the held torques lead to."""
-    drive, turn = (torque[0] + torque[1]) / radius_m, half_track_m * (torque[0] - torque[1]) / radius_m
+    right, left = torque[0] / radius_m[0], torque[1] / radius_m[1]
+    drive, turn = right + left, half_track_m * (right - left)
     return traction_slip(0, drive, body[MASS], slip), traction_slip(2, turn, body[MASS], slip)
 
 
@@ -152,9 +181,7 @@ def derivatives(xc, xd, torque, ground_force, radius_m, half_track_m, body, fric
         half_track_m, body,
     )
     out[TILT] = xc[TILT_RATE]
-    out[THETA_R], out[THETA_L] = wheel_rates(
-        xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA]
-    )
+    out[THETA_R], out[THETA_L] = own_rates(xc, radius_m, half_track_m, body)
     t0, t2 = tractions(torque, radius_m, half_track_m, body, slip)
     out[LAG] = traction_rate(0, t0, xc[LAG], xc[S_RATE], slip)
     out[LAG + 1] = traction_rate(2, t2, xc[LAG + 1], half_track_m * xc[YAW_RATE], slip)
@@ -188,7 +215,7 @@ def wheel_angle(xc, out):
 
 @kernel
 def wheel_rate(xc, radius_m, half_track_m, body, out):
-    out[0], out[1] = wheel_rates(xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, body[KAPPA])
+    out[0], out[1] = own_rates(xc, radius_m, half_track_m, body)
 
 
 @kernel
@@ -286,7 +313,8 @@ def block_parameters(parameters: PendulumPlantParameters, where: str = "pendulum
         InputError: as PendulumPlant.
     """
     return {
-        "radius_m": parameters.wheel_radius_m, "half_track_m": parameters.half_track_m, "body": parameters.inertias(),
+        "radius_m": np.array([wheel.radius_m for wheel in parameters.geometry.wheels]),
+        "half_track_m": parameters.half_track_m, "body": parameters.inertias(),
         "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
         "slip": slip_parameters(parameters.slip, parameters.half_track_m, f"{where}.slip"),
     }
@@ -305,10 +333,11 @@ def linear_terms(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.nd
     """(M_L (3, 3), G_L (3, 3), E (3, 2)) of (2.51)-(2.53), corrected, without friction."""
     i = parameters.inertias()
     m13 = i["m_b_z"] + i["m13_rotors"]
-    mass = np.array([[i["m11"], 0, m13], [0, i["yaw_upright"] + i["yaw_wheels"], 0], [m13, 0, i["m33"]]])
+    m12, m22, m23 = i["m12"], i["yaw_upright"] + i["yaw_wheels"], i["m23"]
+    mass = np.array([[i["m11"], m12, m13], [m12, m22, m23], [m13, m23, i["m33"]]])
     gravity = np.diag([0.0, 0.0, -i["m_b_z"] * GRAVITY])
-    r, b = parameters.wheel_radius_m, parameters.half_track_m
-    effort = np.array([[1 / r, 1 / r], [b / r, -b / r], [-i["kappa"], -i["kappa"]]])
+    (right, left), b = (wheel.radius_m for wheel in parameters.geometry.wheels), parameters.half_track_m
+    effort = np.array([[1 / right, 1 / left], [b / right, -b / left], [-i["kappa"], -i["kappa"]]])
     return mass, gravity, effort
 
 

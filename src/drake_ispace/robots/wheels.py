@@ -9,7 +9,8 @@ direction itself, for a mecanum wheel it lies `roller` away from it. So
 and a robot is the stack theta_dot = G v_B with v_B = [vx, vy, wz], the inverse of v = J theta_dot, (2.64).
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
@@ -84,15 +85,16 @@ def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:
 
     `wheel_distance_m` is b of Table 2.2, the full distance between opposite wheels.
     """
-    return _ring(4, radius_m, wheel_distance_m / 2.0, first_rad=0.0)
+    return ring(4, radius_m, wheel_distance_m / 2.0, first_rad=0.0)
 
 
 def omni3(radius_m: float, centre_distance_m: float, first_rad: float = np.pi / 3.0) -> WheelGeometry:
     """Three omni wheels, 120 degrees apart, `centre_distance_m` from the centre, the first at `first_rad`."""
-    return _ring(3, radius_m, centre_distance_m, first_rad)
+    return ring(3, radius_m, centre_distance_m, first_rad)
 
 
-def _ring(count, radius_m, centre_distance_m, first_rad):
+def ring(count: int, radius_m: float, centre_distance_m: float, first_rad: float) -> WheelGeometry:
+    """`count` omni wheels evenly spaced around the centre, counted anticlockwise from `first_rad`, each tangential."""
     angles = first_rad + 2.0 * np.pi * np.arange(count) / count
     return WheelGeometry(tuple(
         Wheel(centre_distance_m * np.cos(a), centre_distance_m * np.sin(a), a + np.pi / 2.0, radius_m) for a in angles
@@ -106,6 +108,16 @@ def mecanum(radius_m: float, half_length_m: float, half_width_m: float) -> Wheel
         Wheel(a, b, 0.0, radius_m, -quarter), Wheel(a, -b, 0.0, radius_m, quarter),
         Wheel(-a, b, 0.0, radius_m, quarter), Wheel(-a, -b, 0.0, radius_m, -quarter),
     ))
+
+
+def rescaled(geometry: WheelGeometry, radius_shares: Sequence[float]) -> WheelGeometry:
+    """The same wheels, each radius times (1 + its share).
+
+    Raises:
+        ValueError: another number of shares than of wheels.
+    """
+    pairs = zip(geometry.wheels, radius_shares, strict=True)
+    return WheelGeometry(tuple(replace(wheel, radius_m=wheel.radius_m * (1.0 + share)) for wheel, share in pairs))
 
 
 def differential(radius_m: float, half_track_m: float) -> WheelGeometry:

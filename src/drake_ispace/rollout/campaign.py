@@ -29,7 +29,7 @@ from drake_ispace.rates import ticks_in
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.scenario import Scenario, blaming, difference
+from drake_ispace.scenario import ROBOTS, Scenario, blaming, difference
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.typed_tree import read
 from drake_ispace.wiring.catalog import build_diagram
@@ -322,7 +322,7 @@ def _text(data):
 def _plain(scenario):
     """The scenario as plain data that means the same on every machine; the seed is the campaign's."""
     robots = {}
-    for name in ("omni", "pendulum"):
+    for name in ROBOTS:
         robot = getattr(scenario, name)
         if robot.trajectory.csv is not None:
             vertices = build_path(robot.trajectory, f"{name}.trajectory").points_m

@@ -118,6 +118,7 @@ class ImageLocalizer(Block):
         def expose(tick, xd, poses, out):
             out[:] = xd
             before = xd[1 : 1 + 3 * robots] if xd[0] >= 0.0 else poses
+            before = np.where(np.isnan(before), poses, before)  # a robot that was hidden
             out[0], out[1 : 1 + 3 * robots], out[1 + 3 * robots : start] = (
                 tick,
                 poses,
@@ -129,8 +130,10 @@ class ImageLocalizer(Block):
             out[start + size : -size], messages = xd[start + 2 * size :], out[-size:]
             frame, poses = int(xd[0]), xd[1 : 1 + 3 * robots].reshape(robots, 3)
             motion = xd[1 + 3 * robots : start].reshape(robots, 3) * exposure_ticks
+            shown = np.isfinite(poses).all(axis=1)
             boxes = [robot_box(name, space, pose) for name, pose in zip(names, poses, strict=True)]
-            image = renderer.render(boxes, motion, frame).colour
+            boxes = [box for box, is_shown in zip(boxes, shown, strict=True) if is_shown]
+            image = renderer.render(boxes, motion[shown], frame).colour
             sightings = eye.locate(image)
             lost = np.random.default_rng([*noise_stream.astype(np.int64), frame]).random(robots) < dropout
             for i, name in enumerate(names):

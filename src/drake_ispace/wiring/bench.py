@@ -25,6 +25,11 @@ class Bench:
         """Connect each ("block.output", "block.input")."""
         self._wires += pairs
 
+    def source(self, target: str) -> str:
+        """Where the wire that ends at `target` comes from."""
+        (found,) = {source for source, end in self._wires if end == target}
+        return found
+
     def splice(self, targets: list[str], name: str, block: System, port: str) -> None:
         """Put `block` into the one wire that ends at `targets`: in and out by its ports called `port`."""
         self.add(name, block)

@@ -6,6 +6,7 @@ from pydrake.systems.framework import Diagram
 
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.base import odometry_replay, velocity_base
 from drake_ispace.wiring.omni import omni_conventional_multirate, omni_multirate, omni_vision_feedback
 from drake_ispace.wiring.pendulum import pendulum_jacobian_tracking, pendulum_multirate, pendulum_vision_feedback
 from drake_ispace.wiring.servo import pendulum_friction_compensation, pendulum_servo
@@ -15,7 +16,7 @@ CATALOG: dict[str, Callable[[Scenario], Diagram]] = {
     builder.__name__: builder for builder in (
         omni_multirate, omni_vision_feedback, omni_conventional_multirate, pendulum_multirate,
         pendulum_vision_feedback, pendulum_jacobian_tracking, pendulum_servo, pendulum_friction_compensation,
-        shared_space,
+        shared_space, velocity_base, odometry_replay,
     )
 }
 

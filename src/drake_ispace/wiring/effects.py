@@ -46,4 +46,8 @@ def splice_effects(
         name = f"{body.name}_{effect.card.name}"
         block = EffectBlock(effect, body, effect.neutral(body) | dict(values))
         bench.splice(wires[effect.wire], name, block, effect.wire)
-        bench.wire(*[(f"{plant}.{port}", f"{name}.{port}") for port in block.spec.inputs if port != effect.wire])
+        others = [port for port in block.spec.inputs if port != effect.wire]
+        bench.wire(*[
+            (bench.source(f"{plant}.torque") if port == "torque" else f"{plant}.{port}", f"{name}.{port}")
+            for port in others
+        ])

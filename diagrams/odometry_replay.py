@@ -1,0 +1,15 @@
+"""Wheel angles to a pose: a differential drive follows its path by odometry alone while the room looks on."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.base import odometry_replay
+
+scenario = load_scenario("odometry_replay", [f"seconds={seconds_asked(__doc__)}"])
+diagram = odometry_replay(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

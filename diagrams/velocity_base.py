@@ -1,0 +1,15 @@
+"""A robot with any wheels, commanded by body velocity; the room corrects its pose every 95 ms."""
+
+from pathlib import Path
+
+from shared import print_outcome, seconds_asked
+
+from drake_ispace.drawing import draw
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import simulate_diagram
+from drake_ispace.wiring.base import velocity_base
+
+scenario = load_scenario("velocity_base", [f"seconds={seconds_asked(__doc__)}"])
+diagram = velocity_base(scenario)
+draw(diagram, Path(__file__).with_suffix(".svg"))
+print_outcome(simulate_diagram(diagram, scenario))

@@ -1,0 +1,124 @@
+"""Stage 3, hypothesise: how much of what is left each effect could explain, the runs' own offsets left to themselves."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from drake_ispace.discrepancy.candidates import Candidate, probes
+from drake_ispace.discrepancy.likelihood import Likelihood, Point, merged
+from drake_ispace.discrepancy.predict import Prediction, Residuals
+
+_LEAST = 1.0  # squared length of a signature below which the runs say nothing about the effect at that size
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What an effect of size `z` would take away from the residuals.
+
+    Attributes:
+        one_sided: only sizes of this sign are possible. change: before minus after.
+    """
+
+    candidate: Candidate
+    z: list[float]
+    one_sided: bool
+    change: Residuals
+
+
+def signatures(
+    prediction: Prediction, point: Point, tried: Sequence[Candidate], scales: dict[str, float], base: Residuals,
+    pool: ThreadPoolExecutor | None = None,
+) -> list[Signature]:
+    """One for every probe of every candidate, around `point` whose residuals are `base`."""
+    found = []
+    for candidate in tried:
+        neutral = candidate.neutral
+        for z in probes(candidate, scales):
+            raw = prediction.residuals(merged({**point, candidate: z}), pool)
+            if not all(np.isfinite(part).all() for run in raw for part in run.values()):
+                continue
+            change = [{s: before[s] - after[s] for s in before} for before, after in zip(base, raw, strict=True)]
+            (at,) = [i for i in range(len(z)) if z[i] != neutral[i]] or [0]
+            low, high = candidate.bounds[at]
+            one_sided = low >= neutral[at] or high <= neutral[at]
+            found.append(Signature(candidate, z, one_sided, change))
+    return found
+
+
+class Screen:
+    """Score tests of many effects at once.
+
+    Args:
+        likelihood: for the offsets; found: signatures at the point where the residuals were taken.
+    """
+
+    def __init__(self, likelihood: Likelihood, found: Sequence[Signature]):
+        self.signatures = list(found)
+        columns = [likelihood.whitening(s.change) for s in found]
+        self.columns = np.stack(columns, axis=1) if columns else np.empty((0, 0))
+        self.freed = likelihood.freed(self.columns) if columns else self.columns
+        self.inner = self.columns.T @ self.freed
+        self.length = np.diag(self.inner).copy()
+        self.one_sided = np.array([s.one_sided for s in found])
+        self.candidates = list(dict.fromkeys(s.candidate for s in found))
+        self._of = {c: [i for i, s in enumerate(found) if s.candidate is c] for c in self.candidates}
+
+    def gains(self, w: np.ndarray) -> np.ndarray:
+        """(columns,) how much each signature alone lowers the misfit of `w` (rows,)."""
+        return self._gains(self.freed.T @ w)
+
+    def _gains(self, g):
+        shape = (-1,) + (1,) * (g.ndim - 1)
+        gain = g**2 / np.maximum(self.length, _LEAST).reshape(shape)
+        impossible = (self.one_sided.reshape(shape) & (g < 0.0)) | (self.length < _LEAST).reshape(shape)
+        return np.where(impossible, 0.0, gain)
+
+    def evidence(self, w: np.ndarray) -> np.ndarray:
+        """(candidates,) -log10 of the p-value of the best use of each candidate, not corrected for trying many."""
+        return self.evidence_of(self.freed.T @ w)
+
+    def evidence_of(self, g: np.ndarray) -> np.ndarray:
+        """The same from products of all signatures with residuals, (columns,) or (columns, k)."""
+        gains = self._gains(g)
+        best = []
+        for candidate in self.candidates:
+            own = self._of[candidate]
+            single = -chi2.logsf(gains[own].max(axis=0), 1) / np.log(10.0)
+            best.append(np.maximum(single, self._joint(own, g)) if len(candidate.parameters) > 1 else single)
+        return np.array(best)
+
+    def _joint(self, own, products):
+        """-log10 p of all parameters of a candidate together, each by its first probe."""
+        firsts, seen = [], set()
+        for i in own:
+            (at,) = [k for k, z in enumerate(self.signatures[i].z) if z != self.signatures[i].candidate.neutral[k]][:1]
+            if at not in seen and self.length[i] >= _LEAST:
+                firsts.append(i)
+                seen.add(at)
+        if len(firsts) < 2:
+            return np.zeros(products.shape[1:])
+        g = products[firsts]
+        gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
+        return -chi2.logsf(gain, len(firsts)) / np.log(10.0)
+
+    def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
+        """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""
+        own = self._of[candidate]
+        gains = self.gains(w)
+        best = own[int(np.argmax(gains[own]))]
+        found = self.signatures[best]
+        amount = float(self.freed[:, best] @ w / max(self.length[best], _LEAST))
+        neutral, z = candidate.neutral, list(found.z)
+        for i, (low, high) in enumerate(candidate.bounds):
+            share = min(max(amount, -3.0), 3.0)
+            z[i] = min(max(neutral[i] + share * (found.z[i] - neutral[i]), low), high)
+        return z
+
+    def alike(self, one: Candidate, other: Candidate) -> float:
+        """The largest |cosine| between signatures of two candidates, offsets left to themselves."""
+        a, b = self._of[one], self._of[other]
+        scale = np.sqrt(np.outer(np.maximum(self.length[a], _LEAST), np.maximum(self.length[b], _LEAST)))
+        return float(np.max(np.abs(self.inner[np.ix_(a, b)]) / scale))

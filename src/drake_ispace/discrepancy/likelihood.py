@@ -1,0 +1,148 @@
+"""Misfit of any effects to the runs: whitened residuals, the runs' own offsets fitted under their priors."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drake_ispace.discrepancy.candidates import Candidate
+from drake_ispace.discrepancy.predict import Prediction, Residuals
+from drake_ispace.discrepancy.whitening import Whitening
+
+Point = dict[Candidate, list[float]]  # effects and their coordinates
+_STEP = 0.05  # of a probe, for slopes
+
+
+def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
+    """The point as values by effect."""
+    return {candidate.name: candidate.values(z) for candidate, z in point.items()}
+
+
+@dataclass
+class Likelihood:
+    """Minus twice the log likelihood of the runs, but for a constant, as a sum of squares.
+
+    Attributes:
+        prediction: model and runs. whitening: of their noise. offsets: (rows, q) nuisance directions, whitened, each
+            one prior standard deviation long.
+        sizes: candidate -> a natural size of each of its coordinates.
+    """
+
+    prediction: Prediction
+    whitening: Whitening
+    offsets: np.ndarray
+    sizes: Mapping[Candidate, Sequence[float]]
+    pool: ThreadPoolExecutor | None = None
+    _inner: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self):
+        q = self.offsets.shape[1]
+        self._inner = np.linalg.inv(self.offsets.T @ self.offsets + np.eye(q)) if q else np.empty((0, 0))
+
+    def raw(self, point: Point) -> Residuals:
+        return self.prediction.residuals(merged(point), self.pool)
+
+    def whitened(self, point: Point) -> np.ndarray:
+        return self.whitening(self.raw(point))
+
+    def freed(self, vectors: np.ndarray) -> np.ndarray:
+        """What offsets cannot explain, by (I - N (N'N + 1)^-1 N') applied to (rows,) or (rows, k)."""
+        if not self.offsets.shape[1]:
+            return vectors
+        return vectors - self.offsets @ (self._inner @ (self.offsets.T @ vectors))
+
+    def misfit(self, w: np.ndarray) -> float:
+        """Sum of squares of whitened residuals with the best offsets, priors included."""
+        return float(w @ self.freed(w))
+
+    def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
+        """(rows, len(moved)) change of the whitened residuals per natural size of a coordinate."""
+        columns = []
+        for candidate, i in moved:
+            low, high = candidate.bounds[i]
+            z, size = point[candidate][i], self.sizes[candidate][i]
+            step = _STEP * max(abs(z - candidate.neutral[i]), size)
+            if z + step > high:
+                step = -step
+            if z + step < low:
+                step = high - z or low - z
+            z_new = list(point[candidate])
+            z_new[i] = z + step
+            columns.append((self.whitened({**point, candidate: z_new}) - w) * (size / step))
+        return np.stack(columns, axis=1) if columns else np.empty((len(w), 0))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The best point found, its misfit, and the covariance of its coordinates in natural sizes.
+
+    order: which coordinate each row of `covariance` is.
+    """
+
+    point: Point
+    misfit: float
+    covariance: np.ndarray
+    order: list[tuple[Candidate, int]]
+    w: np.ndarray = field(repr=False)
+
+    def std(self, candidate: Candidate, i: int, sizes) -> float:
+        """Standard deviation of a coordinate."""
+        at = self.order.index((candidate, i))
+        return float(np.sqrt(max(self.covariance[at, at], 0.0)) * sizes[candidate][i])
+
+
+def fit(
+    likelihood: Likelihood, start: Point, iterations: int = 12, tolerance: float = 0.02,
+    check: Callable[[], None] | None = None,
+) -> Fit:
+    """Levenberg and Marquardt from `start`, within bounds, until the misfit falls by less than `tolerance`."""
+    point = {candidate: list(z) for candidate, z in start.items()}
+    order = [(candidate, i) for candidate in point for i in range(len(candidate.parameters))]
+    w = likelihood.whitened(point)
+    misfit, damping = likelihood.misfit(w), 1e-3
+    slopes = None
+    for _ in range(iterations):
+        if check:
+            check()
+        slopes = likelihood.slopes(point, order, w)
+        freed = likelihood.freed(slopes)
+        normal, gradient = slopes.T @ freed, freed.T @ w
+        free = _free(point, order, gradient)
+        gained = 0.0
+        for _ in range(6):
+            step = np.zeros(len(order))
+            damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
+            step[free] = -np.linalg.lstsq(damped[np.ix_(free, free)], gradient[free], rcond=None)[0]
+            moved = _moved(likelihood, point, order, step)
+            w_new = likelihood.whitened(moved)
+            new = likelihood.misfit(w_new) if np.isfinite(w_new).all() else np.inf
+            if new < misfit:
+                gained, point, w, misfit, damping = misfit - new, moved, w_new, new, max(damping / 5.0, 1e-7)
+                break
+            damping *= 8.0
+        if gained < tolerance:
+            break
+    slopes = likelihood.slopes(point, order, w)
+    normal = slopes.T @ likelihood.freed(slopes)
+    covariance = np.linalg.pinv(normal, rcond=1e-10) if len(order) else np.empty((0, 0))
+    return Fit(point, misfit, covariance, order, w)
+
+
+def _free(point, order, gradient):
+    """Coordinates that do not sit on a bound from which the gradient pushes outwards."""
+    free = []
+    for at, (candidate, i) in enumerate(order):
+        low, high = candidate.bounds[i]
+        z = point[candidate][i]
+        if not ((z <= low and gradient[at] > 0.0) or (z >= high and gradient[at] < 0.0)):
+            free.append(at)
+    return free
+
+
+def _moved(likelihood, point, order, step):
+    moved = {candidate: list(z) for candidate, z in point.items()}
+    for (candidate, i), change in zip(order, step, strict=True):
+        low, high = candidate.bounds[i]
+        moved[candidate][i] = min(max(moved[candidate][i] + change * likelihood.sizes[candidate][i], low), high)
+    return moved

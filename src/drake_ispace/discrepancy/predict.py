@@ -1,0 +1,172 @@
+"""Stage 0, predict: every prediction that the channels allow, and what is left of the measurement after each.
+
+Residuals come in streams, each with its own clock and noise: `motion`, recorded command -> encoder and IMU, at every
+tick (what is left of a count's rounding at one tick shows at the next: means over several would hide that it does, and
+make a command that followed it look late); `room`, measured wheels -> the camera's fixes, at the camera's own instants; `start`, the first fix against
+the pose from which the scenario starts; `looks`, captures that bring no fix.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.discrepancy.replay import Replay, Values
+from drake_ispace.discrepancy.tracks import IMU, Track
+from drake_ispace.frames import wrap
+from drake_ispace.rates import TICK_S
+
+STREAMS = ("motion", "room", "start", "looks")
+_SETTLING_TICKS = 60  # of the filter
+_SPEED_TICKS = 20  # over which a wheel's speed is taken
+_SLOWNESS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the root mean square of wheel speed: classes of motion
+_COARSE_COUNT = 0.01  # rad, from which on a wheel at rest hides more than its friction
+_SEGMENT_TICKS = 500  # for which a wheel at rest may hide the same part of a count
+_WITHIN_COUNT = 0.4  # of a count, standard deviation
+_START_M, _START_RAD = 0.15, 0.3  # farther from the scenario's start than this, where a run starts is unknown
+_IMU_NAMES = ("ax", "ay", "az", "wx", "wy", "wz")
+#: What a consumer IMU may be off without anything being wrong, per run (standard deviations): its mounting tilts too.
+_IMU_OFFSETS = (0.07, 0.1, 0.05, 0.004, 0.004, 0.004)
+
+Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A model against runs: residuals at any effects, and those of everything that is a nuisance.
+
+    Attributes:
+        replay: the compiled prediction Diagram. tracks: the runs. starts: pose and wheel angles at t = 0 of each, (3 + n,).
+        anchored: whether the start of each run is that of the scenario. channels: stream -> names.
+    """
+
+    replay: Replay
+    tracks: list[Track]
+    starts: list[np.ndarray]
+    anchored: list[bool]
+    channels: dict[str, list[str]]
+
+    def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
+        """Of every run with these effects in the model."""
+        numbers = self.replay.parameters(values)
+        share = self._dropouts(values)
+        jobs = range(len(self.tracks))
+        one = lambda i: self._one(i, self.tracks[i], numbers, share)  # noqa: E731
+        return list((pool.map if pool else map)(one, jobs))
+
+    def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
+        """With `commands` (ticks + LEAD, m) added to the recorded ones, one per run."""
+        numbers = self.replay.parameters(values)
+        share = self._dropouts(values)
+        return [
+            self._one(i, _with(track, command=track.command + added), numbers, share)
+            for i, (track, added) in enumerate(zip(self.tracks, commands, strict=True))
+        ]
+
+    def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray], float]]:
+        """(run, residual change per standard deviation by stream) of every offset that a run may have."""
+        numbers, share, found = self.replay.parameters(values), self._dropouts(values), []
+        for i, track in enumerate(self.tracks):
+            at = self._one(i, track, numbers, share)
+            for offset, std in self._offsets(track):
+                moved = self._one(i, _with(track, measured=track.measured + offset), numbers, share)
+                found.append((i, {name: moved[name] - at[name] for name in at}, std))
+        return found
+
+    def _offsets(self, track):
+        """(rows or 1, p) to add to `measured`, one standard deviation long: a wheel is somewhere within its count, and
+        stays there while it rests; an IMU has a bias."""
+        rows, p = track.measured.shape
+        wheels = self.replay.body.wheels
+        steps = np.abs(np.diff(track.measured[: track.ticks, :wheels], axis=0))
+        count = np.min(steps, where=steps > 1e-9, initial=0.1)
+        starts = range(0, track.ticks, _SEGMENT_TICKS) if count > _COARSE_COUNT else [0]
+        for column in range(wheels):
+            for start in starts:
+                offset = np.zeros((rows, p))
+                end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
+                offset[start:end, column] = _WITHIN_COUNT * count
+                yield offset, _WITHIN_COUNT * count
+        for column in range(wheels, p):
+            offset = np.zeros((1, p))
+            offset[0, column] = _IMU_OFFSETS[column - wheels]
+            yield offset, _IMU_OFFSETS[column - wheels]
+
+    def classes(self) -> list[dict[str, np.ndarray]]:
+        """Per run and stream, (rows,) how slow the slowest wheel is: noise differs between rest and motion."""
+        wheels, found = self.replay.body.wheels, []
+        turned = [np.abs(_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        edges = np.array(_SLOWNESS) * np.sqrt(np.mean(np.vstack(turned) ** 2))
+        for speeds in turned:
+            found.append({"motion": np.searchsorted(edges, speeds.min(axis=1))[_SETTLING_TICKS:]})
+        return found
+
+    def _dropouts(self, values):
+        return values.get("camera_dropouts", {}).get("share", 0.0)
+
+    def _one(self, i, track, numbers, dropouts):
+        motion, room = self.replay.run(track, self.starts[i], numbers)
+        motion, room = motion[:, self._shown(track)], room.copy()
+        first = room[:1] if self.anchored[i] else room[:0]
+        return {
+            "motion": motion[_SETTLING_TICKS:], "room": room[1:], "start": first,
+            "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
+        }
+
+    def _shown(self, track):
+        wheels = self.replay.body.wheels
+        columns = list(range(wheels)) if {"encoder", _DRIVEN[self.replay.body.kind]} <= track.has else []
+        if self.replay.body.kind == "pendulum" and "imu" in track.has:
+            columns += list(range(wheels, wheels + IMU))
+        return columns
+
+
+_DRIVEN = {"base": "command", "omni": "torque", "pendulum": "torque"}
+
+
+def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
+    """Place every run: it starts where its first way point lies, or where the camera saw it first."""
+    starts, anchored = [], []
+    for track in tracks:
+        start, is_known = _start(track)
+        starts.append(np.concatenate([start, track.measured[0, : replay.body.wheels]]))
+        anchored.append(is_known)
+    wheels = replay.body.wheels
+    names = [f"wheel {i + 1}" for i in range(wheels)] if "encoder" in replay.feeds else []
+    if replay.body.kind == "pendulum" and "imu" in replay.feeds:
+        names += list(_IMU_NAMES)
+    if _DRIVEN[replay.body.kind] not in replay.feeds:
+        names = []
+    channels = {"motion": names, "room": ["x", "y", "heading"], "start": ["x", "y", "heading"], "looks": ["seen"]}
+    return Prediction(replay, list(tracks), starts, anchored, channels)
+
+
+def _start(track):
+    if not len(track.fix_ticks):
+        return (track.way_points[0, 1:4] if len(track.way_points) else np.zeros(3)), False
+    first = track.fix[track.fix_ticks[0] + _lead(track), 1:4]
+    if not len(track.way_points) or track.fix_t[0] > 0.2:
+        return first, False
+    start = track.way_points[0, 1:4].copy()
+    if np.hypot(*(first - start)[:2]) > _START_M or abs(wrap(first[2] - start[2])) > _START_RAD:
+        return first, False
+    return start, True
+
+
+def _speeds(angles):
+    """(ticks, n) speed of wheels [rad/s] over the ticks around each."""
+    half = _SPEED_TICKS // 2
+    at = np.arange(len(angles))
+    after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)
+    return (angles[after] - angles[before]) / ((after - before)[:, None] * TICK_S)
+
+
+def _lead(track):
+    return len(track.command) - track.ticks
+
+
+def _with(track, **changes):
+    import dataclasses
+
+    return dataclasses.replace(track, **changes)

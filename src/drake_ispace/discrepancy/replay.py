@@ -1,0 +1,142 @@
+"""The prediction Diagram: the robot's model on recorded commands, held on the measured motion, under the room's camera.
+
+Every effect of the library sits in it at its neutral value, so that any set of them can be tried, at any size, by
+changing run-time numbers of one compiled rollout.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import Multiplexer
+
+from drake_ispace.block import Spec
+from drake_ispace.discrepancy.filters import filter_of
+from drake_ispace.discrepancy.follower import Follower
+from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
+from drake_ispace.discrepancy.tracks import IMU, Track
+from drake_ispace.effects.effect import Body, Effect, PlantEffect
+from drake_ispace.effects.library import library
+from drake_ispace.robots import base, omni, pendulum
+from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.scenario import Scenario, body_of
+from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.effects import chosen_effects, needs_ground, splice_effects
+
+Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A compiled prediction Diagram.
+
+    Attributes:
+        body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
+        rollout: compiled; period_ticks: over how many ticks innovations are averaged.
+    """
+
+    body: Body
+    effects: dict[str, Effect]
+    known: dict[str, dict[str, float]]
+    rollout: Rollout
+    feeds: frozenset[str]
+
+    def parameters(self, values: Values) -> np.ndarray:
+        """Run-time numbers of the rollout with these effects in it, besides the known ones."""
+        together = {name: dict(v) for name, v in self.known.items()}
+        for name, changed in values.items():
+            together[name] = {**together.get(name, {}), **changed}
+        numbers = self.rollout.parameters.copy()
+        plant = self.body.plant
+        for name, effect in self.effects.items():
+            if name not in together or not effect.replayed:
+                continue
+            full = effect.neutral(self.body) | together[name]
+            if isinstance(effect, PlantEffect):
+                plant = effect.change(plant, full)
+            elif effect.wire == "fix":
+                self._set(numbers, f"{self.body.name}_view", {"offset_s": full["offset_s"]})
+            else:
+                self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
+        if plant is not self.body.plant:
+            self._set(numbers, f"{self.body.name}_plant", _PLANTS[self.body.kind].block_parameters(plant))
+        return numbers
+
+    def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """((ticks, p) innovations of the outputs at every tick, (k, 3) innovations of the fixes).
+
+        start: pose and wheel angles at t = 0, (3 + n,).
+        """
+        state = self.rollout.continuous_state.copy()
+        state[:3] = start[:3]
+        state[self._first_wheel : self._first_wheel + self.body.wheels] = start[3:]
+        logs = self.rollout.run(
+            run.ticks + LEAD_TICKS, numbers, state,
+            inputs={"command": run.command, "measured": run.measured, "fix": run.fix},
+        )
+        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_ticks + LEAD_TICKS + 1]
+
+    @property
+    def _first_wheel(self):
+        plant = _PLANTS[self.body.kind]
+        return plant.THETA_R if self.body.kind == "pendulum" else plant.THETA
+
+    def _set(self, numbers, block, parameters):
+        spec = Spec(parameters=parameters)
+        for name, value in zip(spec.parameter_names, spec.parameter_values, strict=True):
+            numbers[self.rollout.index(f"{block}.{name}")] = value
+
+
+_PLANTS = {"omni": omni, "pendulum": pendulum, "base": base}
+
+
+def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
+    """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
+    body = body_of(scenario, robot)
+    every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+    known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
+    diagram = replay_diagram(scenario, robot, has, every)
+    return Replay(body, every, known, compile_diagram(diagram), has)
+
+
+def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
+    """The Diagram with every one of `effects` at its neutral value; inputs command, measured, fix."""
+    body, section = body_of(scenario, robot), getattr(scenario, robot)
+    plant, follower, view = f"{robot}_plant", f"{robot}_follower", f"{robot}_view"
+    neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
+    bench = Bench()
+    quiet = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
+    wires = {"wheel_angle": [f"{follower}.modelled"], "pose": [f"{view}.pose"]}
+    bench.add(follower, Follower(filter_of(scenario, robot, has)))
+    bench.add(view, RoomView())
+    if body.kind == "base":
+        bench.add(plant, base.VelocityBase(quiet))
+        bench.add(f"{robot}_command", TorqueActuator(Actuator(), 3))
+        driven = "velocity"
+    elif body.kind == "omni":
+        bench.add(plant, omni.OmniPlant(quiet, ground=needs_ground(neutral)))
+        bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
+        driven = "torque"
+    else:
+        bench.add(plant, pendulum.PendulumPlant(quiet, imu_height_m=section.imu.height_m, ground=needs_ground(neutral)))
+        bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
+        bench.add(f"{robot}_outputs", Multiplexer([body.wheels, IMU]))
+        bench.wire((f"{plant}.body_motion", f"{robot}_outputs.u1"), (f"{robot}_outputs.y0", f"{follower}.modelled"))
+        wires |= {"wheel_angle": [f"{robot}_outputs.u0"], "body_motion": [f"{robot}_outputs.u1"]}
+        driven = "torque"
+    wires[driven] = [f"{follower}.torque"]
+    bench.wire(
+        (f"{robot}_command.torque", f"{follower}.torque"), (f"{follower}.torque", f"{plant}.{driven}"),
+        (f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"),
+    )
+    splice_effects(bench, body, neutral, wires)
+    bench.let_in(command=f"{robot}_command.command", measured=f"{follower}.measured", fix=f"{view}.fix")
+    bench.show(innovation=f"{follower}.innovation", view=f"{view}.innovation")
+    return bench.build(f"{robot}_replay")
+
+
+def _quiet(actuator):
+    return dataclasses.replace(actuator, limit_n_m=None, resolution_n_m=0.0, noise_std_n_m=0.0)

@@ -1,0 +1,105 @@
+"""A recording made ready to be predicted: its channels on the robot's 5 ms clock, fixes at their own instants."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.discrepancy.room_view import LEAD_TICKS
+from drake_ispace.errors import InputError
+from drake_ispace.rates import TICK_S
+from drake_ispace.recording import Recording
+
+IMU = 6
+
+
+@dataclass(frozen=True)
+class Track:
+    """One run on ticks 0 to `ticks`.
+
+    Attributes:
+        name: for messages. command: (ticks + LEAD, m) what the plant is driven with, zeros where not recorded.
+        measured: (ticks + LEAD, p) outputs, zeros where not recorded. fix: (ticks + LEAD, 5) as RoomView takes them.
+        fix_ticks: (k,) ticks whose camera fix is known; fix_t: their times [s].
+        missed: (v,) 1 for every scheduled look of the camera without a fix, else 0; empty where there is no schedule.
+        has: the channels that it has.
+    """
+
+    name: str
+    ticks: int
+    command: np.ndarray
+    measured: np.ndarray
+    fix: np.ndarray
+    fix_ticks: np.ndarray
+    fix_t: np.ndarray
+    missed: np.ndarray
+    has: frozenset[str]
+    way_points: np.ndarray
+
+
+def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
+    """The run of a robot of that kind ("omni", "pendulum", "base", ...) with that many wheels.
+
+    Raises:
+        InputError: channels of another number of columns, or none that a prediction can be compared with.
+    """
+    driven = "command" if kind == "base" else "torque"
+    for channel, columns in (("torque", wheels), ("encoder", wheels)):
+        found = recording.channels.get(channel)
+        if found is not None and channel in (driven, "encoder") and len(found.columns) != columns:
+            raise InputError(f"{name}: channel {channel} has {len(found.columns)} columns, expected {columns}")
+    wanted = ["encoder", "kinect"] + (["imu"] if kind == "pendulum" else [])
+    has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
+    if not has & set(wanted):
+        raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
+    end_s = max(recording.channels[c].t[-1] for c in has)
+    ticks = int(np.floor(end_s / TICK_S + 0.5))
+    rows = ticks + LEAD_TICKS
+    m = 3 if kind == "base" else wheels
+    command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
+    parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
+    if kind == "pendulum":
+        parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
+    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows) if "kinect" in has else (
+        np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
+    )
+    reference = recording.channels.get("reference")
+    way_points = np.empty((0, 4)) if reference is None else np.column_stack([reference.t, reference.values[:, :3]])
+    missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
+    return Track(name, ticks, command, np.hstack(parts), fix, fix_ticks, fix_t, missed, has, way_points)
+
+
+def _held(channel, rows):
+    """Values in force at each tick: each held from its time on."""
+    ticks = np.floor(channel.t / TICK_S + 0.5)
+    at = np.searchsorted(ticks, np.arange(rows), side="right") - 1
+    values = channel.values[np.maximum(at, 0)].copy()
+    values[at < 0] = 0.0
+    return values
+
+
+def _on_ticks(channel, rows):
+    ticks = np.floor(channel.t / TICK_S + 0.5)
+    if np.array_equal(ticks, np.arange(ticks[0], ticks[0] + len(ticks))) and ticks[0] >= 0.0:
+        return channel.values[np.clip(np.arange(rows) - int(ticks[0]), 0, len(ticks) - 1)]
+    t = np.arange(rows) * TICK_S
+    return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
+
+
+def _fixes(channel, rows):
+    ticks = np.floor(channel.t / TICK_S + 0.5).astype(int)
+    keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
+    ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
+    fix = np.zeros((rows, 5))
+    at = ticks + LEAD_TICKS
+    fix[at, 0], fix[at, 1:4], fix[at, 4] = 1.0, values[:, :3], t - ticks * TICK_S
+    return fix, ticks, t
+
+
+def _missed(channel, end_s):
+    if not channel.period_s:
+        return np.empty(0)
+    first = channel.t[0] - np.floor(channel.t[0] / channel.period_s + 1e-6) * channel.period_s
+    looks = np.arange(first, end_s + 1e-6, channel.period_s)
+    nearest = np.abs(channel.t[np.clip(np.searchsorted(channel.t, looks), 0, len(channel.t) - 1)] - looks)
+    before = np.abs(channel.t[np.clip(np.searchsorted(channel.t, looks) - 1, 0, len(channel.t) - 1)] - looks)
+    return (np.minimum(nearest, before) > 0.25 * channel.period_s).astype(float)

@@ -1,0 +1,216 @@
+"""docs/effects.md: every effect's card and parameters, written from the library.
+
+    python -m drake_ispace.effects.document > docs/effects.md
+"""
+
+import math
+import sys
+from itertools import groupby
+
+from drake_ispace.effects.card import HOMES, Parameter
+from drake_ispace.effects.effect import BlockEffect, Body, Effect
+from drake_ispace.effects.library import library
+from drake_ispace.robots.base import BasePlantParameters
+from drake_ispace.robots.omni import OmniPlantParameters
+from drake_ispace.robots.pendulum import PendulumPlantParameters
+
+_BODIES = tuple(
+    Body(kind, kind, plant, len(plant.geometry.wheels)) for kind, plant in (
+        ("omni", OmniPlantParameters()), ("pendulum", PendulumPlantParameters()), ("base", BasePlantParameters()),
+    )
+)
+_TITLES = {
+    "actuator": "Actuator: between command and motor", "transmission": "Transmission: between motor and wheel",
+    "ground": "Ground: slip, and forces from the floor", "plant": "Plant: numbers other than believed",
+    "encoder": "Encoder: between wheel and count", "imu": "IMU: between body and reading",
+    "camera": "Camera: between robot and reported pose", "link": "Link: between room and robot",
+}
+_SCALES = {"torque": "RMS commanded torque", "speed": "RMS wheel speed"}
+_HEAD = """# Effects
+
+Physical causes that a model may lack. Each has a name, a place where it enters the Diagram, and parameters with a
+neutral value at which every signal is that of the base model, bit for bit. A scenario lists those that it has, under
+`effects` of a robot; controller and odometry know nothing of them.
+
+Symbols: tau_i torque commanded for wheel i [N m], tau' the torque that arrives, w_i its rate relative to the body
+[rad/s], theta_i its angle; v the velocity of the robot; p = (x, y) and phi its pose in W, the room; B its own axes,
+x ahead, y to the left. `wheel` is a whole number from 1 on; pendulum: 1 right, 2 left. Effects in one wire act in the
+order of this page. Robots: `omni`, `pendulum`, and `base`, which takes a velocity. "Bounds" is what is physically
+possible, for the default plant; "probes" are sizes at which a search begins, some in multiples of the run's own root
+mean square (RMS).
+
+This page is written by `python -m drake_ispace.effects.document`.
+"""
+_OWN = '''## An effect of your own
+
+An effect is an object of a subclass of `BlockEffect` (a new block in a wire: `torque`, `ground_force`, `wheel_angle`,
+`body_motion`, `pose`, `fix`, `velocity`) or of `PlantEffect` (another number in the plant). One file of your own is
+enough, say `own_effect.py`. The block has an input and an output with the name of the wire; its other inputs are
+outputs of the plant (`wheel_rate`, `velocity`, `pose`). A kernel's argument names are its wiring. What `spec` makes of
+`values` must be numbers only: ports and sizes stay the same for all values, so that a fit needs no new compilation.
+
+```py
+from unittest import mock
+
+import numpy as np
+
+from drake_ispace.block import Output, Spec
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.library import library
+from drake_ispace.kernels import kernel
+from PACKAGE.scenario import load_scenario
+from PACKAGE.simulation import simulate
+
+
+@kernel
+def shifted(torque, offset, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] + offset[i]
+
+
+class TorqueOffset(BlockEffect):
+    """tau_i + offset for one wheel."""
+
+    wire = "torque"
+    general = True  # any robot with a torque per wheel can have it
+    choices = ("wheel",)
+    card = Card(
+        name="torque_offset", title="Torque offset", home="actuator", equation="tau'_i = tau_i + offset for i = wheel",
+        source="zero of the motor's amplifier",
+        signature="a constant unmodelled torque at one wheel, the same at standstill and in both directions",
+        look_alikes=("coulomb_friction", "floor_tilt"),
+        excitation="reversals: friction changes its sign with the speed, an offset does not",
+    )
+
+    def parameters(self, body):
+        return (Parameter("offset_n_m", "N*m", 0.0, -1.0, 1.0, (-0.02, 0.02)),)
+
+    def spec(self, body, values):
+        offset = np.zeros(body.wheels)
+        offset[int(values["wheel"]) - 1] = values["offset_n_m"]
+        return Spec(
+            inputs={"torque": body.wheels}, outputs={"torque": Output(body.wheels, shifted)},
+            parameters={"offset": offset},
+        )
+
+
+EFFECTS = [TorqueOffset()]
+
+if __name__ == "__main__":  # try it before it is installed
+    with mock.patch.dict(library(), {effect.card.name: effect for effect in EFFECTS}):
+        settings = ["seconds=1", "omni.effects.torque_offset.wheel=2", "omni.effects.torque_offset.offset_n_m=0.05"]
+        run = simulate(load_scenario("omni_multirate", settings))
+        print(run.signals["omni_pose"][-1])
+```
+
+To have it in every scenario, name it in the `pyproject.toml` of your own package and install that package:
+
+```toml
+[project.entry-points."drake_ispace.effects"]
+own = "own_effect:EFFECTS"
+```
+
+Then it is in scenarios like any other:
+
+```yaml
+diagram: omni_multirate
+omni:
+  effects:
+    torque_offset: {wheel: 2, offset_n_m: 0.05}
+```
+'''.replace("PACKAGE", __package__.partition(".")[0])  # what the example imports, this module does not
+
+
+def effects_markdown() -> str:
+    """The whole page: the effects of the package, without those of other people's entry points."""
+    found = [effect for effect in library().values() if type(effect).__module__.startswith("drake_ispace.effects.")]
+    found.sort(key=lambda effect: HOMES.index(effect.card.home))
+    parts = [_HEAD, _overview(found)]
+    for home, effects in groupby(found, key=lambda effect: effect.card.home):
+        parts.append(f"## {_TITLES[home]}\n")
+        parts += [_section(effect) for effect in effects]
+    return "\n".join([*parts, _OWN])
+
+
+def _overview(effects):
+    """Name, home and robots of all."""
+    rows = [
+        f"| [`{e.card.name}`](#{e.card.name}) | {e.card.home} | {', '.join(_robots(e))} | {_cell(e.card.equation)} |"
+        for e in effects
+    ]
+    return "\n".join(["| effect | home | robots | equation |", "|---|---|---|---|", *rows, ""])
+
+
+def _section(effect: Effect) -> str:
+    card = effect.card
+    wire = f", in the wire `{effect.wire}`" if isinstance(effect, BlockEffect) else ", in the plant's parameters"
+    facts = [
+        f"**{card.title}**{wire}; {', '.join(_robots(effect))}.", f"Equation: {_code(card.equation)}",
+        f"Source: {card.source}.", f"Signature: {card.signature}.",
+        f"Look-alikes: {', '.join(f'[`{name}`](#{name})' for name in card.look_alikes) or 'none'}.",
+        f"What separates them: {card.excitation}.",
+    ]
+    example = ["```yaml", *_example(effect), "```"]
+    return "\n".join([f"### {card.name}\n", *[f"{fact}\n" for fact in facts], *_table(effect), "", *example, ""])
+
+
+def _bodies(effect):
+    return [body for body in _BODIES if effect.applies_to(body)]
+
+
+def _robots(effect):
+    return [body.kind for body in _bodies(effect)] + (["any with wheels"] if effect.general else [])
+
+
+def _table(effect):
+    """A row per parameter; one for all robots where they agree."""
+    rows: dict[str, list[str]] = {}
+    for body in _bodies(effect):
+        for p in effect.parameters(body):
+            reading = " (fitted as 1 / value)" if p.reciprocal else ""
+            text = (
+                f"`{p.name}`{reading} | {p.unit} | {_number(p.neutral)} | {_number(p.low)} to {_number(p.high)} "
+                f"| {_probes(p)} |"
+            )
+            rows.setdefault(text, []).append(body.kind)
+        for name in effect.choices:
+            rows.setdefault(f"`{name}` | | any | 1 to {body.wheels} | each |", []).append(body.kind)
+    lines = [f"| {', '.join(kinds)} | {text}" for text, kinds in rows.items()]
+    return ["| robot | parameter | unit | neutral | bounds | probes |", "|---|---|---|---|---|---|", *lines]
+
+
+def _probes(p: Parameter):
+    sizes = ", ".join(_number(probe) for probe in p.probes)
+    return f"{sizes} x {_SCALES[p.scale]}" if p.scale else sizes
+
+
+def _example(effect):
+    """A scenario with the effect at its last probes."""
+    body = _bodies(effect)[0]
+    diagram = {"omni": "omni_multirate", "pendulum": "pendulum_multirate", "base": "velocity_base"}[body.kind]
+    values = {name: min(2, body.wheels) for name in effect.choices}
+    values |= {p.name: p.probes[-1] for p in effect.parameters(body)}
+    inside = ", ".join(f"{name}: {_number(value)}" for name, value in values.items())
+    return [f"diagram: {diagram}", f"{body.kind}:", "  effects:", f"    {effect.card.name}: {{{inside}}}"]
+
+
+def _number(value):
+    """As short as it reads, and as YAML reads it back."""
+    if math.isinf(value):
+        return "no limit"
+    text = f"{value + 0.0:.4g}"
+    return text if "e" not in text or "." in text else text.replace("e", ".0e")
+
+
+def _code(text):
+    return f"`{text}`"
+
+
+def _cell(text):
+    """`text` as code within a table."""
+    return _code(text.replace("|", "\\|"))
+
+
+if __name__ == "__main__":
+    sys.stdout.write(effects_markdown())

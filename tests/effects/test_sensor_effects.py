@@ -1,0 +1,149 @@
+"""Effects of encoder, IMU and link: numbers by hand, nothing at neutral, the same in both engines."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.effects.effect import Body, EffectBlock
+from drake_ispace.effects.imu import rotation
+from drake_ispace.effects.library import library
+from drake_ispace.errors import InputError
+from drake_ispace.rollout.engine import parity, simulate_compiled
+from drake_ispace.scenario import load_scenario
+
+OMNI, PENDULUM = Body("omni", "omni", None, 4), Body("pendulum", "pendulum", None, 2)
+#: Effects in these files -> a value away from neutral.
+OF_ALL = {
+    "encoder_scale": {"share": 0.02}, "encoder_lost_counts": {"wheel": 2, "share": 0.03},
+    "clock_offset": {"offset_s": 0.0},
+}
+OF_IMU = {
+    "gyro_bias": {"pitch_rad_s": 0.01, "yaw_rad_s": -0.02}, "gyro_scale": {"share": 0.02},
+    "accelerometer_bias": {"x_m_s2": 0.05, "z_m_s2": -0.1}, "accelerometer_scale": {"share": -0.02},
+    "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": -0.02},
+}
+
+
+def passed(name, body, signal, **values):
+    """What the effect makes of one value of its wire."""
+    effect = library()[name]
+    block = EffectBlock(effect, body, effect.neutral(body) | values)
+    context = block.CreateDefaultContext()
+    block.GetInputPort(effect.wire).FixValue(context, np.asarray(signal, dtype=float))
+    return block.GetOutputPort(effect.wire).Eval(context)
+
+
+def with_effects(effects):
+    """The pendulum, which has every sensor, with `effects`."""
+    listed = [f"pendulum.effects.{n}.{key}={v}" for n, values in effects.items() for key, v in values.items()]
+    return load_scenario("pendulum_multirate", ["seconds=2", *listed])
+
+
+# By hand
+
+
+def test_every_encoder_shows_a_share_more():
+    assert passed("encoder_scale", OMNI, [1.0, -2.0, 0.0, 4.0], share=0.25) == pytest.approx([1.25, -2.5, 0.0, 5.0])
+
+
+def test_one_encoder_loses_counts_to_and_fro():
+    assert passed("encoder_lost_counts", OMNI, [1, 2, 3, 4], wheel=3, share=0.5) == pytest.approx([1, 2, 1.5, 4])
+    assert passed("encoder_lost_counts", PENDULUM, [-8, -8], wheel=1, share=0.25) == pytest.approx([-6, -8])
+
+
+MOTION = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+
+
+def test_constants_and_shares_of_the_imu():
+    biased = passed("gyro_bias", PENDULUM, MOTION, pitch_rad_s=0.5, yaw_rad_s=-0.25)
+    assert biased == pytest.approx([1, 2, 3, 4, 5.5, 5.75])
+    assert passed("gyro_scale", PENDULUM, MOTION, share=0.5) == pytest.approx([1, 2, 3, 6, 7.5, 9])
+    assert passed("accelerometer_bias", PENDULUM, MOTION, x_m_s2=0.5, z_m_s2=-1) == pytest.approx([1.5, 2, 2, 4, 5, 6])
+    assert passed("accelerometer_scale", PENDULUM, MOTION, share=0.5) == pytest.approx([1.5, 3, 4.5, 4, 5, 6])
+
+
+def test_an_imu_turned_about_z_reads_what_points_ahead_as_to_its_right():
+    # Its own x axis points between the body's x and y.
+    ahead = passed("imu_misalignment", PENDULUM, [1, 0, 0, 0, 1, 0], about_z_rad=0.3)
+    assert ahead == pytest.approx([np.cos(0.3), -np.sin(0.3), 0, np.sin(0.3), np.cos(0.3), 0])
+
+
+def test_an_imu_turned_about_x_reads_gravity_as_to_its_left():
+    standing = passed("imu_misalignment", PENDULUM, [0, 0, 9.8, 0, 0, 1], about_x_rad=0.1)
+    assert standing == pytest.approx([0, 9.8 * np.sin(0.1), 9.8 * np.cos(0.1), 0, np.sin(0.1), np.cos(0.1)])
+
+
+def test_a_misaligned_imu_still_measures_lengths():
+    turned = passed("imu_misalignment", PENDULUM, MOTION, about_x_rad=0.4, about_z_rad=-0.3)
+    assert np.linalg.norm(turned.reshape(2, 3), axis=1) == pytest.approx(np.linalg.norm([[1, 2, 3], [4, 5, 6]], axis=1))
+    matrix = rotation([0.4, 0.0, -0.3])
+    assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-15)
+    assert matrix @ [0.4, 0.0, -0.3] == pytest.approx([0.4, 0.0, -0.3])
+
+
+@pytest.mark.parametrize("offset_s, stamp", [(0.0, 38), (0.05, 48), (-0.05, 28), (0.0124, 40), (0.0126, 41)])
+def test_a_clock_moves_the_stamp_by_whole_ticks(offset_s, stamp):
+    message = passed("clock_offset", OMNI, [38, 1, 0.1, 0.2, 0.3], offset_s=offset_s)
+    assert message.tolist() == [stamp, 1, 0.1, 0.2, 0.3]
+
+
+def test_no_stamp_lies_before_the_robots_first_tick():
+    # -1 would mean that nothing has come yet.
+    for tick in (0, 18, 19, 20):
+        assert passed("clock_offset", OMNI, [tick, 1, 0.1, 0.2, 0.3], offset_s=-0.1)[0] == 0.0
+    assert passed("clock_offset", OMNI, [21, 1, 0.1, 0.2, 0.3], offset_s=-0.1)[0] == 1.0
+
+
+@pytest.mark.parametrize("offset_s", [-0.1, 0.1])
+@pytest.mark.parametrize("fix", [[-1, 0, 0, 0, 0], [19, 0, 0, 0, 0]])
+def test_a_message_without_the_robot_is_left_alone(fix, offset_s):
+    assert np.array_equal(passed("clock_offset", OMNI, fix, offset_s=offset_s), fix)
+
+
+# In the Diagram
+
+
+@pytest.fixture(scope="module")
+def at_neutral():
+    """All effects of these files at once, changing nothing, and a run without them."""
+    neutral = {name: library()[name].neutral(PENDULUM) for name in OF_ALL | OF_IMU}
+    return simulate_compiled(with_effects(neutral)).signals, simulate_compiled(with_effects({})).signals
+
+
+def test_at_neutral_every_signal_is_that_of_the_base_model(at_neutral):
+    neutral, base = at_neutral
+    assert [name for name in base if not np.array_equal(neutral[name], base[name])] == []
+
+
+def test_both_engines_agree_on_effects_of_encoder_and_imu(at_neutral):
+    assert parity(with_effects(OF_ALL | OF_IMU))["max_abs_difference"] == 0.0
+
+
+def test_the_effects_show_in_what_is_measured(at_neutral):
+    neutral, _ = at_neutral
+    signals = simulate_compiled(with_effects(OF_ALL | OF_IMU)).signals
+    standing = signals["pendulum_imu"][1, 1:] - neutral["pendulum_imu"][1, 1:]  # the sample of tick 0, upright
+    axes = rotation([0.03, 0.0, -0.02]).T
+    gravity = 0.98 * 9.81 * axes[1:, 2] - [0.0, 9.81 + 0.1]
+    assert standing == pytest.approx([0.05, *gravity, 0.0, 0.01, -0.02], abs=0.02)
+    assert np.abs(signals["pendulum_encoder"] - neutral["pendulum_encoder"]).max() > 0.1
+
+
+@pytest.mark.parametrize("setting, words", [
+    ("omni.effects.encoder_lost_counts.wheel=5", "at most 4"),
+    ("omni.effects.encoder_lost_counts.share=0.6", "at most 0.5"),
+    ("omni.effects.encoder_scale.shares=0.1", "unknown parameter"),
+    ("omni.effects.gyro_bias.pitch_rad_s=0.1", "cannot have it"),
+    ("pendulum.effects.imu_misalignment.about_y_rad=0.1", "unknown parameter"),
+    ("pendulum.effects.clock_offset.offset_s=0.2", "at most 0.15 \\[s\\]"),
+    ("pendulum.effects.gyro_scale.share=much", "expected a number"),
+])
+def test_what_cannot_be_is_refused(setting, words):
+    with pytest.raises(InputError, match=words):
+        load_scenario("shared_space", [setting])
+
+
+def test_wheels_of_a_robot_of_ones_own_can_have_wrong_encoders():
+    rail = Body("cart", "cart", None, 1)
+    general = [name for name in (*OF_ALL, *OF_IMU) if library()[name].applies_to(rail)]
+    assert general == ["encoder_scale", "encoder_lost_counts"]
+    assert passed("encoder_lost_counts", rail, [2.0], share=0.5) == pytest.approx([1.0])

@@ -1,0 +1,125 @@
+"""Effects between a commanded body velocity and the robot."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.effects.effect import Body
+from drake_ispace.effects.library import library
+from drake_ispace.effects.velocity import EFFECTS
+from drake_ispace.errors import InputError
+from drake_ispace.kernels import arguments
+from drake_ispace.rates import TICK_S
+from drake_ispace.robots.base import BasePlantParameters
+from drake_ispace.rollout.engine import parity, simulate_compiled
+from drake_ispace.scenario import load_scenario
+
+BODY = Body("base", "base", BasePlantParameters(), 3)
+NAMES = [effect.card.name for effect in EFFECTS]
+RAMP = np.outer(np.arange(1.0, 6.0), [1.0, 10.0, 100.0])  # commanded in ticks 0 to 4
+SOME = {
+    "velocity_delay": {"delay_s": 0.012}, "velocity_saturation": {"limit_m_s": 0.2, "limit_rad_s": 0.3},
+    "velocity_gain": {"share_x": 0.1, "share_y": -0.1, "share_yaw": 0.2},
+    "velocity_coupling": {"yaw_per_x": 0.3, "yaw_per_y": -0.2}, "velocity_lag": {"time_constant_s": 0.05},
+}
+
+
+def through(name, velocities, **values):
+    """What the effect's kernels make of velocities (n, 3), each held for a tick."""
+    effect = library()[name]
+    spec = effect.spec(BODY, effect.neutral(BODY) | values)
+    state, rows = np.zeros(0) if spec.discrete_state is None else spec.discrete_state, []
+
+    def call(kernel, velocity, size):
+        known = {"xd": state, "velocity": velocity, **spec.parameters}
+        out = np.empty(size)
+        kernel(*[known[argument] for argument in arguments(kernel)], out)
+        return out
+
+    for velocity in np.atleast_2d(np.asarray(velocities, dtype=float)):
+        rows.append(call(spec.outputs["velocity"].kernel, velocity, 3))
+        for update in spec.updates:
+            state = call(update.kernel, velocity, len(state))
+    return np.array(rows)
+
+
+# -- Numbers by hand
+
+
+def test_a_delay_of_whole_ticks_shifts():
+    assert through("velocity_delay", RAMP, delay_s=0.01)[:, 0].tolist() == [0.0, 0.0, 1.0, 2.0, 3.0]
+
+
+def test_a_delay_of_a_part_of_a_tick_is_the_mean_of_two_commands():
+    assert through("velocity_delay", RAMP, delay_s=0.3 * TICK_S)[:, 2] == pytest.approx(
+        [70.0, 170.0, 270.0, 370.0, 470.0], rel=1e-6
+    )
+
+
+def test_the_longest_delay():
+    many = np.outer(np.arange(70.0), np.ones(3))
+    assert through("velocity_delay", many, delay_s=0.3)[-1] == pytest.approx([9.0, 9.0, 9.0])
+
+
+def test_a_speed_limit_keeps_the_direction():
+    assert through("velocity_saturation", [[0.3, -0.4, -2.0]], limit_m_s=0.25)[0] == pytest.approx([0.15, -0.2, -2.0])
+    assert through("velocity_saturation", [[0.3, -0.4, -2.0]], limit_rad_s=0.5)[0].tolist() == [0.3, -0.4, -0.5]
+
+
+def test_a_gain_for_each_axis():
+    found = through("velocity_gain", [[1.0, 2.0, 3.0]], share_x=0.1, share_y=-0.1, share_yaw=0.2)
+    assert found[0] == pytest.approx([1.1, 1.8, 3.6])
+
+
+def test_coupling_turns_a_robot_that_is_told_to_go_straight():
+    found = through("velocity_coupling", [[0.2, 0.1, 1.0]], yaw_per_x=0.5, yaw_per_y=-2.0)
+    assert found[0] == pytest.approx([0.2, 0.1, 1.0 + 0.1 - 0.2])
+
+
+def test_a_lag_gives_the_mean_over_each_tick():
+    constant, edges = 0.02, np.arange(4) * TICK_S
+    reached = 1.0 - np.exp(-edges / constant)
+    expected = 1.0 - np.diff(-constant * np.exp(-edges / constant)) / TICK_S  # mean of 1 - exp(-t/constant)
+    assert through("velocity_lag", np.ones((3, 3)), time_constant_s=constant)[:, 1] == pytest.approx(expected)
+    assert reached[0] < expected[0] < reached[1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_neutral_values_pass_every_number_unchanged(name):
+    velocities = np.random.default_rng(0).normal(size=(80, 3))
+    assert np.array_equal(through(name, velocities), velocities)
+
+
+# -- In a Diagram
+
+
+def test_at_neutral_values_the_run_is_the_base_run():
+    every = {name: {} for name in NAMES}
+    alone = simulate_compiled(load_scenario("velocity_base", ["seconds=6"]))
+    listed = simulate_compiled(load_scenario("velocity_base", ["seconds=6", f"base.effects={every}"]))
+    for signal, rows in alone.signals.items():
+        assert np.array_equal(rows, listed.signals[signal]), signal
+
+
+def test_drake_and_the_compiled_rollout_agree_to_the_bit():
+    scenario = load_scenario("velocity_base", ["seconds=5", f"base.effects={SOME}"])
+    assert parity(scenario)["max_abs_difference"] == 0.0
+
+
+def test_a_diagram_without_commands_leaves_them_out():
+    overrides = ["seconds=2", "base.trajectory.start_s=0.2"]
+    alone = simulate_compiled(load_scenario("odometry_replay", overrides))
+    listed = simulate_compiled(load_scenario("odometry_replay", [*overrides, f"base.effects={SOME}"]))
+    assert np.array_equal(alone.signals["base_pose"], listed.signals["base_pose"])
+
+
+@pytest.mark.parametrize("override, message", [
+    ("velocity_delay.delay_s=-0.01", r"base.effects.velocity_delay.delay_s: expected at least 0 \[s\], got -0.01"),
+    ("velocity_delay.delay_s=0.4", r"expected at most 0.3 \[s\]"),
+    ("velocity_saturation.limit_m_s=0", r"velocity_saturation.limit_m_s: expected at least 1e-06 \[m/s\], got 0"),
+    ("velocity_gain.share=0.1", "velocity_gain.share: unknown parameter, did you mean 'share_y'"),
+    ("velocity_lag.time_constant_s=.inf", "expected a finite number"),
+    ("velocity_lagg={}", "there is no such effect, did you mean 'velocity_lag'"),
+])
+def test_bad_values_are_refused(override, message):
+    with pytest.raises(InputError, match=message):
+        load_scenario("velocity_base", [f"base.effects.{override}"])

@@ -1,0 +1,306 @@
+"""The two-wheeled inverted pendulum as the generator knows it: Lagrange's equations, IMU, and its loop.
+
+Quasi-velocities v = [s', phi', theta']. Wheel i rolls at g_i v, its rotor turns at n g_i v + (1 - n) theta', so
+
+    M = M_body(theta) + 2 m_w diag(1, b^2, 0) + sum_i I_w g_i g_i' + I_r h_i h_i',  h_i = n g_i + (1 - n) [0, 0, 1],
+
+and the motor between body and wheel works on e_i = g_i - [0, 0, 1] ("wheel and body rotation"). The axle cannot move
+sideways, but accelerates by s' phi' to its left: that moves the centre of gravity, z sin(theta) ahead of it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hidden.control_truth import due, expected_friction, filter_tilt, read_encoder, see, track
+from hidden.effects_truth import (
+    GRAVITY,
+    SLIP_BUILD_UP_S,
+    Effects,
+    drive,
+    ground_force,
+    motor_torque,
+    soft_sign,
+    steady_slip,
+    travelled,
+    wheel_torque,
+)
+from hidden.motions import TICK_S
+
+SUBSTEPS = 10
+STEP_S = TICK_S / SUBSTEPS
+X, Y, PHI, TILT, V, TURN, NOD, SLIP, THETA, SIZE = 0, 1, 2, 3, 4, 5, 6, 7, 8, 10  # state; NOD: tilt rate
+
+
+class Body(NamedTuple):
+    """The true robot."""
+
+    body_kg: float
+    total_kg: float
+    z_m: float
+    i_xx: float
+    i_yy: float
+    i_zz: float
+    g: np.ndarray  # (2, 3) rolling rates from v, right then left
+    wheels: np.ndarray  # (3, 3) wheels' and rotors' part of M
+    coulomb: float  # friction that the nominal robot has
+    viscous: float
+    steepest: float  # slope of friction that the step allows [N m s/rad]
+
+
+class Law(NamedTuple):
+    """The nominal controller."""
+
+    gain: np.ndarray  # (2, 6)
+    radius_m: float
+    half_track_m: float
+    look_ahead_m: float
+    hold_radius_m: float
+    longest_m: float
+    coulomb: float  # expected friction
+    viscous: float
+    dead_band: float
+    scale: float
+    variances: np.ndarray  # (4,) of the tilt filter
+    initial: np.ndarray  # (3,) its first variances
+
+
+class Imu(NamedTuple):
+    """Height above the axle, axes, bias and noise of the IMU."""
+
+    height_m: float
+    turn: np.ndarray  # (3, 3) from the body's axes to those of the sensor
+    gain: np.ndarray  # (6,)
+    bias: np.ndarray  # (6,)
+    noise: np.ndarray  # (ticks + 1, 6)
+
+
+def true_body(plant, values: dict) -> Body:
+    """From the nominal plant's parameters and the effects' `values`."""
+    radii = np.full(2, plant.wheel_radius_m * (1.0 + values["wheel_radius_error"]["share"]))
+    radii[int(values["single_wheel_radius_error"]["wheel"]) - 1] *= 1.0 + values["single_wheel_radius_error"]["share"]
+    b = plant.half_track_m * (1.0 + values["track_error"]["share"])
+    g = np.column_stack([1.0 / radii, np.array([b, -b]) / radii, np.zeros(2)])
+    n, nod = plant.gear_ratio, np.array([0.0, 0.0, 1.0])
+    wheels = 2.0 * plant.wheel_mass_kg * np.diag([1.0, b * b, 0.0])
+    wheels[1, 1] += 2.0 * (plant.wheel_inertia_yaw_kg_m2 + plant.rotor_inertia_yaw_kg_m2)
+    for row in g:
+        rotor = n * row + (1.0 - n) * nod
+        wheels += plant.wheel_inertia_kg_m2 * np.outer(row, row) + plant.rotor_inertia_kg_m2 * np.outer(rotor, rotor)
+    mass = plant.body_mass_kg * (1.0 + values["mass_error"]["share"])
+    yaw = 1.0 + values["yaw_inertia_error"]["share"]
+    body = Body(
+        mass, mass + 2.0 * plant.wheel_mass_kg,
+        plant.centre_of_gravity_m + values["centre_of_gravity_offset"]["height_m"],
+        plant.body_inertia_roll_kg_m2 * yaw,
+        plant.body_inertia_pitch_kg_m2 * (1.0 + values["inertia_error"]["share"]), plant.body_inertia_yaw_kg_m2 * yaw,
+        g, wheels, plant.friction.coulomb_n_m, plant.friction.viscous_n_m_s, 1.0,
+    )
+    effort = (g - nod).T
+    quickest = float(np.linalg.eigvalsh(effort.T @ np.linalg.solve(mass_matrix(body, 0.0), effort))[-1])
+    return body._replace(steepest=1.2 / (STEP_S * quickest))
+
+
+def nominal_law(robot, gain) -> Law:
+    """The controller of a scenario's `pendulum` with the gain K (2, 6)."""
+    tracker, friction, believed = robot.control.tracker, robot.control.friction_compensation, robot.tilt_filter
+    share = float(friction.enabled)
+    variances = np.array([
+        (believed.angular_acceleration_rad_s2 * TICK_S) ** 2, believed.bias_walk_rad_s_per_sqrt_s**2 * TICK_S,
+        believed.gyro_std_rad_s**2, believed.accelerometer_std_rad**2,
+    ])
+    initial = np.array([
+        believed.initial_tilt_std_rad, believed.initial_rate_std_rad_s, believed.initial_bias_std_rad_s,
+    ])**2
+    return Law(
+        np.ascontiguousarray(gain, dtype=float), robot.plant.wheel_radius_m, robot.plant.half_track_m,
+        tracker.look_ahead_m, tracker.hold_radius_m, tracker.longest_error_m, share * friction.coulomb_n_m,
+        share * friction.viscous_n_m_s, friction.dead_band_rad_s, friction.speed_scale_rad_s, variances, initial,
+    )
+
+
+@njit(cache=True)
+def mass_matrix(body, tilt):
+    """M (3, 3) at a tilt [rad]."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    lifted = body.body_kg * body.z_m
+    m = body.wheels.copy()
+    m[0, 0] += body.body_kg
+    m[0, 2] += lifted * c
+    m[2, 0] += lifted * c
+    m[1, 1] += (lifted * body.z_m + body.i_xx) * s * s + body.i_zz * c * c
+    m[2, 2] += lifted * body.z_m + body.i_yy
+    return m
+
+
+@njit(cache=True)
+def accelerations(z, effort, body):
+    """(s'', phi'', theta'') under the generalised forces `effort` (3), gravity on level floor included."""
+    c, s = np.cos(z[TILT]), np.sin(z[TILT])
+    lifted = body.body_kg * body.z_m
+    squash = (lifted * body.z_m + body.i_xx - body.i_zz) * s * c  # half of d m22 / d theta
+    q0 = effort[0] + lifted * s * (z[NOD] ** 2 + z[TURN] ** 2)
+    q1 = effort[1] - 2.0 * squash * z[NOD] * z[TURN] - lifted * s * z[V] * z[TURN]
+    q2 = effort[2] + squash * z[TURN] ** 2 + lifted * GRAVITY * s
+    m00, m11, m22 = body.wheels[0, 0] + body.body_kg, body.wheels[1, 1], body.wheels[2, 2]
+    m11 = m11 + (lifted * body.z_m + body.i_xx) * s * s + body.i_zz * c * c
+    m22 = m22 + lifted * body.z_m + body.i_yy
+    m01, m12 = body.wheels[0, 1], body.wheels[1, 2]
+    m02 = body.wheels[0, 2] + lifted * c
+    # Cholesky of the symmetric 3 x 3
+    l00 = np.sqrt(m00)
+    l10, l20 = m01 / l00, m02 / l00
+    l11 = np.sqrt(m11 - l10 * l10)
+    l21 = (m12 - l20 * l10) / l11
+    l22 = np.sqrt(m22 - l20 * l20 - l21 * l21)
+    y0 = q0 / l00
+    y1 = (q1 - l10 * y0) / l11
+    y2 = (q2 - l20 * y0 - l21 * y1) / l22
+    a2 = y2 / l22
+    a1 = (y1 - l21 * a2) / l11
+    return (y0 - l10 * a1 - l20 * a2) / l00, a1, a2
+
+
+@njit(cache=True)
+def rates(time_s, z, torque, push, wander, body, e, out):
+    """d/dt of the state z [x, y, phi, tilt, s', phi', tilt rate, traction slip, theta right, left].
+
+    torque (2) [N m]; push (3): outer force along s, yaw and pitch moment [N, N m, N m]; wander (2): random slip of s
+    and yaw.
+    """
+    c, s = np.cos(z[PHI]), np.sin(z[PHI])
+    effort = push.copy()
+    drive_n = 0.0
+    for i in range(2):
+        rate = body.g[i, 0] * z[V] + body.g[i, 1] * z[TURN] - z[NOD]
+        net = wheel_torque(torque[i], rate, z[THETA + i], time_s, body.coulomb, body.viscous, body.steepest, e)
+        effort[0] += body.g[i, 0] * net
+        effort[1] += body.g[i, 1] * net
+        effort[2] -= net
+        drive_n += body.g[i, 0] * torque[i]
+        out[THETA + i] = rate
+    out[SLIP] = (steady_slip(drive_n, body.total_kg * GRAVITY, e.slip_gain[0]) - z[SLIP]) / SLIP_BUILD_UP_S
+    u = travelled(z[V], e.slip_ratio[0] + wander[0], z[SLIP], z[X], z[Y], e)
+    out[X], out[Y], out[PHI], out[TILT] = c * u, s * u, (1.0 - wander[1]) * z[TURN], z[NOD]
+    gx, gy = ground_force(z[X], z[Y], out[X], out[Y], body.total_kg, e)
+    lifted = body.body_kg * body.z_m * GRAVITY
+    effort[0] += c * gx + s * gy
+    effort[1] -= e.scrub_n_m * soft_sign(z[TURN], 0.02)
+    effort[1] -= lifted * np.sin(z[TILT]) * (c * e.slope[1] - s * e.slope[0])
+    effort[2] -= lifted * np.cos(z[TILT]) * (c * e.slope[0] + s * e.slope[1])
+    out[V], out[TURN], out[NOD] = accelerations(z, effort, body)
+
+
+@njit(cache=True)
+def advance(time_s, z, torque, push, wander, body, e, work):
+    """One Runge-Kutta 4 step of STEP_S, in place; work (5, SIZE)."""
+    h = STEP_S
+    rates(time_s, z, torque, push, wander, body, e, work[0])
+    for stage in range(1, 4):
+        share = h if stage == 3 else 0.5 * h
+        for i in range(SIZE):
+            work[4, i] = z[i] + share * work[stage - 1, i]
+        rates(time_s, work[4], torque, push, wander, body, e, work[stage])
+    for i in range(SIZE):
+        z[i] += h / 6.0 * (work[0, i] + 2.0 * work[1, i] + 2.0 * work[2, i] + work[3, i])
+
+
+@njit(cache=True)
+def read_imu(tick, z, velocity, change, imu, slope, out):
+    """Specific force and rate (6) in the sensor's axes.
+
+    velocity (3): s', phi', tilt rate as the room sees them; change (3): their rates of change.
+    """
+    c, s, l = np.cos(z[TILT]), np.sin(z[TILT]), imu.height_m
+    uphill = np.cos(z[PHI]) * slope[0] + np.sin(z[PHI]) * slope[1]
+    aside = -np.sin(z[PHI]) * slope[0] + np.cos(z[PHI]) * slope[1]
+    v, turn, nod = velocity
+    ax = change[0] + l * (change[2] * c - nod * nod * s) - turn * turn * l * s + GRAVITY * uphill
+    ay = v * turn + change[1] * l * s + 2.0 * turn * l * c * nod + GRAVITY * aside
+    az = GRAVITY - l * (change[2] * s + nod * nod * c)
+    felt = imu.turn @ np.array([c * ax - s * az, ay, s * ax + c * az])
+    turned = imu.turn @ np.array([-s * turn, nod, c * turn])
+    for i in range(3):
+        out[i] = imu.gain[i] * felt[i] + imu.bias[i] + imu.noise[tick, i]
+        out[3 + i] = imu.gain[3 + i] * turned[i] + imu.bias[3 + i] + imu.noise[tick, 3 + i]
+
+
+@njit(cache=True)
+def seen_velocity(z, slip, e):
+    """Forward speed, turning rate and tilt rate (3) of the robot on the floor, slip taken off."""
+    u = travelled(z[V], e.slip_ratio[0] + slip[0], z[SLIP], z[X], z[Y], e)
+    return np.array([u, (1.0 - slip[1]) * z[TURN], z[NOD]])
+
+
+@njit(cache=True)
+def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera, e: Effects):
+    """The closed loop for `ticks` ticks from the pose `start` (3), upright.
+
+    push (ticks + 1, 3), wander (ticks + 1, 2): outer force and random slip at each tick, linear in between.
+    Returns torque (ticks, 2), encoder (ticks + 1, 2), imu (ticks + 1, 6), fixes (k, 5: capture, tick of arrival, pose),
+    truth (ticks + 1, 7: pose, tilt, s', phi', tilt rate). Stops where the body falls.
+    """
+    z, work = np.zeros(SIZE), np.zeros((5, SIZE))
+    z[:3] = start
+    commanded, held, angles = np.zeros((ticks, 2)), np.zeros((ticks, 2)), np.zeros((ticks + 1, 2))
+    felt, poses, truth = np.zeros((ticks + 1, 6)), np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 7))
+    fixes, seen = np.zeros((ticks // 19 + 1, 5)), 0
+    raw, counts, omega = np.floor(encoder.phase), np.zeros(2), np.zeros(2)
+    slewed, lagged, gap, torque = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    fix, known, shown, error = np.zeros(3), -1, np.zeros(2), np.zeros(3)
+    path, then = np.zeros((ticks + 1, 2)), np.zeros(2)  # of odometry: s, phi
+    tilt, p, leaned = np.zeros(3), np.diag(law.initial), 0.0
+    force, slip = np.zeros(3), np.zeros(2)
+    velocity, before, change = np.zeros(3), np.zeros(3), np.zeros(3)
+    r, b = law.radius_m, law.half_track_m
+    for tick in range(ticks + 1):
+        poses[tick] = z[:3]
+        truth[tick] = z[:7]
+        for i in range(2):
+            shown[i] = z[THETA + i] + gap[i]
+        read_encoder(tick, shown, encoder, e, raw, counts, angles[tick])
+        read_imu(tick, z, velocity, change, imu, e.slope, felt[tick])
+        filter_tilt(tick == 0, felt[tick], TICK_S, law.variances, tilt, p)
+        if tick > 0:
+            right, left = angles[tick] - angles[tick - 1]
+            path[tick, 0] = path[tick - 1, 0] + 0.5 * r * (right + left + 2.0 * (tilt[0] - leaned))
+            path[tick, 1] = path[tick - 1, 1] + 0.5 * r / b * (right - left)
+            omega[0] = encoder.memory * omega[0] + (1.0 - encoder.memory) * right / TICK_S
+            omega[1] = encoder.memory * omega[1] + (1.0 - encoder.memory) * left / TICK_S
+        leaned = tilt[0]
+        capture = due(tick, camera)
+        if capture >= 0 and see(capture, poses, camera, fix):
+            known = 19 * capture
+            fixes[seen, 0], fixes[seen, 1] = known, tick
+            fixes[seen, 2:] = fix
+            seen += 1
+        if tick == ticks or abs(z[TILT]) > 1.5 or not np.isfinite(z[V]):
+            break
+        if known >= 0 and (capture >= 0 or tick % 19 == 0):
+            track(fix, way_points[tick // 19], law.look_ahead_m, law.hold_radius_m, law.longest_m, error)
+            then[:] = path[known]
+        miss_s, miss_phi = error[0] + then[0] - path[tick, 0], error[1] + then[1] - path[tick, 1]
+        speed = 0.5 * r * (omega[0] + omega[1] + 2.0 * tilt[1])
+        state = np.array([
+            -miss_s, -miss_phi, tilt[0], speed - error[2], 0.5 * r / b * (omega[0] - omega[1]), tilt[1],
+        ])
+        feedback = -law.gain @ state
+        for i in range(2):
+            friction = expected_friction(omega[i], law.coulomb, law.viscous, law.dead_band, law.scale)
+            commanded[tick, i] = feedback[i] + friction
+        drive(tick, commanded[tick], slewed, TICK_S, e, held[tick])
+        for step in range(SUBSTEPS):
+            share = (step + 0.5) / SUBSTEPS
+            time_s = (tick + share) * TICK_S
+            for i in range(3):
+                force[i] = push[tick, i] + share * (push[tick + 1, i] - push[tick, i])
+            for i in range(2):
+                slip[i] = wander[tick, i] + share * (wander[tick + 1, i] - wander[tick, i])
+            motor_torque(held, time_s, STEP_S, TICK_S, e, lagged, gap, torque)
+            before[:] = seen_velocity(z, slip, e)
+            advance(time_s, z, torque, force, slip, body, e, work)
+            velocity[:] = seen_velocity(z, slip, e)
+            for i in range(3):
+                change[i] = (velocity[i] - before[i]) / STEP_S
+    return commanded, angles, felt, fixes[:seen], truth
