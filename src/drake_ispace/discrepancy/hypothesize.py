@@ -104,6 +104,12 @@ class Screen:
         gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
         return -chi2.logsf(gain, len(firsts)) / np.log(10.0)
 
+    def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
+        """How much all signatures of a candidate together lower the misfit of `w`."""
+        own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
+        g = self.freed[:, own].T @ w
+        return float(g @ (np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ g)) if own else 0.0
+
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""
         own = self._of[candidate]

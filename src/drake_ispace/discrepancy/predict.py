@@ -6,6 +6,7 @@ make a command that followed it look late); `room`, measured wheels -> the camer
 the pose from which the scenario starts; `looks`, captures that bring no fix.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -64,14 +65,25 @@ class Prediction:
             for i, (track, added) in enumerate(zip(self.tracks, commands, strict=True))
         ]
 
-    def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray], float]]:
-        """(run, residual change per standard deviation by stream) of every offset that a run may have."""
+    def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
+        """Of a model that moves by `displacements` (ticks + LEAD, 3) [m, m, rad] more, one per run."""
+        numbers = self.replay.parameters(values)
+        share, found = self._dropouts(values), []
+        for i, (track, added) in enumerate(zip(self.tracks, displacements, strict=True)):
+            fix = track.fix.copy()
+            at = track.fix_ticks + len(track.command) - track.ticks
+            fix[at, 1:4] -= added[track.fix_ticks]
+            found.append(self._one(i, _with(track, fix=fix), numbers, share))
+        return found
+
+    def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray]]]:
+        """(run, residual change per standard deviation, by stream) of every offset that a run may have."""
         numbers, share, found = self.replay.parameters(values), self._dropouts(values), []
         for i, track in enumerate(self.tracks):
             at = self._one(i, track, numbers, share)
-            for offset, std in self._offsets(track):
+            for offset in self._offsets(track):
                 moved = self._one(i, _with(track, measured=track.measured + offset), numbers, share)
-                found.append((i, {name: moved[name] - at[name] for name in at}, std))
+                found.append((i, {name: moved[name] - at[name] for name in at}))
         return found
 
     def _offsets(self, track):
@@ -87,16 +99,16 @@ class Prediction:
                 offset = np.zeros((rows, p))
                 end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
                 offset[start:end, column] = _WITHIN_COUNT * count
-                yield offset, _WITHIN_COUNT * count
+                yield offset
         for column in range(wheels, p):
             offset = np.zeros((1, p))
             offset[0, column] = _IMU_OFFSETS[column - wheels]
-            yield offset, _IMU_OFFSETS[column - wheels]
+            yield offset
 
     def classes(self) -> list[dict[str, np.ndarray]]:
         """Per run and stream, (rows,) how slow the slowest wheel is: noise differs between rest and motion."""
         wheels, found = self.replay.body.wheels, []
-        turned = [np.abs(_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        turned = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_SLOWNESS) * np.sqrt(np.mean(np.vstack(turned) ** 2))
         for speeds in turned:
             found.append({"motion": np.searchsorted(edges, speeds.min(axis=1))[_SETTLING_TICKS:]})
@@ -154,7 +166,7 @@ def _start(track):
     return start, True
 
 
-def _speeds(angles):
+def wheel_speeds(angles: np.ndarray) -> np.ndarray:
     """(ticks, n) speed of wheels [rad/s] over the ticks around each."""
     half = _SPEED_TICKS // 2
     at = np.arange(len(angles))
@@ -167,6 +179,4 @@ def _lead(track):
 
 
 def _with(track, **changes):
-    import dataclasses
-
     return dataclasses.replace(track, **changes)

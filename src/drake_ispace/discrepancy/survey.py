@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate, probes
+from drake_ispace.discrepancy.generic import generics
 from drake_ispace.discrepancy.hypothesize import Screen, Signature, signatures
 from drake_ispace.discrepancy.likelihood import Likelihood, Point, merged
 from drake_ispace.discrepancy.predict import Prediction, Residuals
@@ -38,20 +39,20 @@ def survey(
     """Look around `point`. whitening: that of another point, default fitted here."""
     scales = scales_of(prediction)
     base = prediction.residuals(merged(point), pool)
-    offsets = _offset_changes(prediction, point, base)
+    offsets = prediction.nuisances(merged(point))
     names = {c.name for c in point}
     others = [c for c in tried if c.name not in names]
-    found = signatures(prediction, point, others, scales, base, pool)
-    every = [s.change for s in found] + offsets
-    offsets = offsets + _tolerated(found, scales)
+    found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
     if whitening is None:
-        whitening = Whitening(unexplained(base, every), prediction.classes(), len(every))
+        left = unexplained(base, [s.change for s in found], offsets)
+        whitening = Whitening(left, prediction.classes(), len(found) + len(offsets))
     sizes = {c: _sizes(c, scales) for c in tried}
-    directions = [whitening(change) for change in offsets]
-    columns = np.stack(directions, axis=1) if directions else np.empty((len(whitening(base)), 0))
+    w = whitening(base)
+    tolerated = [whitening(change) for change in _tolerated(found, scales)]
+    columns = np.stack([*_own_rows(whitening, base, offsets), *tolerated], axis=1) if offsets or tolerated \
+        else np.empty((len(w), 0))
     likelihood = Likelihood(prediction, whitening, columns, sizes, pool)
     screen = Screen(likelihood, found)
-    w = whitening(base)
     return Survey(point, base, w, likelihood, screen, _noise(likelihood, screen, w), whitening.instants(base))
 
 
@@ -71,14 +72,14 @@ def _sizes(candidate, scales):
     return [min(sizes) if sizes else 1.0 for sizes in moved]
 
 
-def _offset_changes(prediction, point, base):
-    """Residual changes of every nuisance, as Residuals of all runs."""
-    changes = []
-    for run, change, _ in prediction.nuisances(merged(point)):
-        every = [{name: np.zeros_like(rows) for name, rows in other.items()} for other in base]
-        every[run] = change
-        changes.append(every)
-    return changes
+def _own_rows(whitening, base, offsets):
+    """Whitened residual changes of every nuisance, each zero but in its own run."""
+    lengths = [len(whitening.one(i, run)) for i, run in enumerate(base)]
+    starts = np.cumsum([0, *lengths])
+    for i, change in offsets:
+        column = np.zeros(starts[-1])
+        column[starts[i] : starts[i + 1]] = whitening.one(i, change)
+        yield column
 
 
 def _tolerated(found, scales):
@@ -96,16 +97,24 @@ def _tolerated(found, scales):
     return changes
 
 
-def unexplained(residuals: Residuals, changes: Sequence[Residuals]) -> Residuals:
-    """What all changes together leave of the residuals, by least squares on channels of equal weight."""
+def unexplained(
+    residuals: Residuals, changes: Sequence[Residuals], offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
+) -> Residuals:
+    """What all changes, and the offsets (run, change), together leave of the residuals, by least squares on channels of
+    equal weight."""
     scale = {
         name: np.maximum(np.vstack([run[name] for run in residuals]).std(axis=0), 1e-12)
         for name in residuals[0] if any(len(run[name]) for run in residuals)
     }
     flat = lambda runs: np.concatenate([(run[s] / scale[s]).ravel() for run in runs for s in scale])  # noqa: E731
     y = flat(residuals)
-    if changes:
-        columns = np.stack([flat(change) for change in changes], axis=1)
+    if changes or offsets:
+        starts = np.cumsum([0] + [sum(run[s].size for s in scale) for run in residuals])
+        columns = np.zeros((len(y), len(changes) + len(offsets)))
+        for k, change in enumerate(changes):
+            columns[:, k] = flat(change)
+        for k, (i, change) in enumerate(offsets, len(changes)):
+            columns[starts[i] : starts[i + 1], k] = flat([change])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
         y = y - columns @ _least_squares(columns, y)
     left, start = [], 0

@@ -1,84 +1,96 @@
-"""Noise of residuals: a vector autoregression per stream, by which residuals become independent and of unit size."""
+"""Noise of residuals: a vector autoregression with a long memory per stream, by which residuals become independent and of unit size."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from drake_ispace.discrepancy.predict import Residuals
 
 _FEW = 100
-_ORDERS = {"motion": 10, "room": 6, "start": 0, "looks": 0}
-_START_STD = np.array([0.006, 0.006, 0.026])  # of placing the robot and of one fix [m, m, rad]
-_SEEN_STD = 0.02  # of the share of missed captures, where the scenario has none
+_MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
+#: Least standard deviations where every row stands alone: of placing the robot together with one fix [m, m, rad], and
+#: of the share of missed captures.
+_SINGLE = {"start": np.array([0.006, 0.006, 0.026]), "looks": np.array([0.02])}
+_RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
 
 
 @dataclass(frozen=True)
 class Noise:
-    """y_t = sum_k A_k y_t-k + e_t with e of covariance C C'.
+    """y_t = sum_k A_k p_k,t + e_t with e of covariance C C', p_k the last rows and slower and slower means of the past.
+
+    A few means reach as far back as hundreds of lags would: forces on a robot have memories from a few ticks to
+    seconds, and where the noise model forgets too early, feedback makes what the controller did look like its cause.
 
     Attributes:
-        lags: (order, p, p); root: C (p, p), lower; sizes: (classes, p), how much larger e is in each class of motion.
+        lags: how many of the last rows. means: rates of the exponential means, per row. a: (p (lags + means), p).
+        unit: C^-1 (p, p). sizes: (classes, p), how much larger e is in each class of motion, infinite in those
+            that are not scored.
     """
 
-    lags: np.ndarray
-    root: np.ndarray
+    lags: int
+    means: tuple[float, ...]
+    a: np.ndarray
+    unit: np.ndarray
     sizes: np.ndarray
 
     def whiten(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
-        """(rows - order, p) independent numbers of unit variance; also of a signature, as it is linear."""
-        order = len(self.lags)
-        if len(y) <= order:
+        """(rows - lags, p) independent numbers of unit variance; also of a signature, as it is linear."""
+        if len(y) <= self.lags:
             return np.empty((0, y.shape[1]))
-        e = y[order:].copy()
-        for k, lag in enumerate(self.lags, 1):
-            e -= y[order - k : len(y) - k] @ lag.T
+        e = y[self.lags :] - past(y, self.lags, self.means) @ self.a if len(self.a) else y.copy()
         if classes is not None:
-            e /= self.sizes[classes[order:]]
-        return np.linalg.solve(self.root, e.T).T
+            e = e / self.sizes[classes[self.lags :]]
+        return e @ self.unit.T
 
 
-def fit_noise(runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0) -> Noise:
+def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
+    """(rows - lags, p (lags + means)) the last rows, and exponential means of all rows before."""
+    columns = [y[lags - k : len(y) - k] for k in range(1, lags + 1)]
+    for rate in means:
+        mean = lfilter([0.0, rate], [1.0, rate - 1.0], y, axis=0)
+        columns.append(mean[lags:])
+    return np.hstack(columns)
+
+
+def fit_noise(
+    runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0
+) -> Noise:
     """Least squares over all runs of a stream, `spent` degrees of freedom having gone into the residuals before."""
     p = runs[0].shape[1]
-    one = np.ones((1, p))
-    if stream == "start":
-        rows = np.vstack([run for run in runs if len(run)] or [np.zeros((0, p))])
+    one, none = np.ones((1, p)), np.empty((0, p))
+    if stream in _SINGLE:
+        rows = np.vstack([run for run in runs if len(run)] or [none])
         spread = rows.std(axis=0, ddof=1) if len(rows) > 2 else np.zeros(p)
-        return Noise(np.zeros((0, p, p)), np.diag(np.maximum(spread, _START_STD[:p])), one)
-    if stream == "looks":
-        rows = np.vstack([run for run in runs if len(run)] or [np.zeros((0, p))])
-        spread = rows.std(axis=0) if len(rows) else np.zeros(p)
-        return Noise(np.zeros((0, p, p)), np.diag(np.maximum(spread, _SEEN_STD)), one)
+        return Noise(0, (), none, np.diag(1.0 / np.maximum(spread, _SINGLE[stream][:p])), one)
+    lags, means = _MEMORY[stream]
     longest = max(len(run) for run in runs)
-    order = min(_ORDERS[stream], max((longest - 20) // (4 * p), 0))
-    now, past = [], []
-    for run in runs:
-        if len(run) > order:
-            now.append(run[order:])
-            past.append(np.hstack([run[order - k : len(run) - k] for k in range(1, order + 1)] or [run[:, :0]]))
-    now, past = np.vstack(now), np.vstack(past)
-    lags = np.zeros((order, p, p))
-    if order:
-        solution = np.linalg.lstsq(past, now, rcond=None)[0]
-        lags = solution.T.reshape(p, order, p).transpose(1, 0, 2)
-        now = now - past @ solution
-    sizes = one
+    if longest < 12 * p * (lags + len(means)):
+        lags, means = (1, ()) if longest > 12 * p else (0, ())
+    a, whole = none, np.vstack([run[lags:] for run in runs])
+    if lags:
+        before = np.vstack([past(run, lags, means) for run in runs if len(run) > lags])
+        a = np.linalg.lstsq(before, whole, rcond=None)[0]
+        whole = whole - before @ a
+    sizes, scored = one, np.ones(len(whole), bool)
     if classes[0] is not None:
-        of = np.concatenate([c[order:] for c, run in zip(classes, runs, strict=True) if len(run) > order])
-        sizes = _sizes(now, of)
-        now = now / sizes[of]
-    freedom = max(len(now) - order * p - spent / p, 0.5 * len(now), 1.0)
-    covariance = now.T @ now / freedom
+        of = np.concatenate([c[lags:] for c in classes])
+        scored = of >= _RESTING
+        sizes = _sizes(whole, of)
+        whole = whole / sizes[of]
+    freedom = max(scored.sum() - len(a) - spent / p, 0.5 * scored.sum(), 1.0)
+    covariance = whole[scored].T @ whole[scored] / freedom
     floor = 1e-12 * np.trace(covariance) / p + 1e-30
-    return Noise(lags, np.linalg.cholesky(covariance + floor * np.eye(p)), sizes)
+    return Noise(lags, means, a, np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(p))), sizes)
 
 
 def _sizes(e, classes):
     """(classes, p) root mean square of e in each class over that of all; classes with few rows count as all."""
-    whole = np.sqrt(np.mean(e**2, axis=0)) + 1e-30
-    sizes = np.ones((int(classes.max()) + 1, e.shape[1]))
-    for c in range(len(sizes)):
+    whole = np.sqrt(np.mean(e[classes >= _RESTING] ** 2, axis=0)) + 1e-30
+    sizes = np.ones((max(int(classes.max()) + 1, _RESTING), e.shape[1]))
+    sizes[:_RESTING] = np.inf
+    for c in range(_RESTING, len(sizes)):
         own = e[classes == c]
         if len(own) > _FEW:
             sizes[c] = np.maximum(np.sqrt(np.mean(own**2, axis=0)) / whole, 0.1)
@@ -96,9 +108,12 @@ class Whitening:
         }
 
     def __call__(self, residuals: Residuals) -> np.ndarray:
+        return np.concatenate([self.one(i, run) for i, run in enumerate(residuals)])
+
+    def one(self, i: int, run: dict[str, np.ndarray]) -> np.ndarray:
+        """Of run `i` alone."""
         return np.concatenate([
-            noise.whiten(run[name], classes.get(name)).ravel()
-            for run, classes in zip(residuals, self.classes, strict=True) for name, noise in self.noise.items()
+            noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
         ])
 
     def instants(self, residuals: Residuals) -> np.ndarray:
@@ -106,7 +121,7 @@ class Whitening:
         found, start = [], 0
         for run in residuals:
             for name, noise in self.noise.items():
-                rows, p = max(len(run[name]) - len(noise.lags), 0), run[name].shape[1]
+                rows, p = max(len(run[name]) - noise.lags, 0), run[name].shape[1]
                 found.append(start + np.repeat(np.arange(rows), p))
                 start += rows
         return np.concatenate(found)

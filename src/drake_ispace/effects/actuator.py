@@ -68,7 +68,7 @@ class CommandDelay(BlockEffect):
     longest_s = 0.06
 
     def parameters(self, body):
-        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.005, 0.02), tolerance=2e-4),)
+        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.001, 0.005, 0.02), tolerance=2e-4),)
 
     def spec(self, body, values):
         rows = math.ceil(self.longest_s / TICK_S) + 1
@@ -310,7 +310,7 @@ class MotorLag(BlockEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("time_constant_s", "s", 0.0, 0.0, 0.2, (0.005, 0.02), tolerance=2e-4),)
+        return (Parameter("time_constant_s", "s", 0.0, 0.0, 0.2, (0.001, 0.005, 0.02), tolerance=2e-4),)
 
     def spec(self, body, values):
         constant = values["time_constant_s"]

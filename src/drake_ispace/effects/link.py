@@ -38,7 +38,7 @@ class ClockOffset(BlockEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("offset_s", "s", 0.0, -_LARGEST_S, _LARGEST_S, (-0.05, -0.02, 0.02, 0.05), tolerance=1e-3),)
+        return (Parameter("offset_s", "s", 0.0, -_LARGEST_S, _LARGEST_S, (0.003, -0.02, 0.02), tolerance=1e-3),)
 
     def spec(self, body, values):
         return Spec(

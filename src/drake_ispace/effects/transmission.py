@@ -50,7 +50,7 @@ class ViscousFriction(BlockEffect):
 
     def parameters(self, body):
         least, most = _least(body, "viscous_n_m_s"), slope_left(body)
-        return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3)),)
+        return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=0.03 * -least),)
 
     def spec(self, body, values):
         return _friction_spec(body, viscous, {"coefficient_n_m_s": values["coefficient_n_m_s"]})

@@ -1,0 +1,209 @@
+"""Stage 4, decide: which effects the model lacks, and which others these runs cannot tell from them.
+
+Effects are added one at a time, each joint with those found before, then taken away again where the others suffice.
+Every comparison is one of misfits under the same noise: a rival that does nearly as well stands beside the name, and
+one without a name that does better makes the verdict "unknown".
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import chi2
+
+from drake_ispace.discrepancy.candidates import Candidate
+from drake_ispace.discrepancy.detect import Detection, detect, trials
+from drake_ispace.discrepancy.generic import Generic
+from drake_ispace.discrepancy.likelihood import Fit, Point, fit
+from drake_ispace.discrepancy.predict import Prediction
+from drake_ispace.discrepancy.survey import Survey, survey
+
+MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
+_RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
+_LEAST_SHARE = 0.02  # of what the others explain, below which a further effect is a flaw of these
+_SHORTLIST = 6
+_MOST_EFFECTS = 4
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that could stand in the place of a named one: by how much worse the misfit is then."""
+
+    candidate: Candidate
+    behind: float
+
+
+@dataclass
+class Decision:
+    """What the runs say.
+
+    Attributes:
+        detection: of anything at all. named: the best fit, None where nothing was found. rivals: of each named effect,
+            those that cannot be ruled out. unknown: a generic disagreement that explains more than any effect.
+        gains: effect -> how much the misfit grows without it. start: survey of the model as given; end: with the
+            named effects in it.
+    """
+
+    detection: Detection
+    start: Survey
+    end: Survey
+    named: Fit | None = None
+    rivals: dict[Candidate, list[Rival]] = field(default_factory=dict)
+    gains: dict[Candidate, float] = field(default_factory=dict)
+    unknown: tuple[Generic, float] | None = None
+    total_gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Try:
+    candidate: Candidate
+    fit: Fit
+    gain: float
+    evidence: float
+
+    @property
+    def merit(self) -> float:
+        """Gain less what free parameters and a free choice of wheel gain by chance."""
+        return self.gain - cost(self.candidate)
+
+
+def cost(candidate: Candidate) -> float:
+    """Of its parameters and its choice of wheel, in misfit."""
+    return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)
+
+
+def decide(
+    prediction: Prediction, tried: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Decision:
+    """Stages 1, 3 and 4 in one: detect, rank, fit, compare."""
+    tell("looking at every effect")
+    start = here = survey(prediction, {}, tried, pool)
+    point: Point = {}
+    decision, first, best = None, None, None
+    while len(point) < _MOST_EFFECTS:
+        limit = trials(here.screen, here.noise, here.instants, seed)
+        tell(f"fitting the leaders{' for what is left' if point else ''}")
+        tries = _leaders(here)
+        evidence = max([t.evidence for t in tries] + [_generic_evidence(here)])
+        found = detect(evidence, limit)
+        first = first or found
+        if not found.found:
+            break
+        unknown = _better_unknown(here, tries)
+        leader = max(tries, key=lambda t: t.merit, default=None)
+        if point and _gain_of(leader, unknown) < _LEAST_SHARE * decision.total_gain:
+            break
+        if unknown is not None or leader is None:
+            decision = decision or Decision(first, start, here)
+            decision.unknown = unknown
+            break
+        point = leader.fit.point
+        tell(f"looking again with {', '.join(c.label for c in point)}")
+        here = survey(prediction, point, tried, pool)
+        best = fit(here.likelihood, point)
+        point = best.point
+        gain = here.likelihood.misfit(here.likelihood.whitened({})) - best.misfit
+        decision = Decision(first, start, here, best, total_gain=gain)
+    if decision is None:
+        return Decision(first, start, start)
+    decision.end = here
+    if decision.named is not None:
+        decision = _pruned(prediction, decision, tried, pool)
+        _compare(decision)
+    return decision
+
+
+def _gain_of(leader, unknown):
+    return max(leader.gain if leader else 0.0, unknown[1] if unknown else 0.0)
+
+
+def _leaders(here: Survey) -> list[_Try]:
+    """The effects that could explain most, fitted together with those that the model has."""
+    screen, likelihood = here.screen, here.likelihood
+    evidence = screen.evidence(here.w)
+    base = likelihood.misfit(here.w)
+    ranked = [i for i in np.argsort(-evidence) if not isinstance(screen.candidates[i].effect, Generic)]
+    found = []
+    for i in ranked[:_SHORTLIST]:
+        if evidence[i] < 1.3:  # one in twenty, before correction
+            break
+        candidate = screen.candidates[i]
+        fitted = fit(likelihood, {**here.point, candidate: screen.start(candidate, here.w)})
+        gain = max(base - fitted.misfit, 0.0)
+        found.append(_Try(candidate, fitted, gain, min(evidence[i], _evidence(gain, len(candidate.parameters)))))
+    return found
+
+
+def _evidence(gain, parameters):
+    return float(-chi2.logsf(gain, parameters) / np.log(10.0))
+
+
+def _generics(here: Survey) -> list[tuple[float, float, Generic]]:
+    """(gain, evidence, generic) of all of them, the largest gain first."""
+    screen = here.screen
+    evidence = screen.evidence(here.w)
+    found = [
+        (screen.joint_gain(candidate, here.w), evidence[i], candidate.effect)
+        for i, candidate in enumerate(screen.candidates) if isinstance(candidate.effect, Generic)
+    ]
+    return sorted(found, key=lambda f: -f[0])
+
+
+def _generic_evidence(here):
+    return max([evidence for _, evidence, _ in _generics(here)], default=0.0)
+
+
+def _better_unknown(here: Survey, tries: Sequence[_Try]) -> tuple[Generic, float] | None:
+    """A generic disagreement that explains more than every effect, if there is one."""
+    best = max([t.gain - cost(t.candidate) for t in tries], default=0.0)
+    for gain, _, generic in _generics(here):
+        if gain - 2.0 * generic.columns > best + max(MARGIN, 0.03 * best):
+            return generic, gain
+    return None
+
+
+def _pruned(prediction, decision, tried, pool):
+    """Backward deletion: effects without which the others do as well are taken away."""
+    named = decision.named
+    while len(named.point) > 1:
+        likelihood = decision.end.likelihood
+        losses = {}
+        for candidate in named.point:
+            rest = {c: z for c, z in named.point.items() if c is not candidate}
+            losses[candidate] = fit(likelihood, rest), candidate
+        refits = {c: f.misfit - named.misfit for c, (f, _) in losses.items()}
+        weakest = min(refits, key=refits.get)
+        if refits[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
+            decision.gains = refits
+            return decision
+        point = losses[weakest][0].point
+        here = survey(prediction, point, tried, pool)
+        named = fit(here.likelihood, point)
+        gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
+        decision = Decision(decision.detection, decision.start, here, named, unknown=decision.unknown, total_gain=gain)
+    decision.gains = {next(iter(named.point)): decision.total_gain}
+    return decision
+
+
+def _compare(decision: Decision) -> None:
+    """Try every look-alike in the place of every named effect, under the noise of the end."""
+    likelihood, named = decision.end.likelihood, decision.named
+    start = decision.start
+    evidence = start.screen.evidence(start.w)
+    margin = max(MARGIN, _RELATIVE_MARGIN * decision.total_gain)
+    for effect in named.point:
+        rest = {c: z for c, z in named.point.items() if c is not effect}
+        rivals = []
+        for i in np.argsort(-evidence):
+            other = start.screen.candidates[i]
+            if other.name == effect.name or isinstance(other.effect, Generic) or other.name in {c.name for c in rest}:
+                continue
+            if start.screen.alike(effect, other) < 0.6 or evidence[i] < 1.3:
+                continue
+            fitted = fit(likelihood, {**rest, other: start.screen.start(other, start.w)}, iterations=6)
+            behind = fitted.misfit - named.misfit + cost(other) - cost(effect)
+            if behind < margin and all(r.candidate.name != other.name for r in rivals):
+                rivals.append(Rival(other, behind))
+        decision.rivals[effect] = rivals
