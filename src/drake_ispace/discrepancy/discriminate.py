@@ -132,7 +132,8 @@ def _leaders(here: Survey) -> list[_Try]:
         candidate = screen.candidates[i]
         fitted = fit(likelihood, {**here.point, candidate: screen.start(candidate, here.w)})
         gain = max(base - fitted.misfit, 0.0)
-        found.append(_Try(candidate, fitted, gain, min(evidence[i], _evidence(gain, len(candidate.parameters)))))
+        robust = gain / screen.inflation_of(candidate)
+        found.append(_Try(candidate, fitted, gain, min(evidence[i], _evidence(robust, len(candidate.parameters)))))
     return found
 
 

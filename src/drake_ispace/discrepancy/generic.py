@@ -35,6 +35,11 @@ class Generic(Effect):
         self.card = Card(name, f"{link} that goes with {driver}", "", "", "", "", (), "")
         self.link, self.driver, self.columns = link, driver, columns
 
+    @property
+    def is_local(self) -> bool:
+        """Whether it is so free that it explains slow noise as well, wherever the robot happens to be meanwhile."""
+        return self.columns > 4
+
     def parameters(self, body):
         return tuple(Parameter(f"amplitude_{i + 1}", "", probes=(1.0,)) for i in range(self.columns))
 

@@ -62,9 +62,24 @@ class Screen:
         self.freed = likelihood.freed(self.columns) if columns else self.columns
         self.inner = self.columns.T @ self.freed
         self.length = np.diag(self.inner).copy()
+        self.inflation = np.ones(len(found))
         self.one_sided = np.array([s.one_sided for s in found])
         self.candidates = list(dict.fromkeys(s.candidate for s in found))
         self._of = {c: [i for i, s in enumerate(found) if s.candidate is c] for c in self.candidates}
+
+    def calibrate(self, noise: np.ndarray, blocks: np.ndarray) -> None:
+        """Learn from `noise` (rows,) by how much it adds up along each signature beyond independent numbers.
+
+        What a noise model forgets too early is still alike within a second: products with a signature are summed over
+        `blocks` ((rows,), ascending numbers), and these sums count as the independent ones.
+        """
+        starts = np.flatnonzero(np.diff(blocks, prepend=-1))
+        sums = np.add.reduceat(self.freed * noise[:, None], starts, axis=0)
+        self.inflation = np.maximum(np.sum(sums**2, axis=0) / np.maximum(self.length, _LEAST), 1.0)
+
+    def inflation_of(self, candidate: Candidate) -> float:
+        """The largest over a candidate's signatures."""
+        return float(self.inflation[self._of[candidate]].max()) if candidate in self._of else 1.0
 
     def gains(self, w: np.ndarray) -> np.ndarray:
         """(columns,) how much each signature alone lowers the misfit of `w` (rows,)."""
@@ -72,7 +87,7 @@ class Screen:
 
     def _gains(self, g):
         shape = (-1,) + (1,) * (g.ndim - 1)
-        gain = g**2 / np.maximum(self.length, _LEAST).reshape(shape)
+        gain = g**2 / (np.maximum(self.length, _LEAST) * self.inflation).reshape(shape)
         impossible = (self.one_sided.reshape(shape) & (g < 0.0)) | (self.length < _LEAST).reshape(shape)
         return np.where(impossible, 0.0, gain)
 
@@ -102,13 +117,16 @@ class Screen:
             return np.zeros(products.shape[1:])
         g = products[firsts]
         gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
+        gain = gain / self.inflation[firsts].max()
         return -chi2.logsf(gain, len(firsts)) / np.log(10.0)
 
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
         """How much all signatures of a candidate together lower the misfit of `w`."""
         own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
         g = self.freed[:, own].T @ w
-        return float(g @ (np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ g)) if own else 0.0
+        if not own:
+            return 0.0
+        return float(g @ (np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ g)) / self.inflation_of(candidate)
 
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""

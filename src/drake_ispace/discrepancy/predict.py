@@ -86,6 +86,14 @@ class Prediction:
                 found.append((i, {name: moved[name] - at[name] for name in at}))
         return found
 
+    def under_other_noise(self, values: Values) -> list[Residuals]:
+        """With the filter's other gains: were the assumptions about noise wrong, residuals would change like this."""
+        numbers, share = self.replay.parameters(values), self._dropouts(values)
+        return [
+            [self._one(i, track, changed, share) for i, track in enumerate(self.tracks)]
+            for changed in (self.replay.under_noise(numbers, other) for other in self.replay.others)
+        ]
+
     def _offsets(self, track):
         """(rows or 1, p) to add to `measured`, one standard deviation long: a wheel is somewhere within its count, and
         stays there while it rests; an IMU has a bias."""

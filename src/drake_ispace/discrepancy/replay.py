@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import Multiplexer
+from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
 from drake_ispace.block import Spec
-from drake_ispace.discrepancy.filters import filter_of
-from drake_ispace.discrepancy.follower import Follower
+from drake_ispace.discrepancy.filters import filter_of, other_filters, weight_of
+from drake_ispace.discrepancy.follower import Filter, Follower
 from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.effects.effect import Body, Effect, PlantEffect
@@ -24,7 +24,7 @@ from drake_ispace.robots.actuator import Actuator, TorqueActuator
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario, body_of
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.effects import chosen_effects, needs_ground, splice_effects
+from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 
@@ -35,7 +35,8 @@ class Replay:
 
     Attributes:
         body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
-        rollout: compiled; period_ticks: over how many ticks innovations are averaged.
+        rollout: compiled. feeds: the channels that every run has. others: filters under other assumptions about
+            noise.
     """
 
     body: Body
@@ -43,6 +44,7 @@ class Replay:
     known: dict[str, dict[str, float]]
     rollout: Rollout
     feeds: frozenset[str]
+    others: list[Filter]
 
     def parameters(self, values: Values) -> np.ndarray:
         """Run-time numbers of the rollout with these effects in it, besides the known ones."""
@@ -63,7 +65,15 @@ class Replay:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", _PLANTS[self.body.kind].block_parameters(plant))
+            weight = weight_of(self.body.kind, plant).ravel()
+            self._set(numbers, f"{self.body.name}_follower", {"weight": weight})
         return numbers
+
+    def under_noise(self, numbers: np.ndarray, filter: Filter) -> np.ndarray:
+        """The same numbers with the gain of another filter."""
+        changed = numbers.copy()
+        self._set(changed, f"{self.body.name}_follower", {"gain": filter.gain.ravel()})
+        return changed
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((ticks, p) innovations of the outputs at every tick, (k, 3) innovations of the fixes).
@@ -98,8 +108,8 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
     body = body_of(scenario, robot)
     every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
-    diagram = replay_diagram(scenario, robot, has, every)
-    return Replay(body, every, known, compile_diagram(diagram), has)
+    rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
+    return Replay(body, every, known, rollout, has, other_filters(scenario, robot, has))
 
 
 def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
@@ -115,23 +125,26 @@ def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects:
     if body.kind == "base":
         bench.add(plant, base.VelocityBase(quiet))
         bench.add(f"{robot}_command", TorqueActuator(Actuator(), 3))
-        driven = "velocity"
     elif body.kind == "omni":
-        bench.add(plant, omni.OmniPlant(quiet, ground=needs_ground(neutral)))
+        bench.add(plant, omni.OmniPlant(quiet, ground=True))
         bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
-        driven = "torque"
     else:
-        bench.add(plant, pendulum.PendulumPlant(quiet, imu_height_m=section.imu.height_m, ground=needs_ground(neutral)))
+        bench.add(plant, pendulum.PendulumPlant(quiet, imu_height_m=section.imu.height_m, ground=True))
         bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
         bench.add(f"{robot}_outputs", Multiplexer([body.wheels, IMU]))
         bench.wire((f"{plant}.body_motion", f"{robot}_outputs.u1"), (f"{robot}_outputs.y0", f"{follower}.modelled"))
         wires |= {"wheel_angle": [f"{robot}_outputs.u0"], "body_motion": [f"{robot}_outputs.u1"]}
-        driven = "torque"
-    wires[driven] = [f"{follower}.torque"]
-    bench.wire(
-        (f"{robot}_command.torque", f"{follower}.torque"), (f"{follower}.torque", f"{plant}.{driven}"),
-        (f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"),
-    )
+    if body.kind == "base":
+        wires["velocity"] = [f"{follower}.push"]
+        bench.wire((f"{robot}_command.torque", f"{follower}.push"), (f"{follower}.push", f"{plant}.velocity"))
+    else:
+        wires |= {"torque": [f"{plant}.torque"], "ground_force": [f"{follower}.push"]}
+        bench.add(f"{robot}_ground", ConstantVectorSource(np.zeros(3)))
+        bench.wire(
+            (f"{robot}_command.torque", f"{plant}.torque"), (f"{robot}_ground.y0", f"{follower}.push"),
+            (f"{follower}.push", f"{plant}.ground_force"),
+        )
+    bench.wire((f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"))
     splice_effects(bench, body, neutral, wires)
     bench.let_in(command=f"{robot}_command.command", measured=f"{follower}.measured", fix=f"{view}.fix")
     bench.show(innovation=f"{follower}.innovation", view=f"{view}.innovation")

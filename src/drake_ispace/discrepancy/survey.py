@@ -14,6 +14,10 @@ from drake_ispace.discrepancy.predict import Prediction, Residuals
 from drake_ispace.discrepancy.whitening import Whitening
 
 
+_ROUNDS = 2
+_BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike
+
+
 @dataclass(frozen=True)
 class Survey:
     """Where a model with the effects of `point` stands.
@@ -44,16 +48,19 @@ def survey(
     others = [c for c in tried if c.name not in names]
     found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
     if whitening is None:
-        left = unexplained(base, [s.change for s in found], offsets)
-        whitening = Whitening(left, prediction.classes(), len(found) + len(offsets))
+        steady = [s for s in found if not getattr(s.candidate.effect, "is_local", False)]
+        whitening = noise_of(prediction, base, [s.change for s in steady], offsets)
     sizes = {c: _sizes(c, scales) for c in tried}
     w = whitening(base)
     tolerated = [whitening(change) for change in _tolerated(found, scales)]
+    tolerated += [whitening(_difference(base, other)) for other in prediction.under_other_noise(merged(point))]
     columns = np.stack([*_own_rows(whitening, base, offsets), *tolerated], axis=1) if offsets or tolerated \
         else np.empty((len(w), 0))
     likelihood = Likelihood(prediction, whitening, columns, sizes, pool)
     screen = Screen(likelihood, found)
-    return Survey(point, base, w, likelihood, screen, _noise(likelihood, screen, w), whitening.instants(base))
+    noise = _noise(likelihood, screen, w)
+    screen.calibrate(noise, whitening.instants(base, _BLOCK_ROWS))
+    return Survey(point, base, w, likelihood, screen, noise, whitening.instants(base))
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -82,6 +89,10 @@ def _own_rows(whitening, base, offsets):
         yield column
 
 
+def _difference(base, other):
+    return [{name: run[name] - rows for name, rows in before.items()} for before, run in zip(base, other, strict=True)]
+
+
 def _tolerated(found, scales):
     """What each effect does to the residuals at the size that a sound robot may have."""
     changes, seen = [], set()
@@ -97,37 +108,32 @@ def _tolerated(found, scales):
     return changes
 
 
-def unexplained(
-    residuals: Residuals, changes: Sequence[Residuals], offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
-) -> Residuals:
-    """What all changes, and the offsets (run, change), together leave of the residuals, by least squares on channels of
-    equal weight."""
-    scale = {
-        name: np.maximum(np.vstack([run[name] for run in residuals]).std(axis=0), 1e-12)
-        for name in residuals[0] if any(len(run[name]) for run in residuals)
-    }
-    flat = lambda runs: np.concatenate([(run[s] / scale[s]).ravel() for run in runs for s in scale])  # noqa: E731
-    y = flat(residuals)
-    if changes or offsets:
-        starts = np.cumsum([0] + [sum(run[s].size for s in scale) for run in residuals])
-        columns = np.zeros((len(y), len(changes) + len(offsets)))
-        for k, change in enumerate(changes):
-            columns[:, k] = flat(change)
-        for k, (i, change) in enumerate(offsets, len(changes)):
-            columns[starts[i] : starts[i + 1], k] = flat([change])
-        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-        y = y - columns @ _least_squares(columns, y)
-    left, start = [], 0
-    for run in residuals:
-        part = {}
-        for name, rows in run.items():
-            if name not in scale:
-                part[name] = rows
-                continue
-            part[name] = y[start : start + rows.size].reshape(rows.shape) * scale[name]
-            start += rows.size
-        left.append(part)
-    return left
+def noise_of(
+    prediction: Prediction, residuals: Residuals, changes: Sequence[Residuals],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
+) -> Whitening:
+    """The noise of the residuals without what the changes, and the offsets (run, change), explain of them.
+
+    Noise and explanation are found in turn. To take the explanation away first, by plain least squares, would let a
+    signature pass for physics that only repeats how the noise itself is correlated.
+    """
+    classes = prediction.classes()
+    whitening = Whitening(residuals, classes)
+    for _ in range(_ROUNDS):
+        columns = [whitening(change) for change in changes]
+        columns = np.stack([*columns, *_own_rows(whitening, residuals, offsets)], axis=1)
+        lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
+        amounts = _least_squares(columns / lengths, whitening(residuals)) / lengths
+        left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
+        for amount, change in zip(amounts, changes, strict=False):
+            for run, part in zip(left, change, strict=True):
+                for name in run:
+                    run[name] -= amount * part[name]
+        for amount, (i, change) in zip(amounts[len(changes) :], offsets, strict=True):
+            for name in left[i]:
+                left[i][name] -= amount * change[name]
+        whitening = Whitening(left, classes, len(amounts))
+    return whitening
 
 
 def _least_squares(columns, y):

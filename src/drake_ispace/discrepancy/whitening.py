@@ -1,6 +1,6 @@
 """Noise of residuals: a vector autoregression with a long memory per stream, by which residuals become independent and of unit size."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,12 +116,16 @@ class Whitening:
             noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
         ])
 
-    def instants(self, residuals: Residuals) -> np.ndarray:
-        """(rows,) for each number of the long vector, which instant of which run and stream it belongs to."""
+    def instants(self, residuals: Residuals, together: Mapping[str, int] | None = None) -> np.ndarray:
+        """(rows,) for each number of the long vector, which instant of which run and stream it belongs to, ascending.
+
+        together: stream -> so many rows one after the other count as one.
+        """
         found, start = [], 0
         for run in residuals:
             for name, noise in self.noise.items():
                 rows, p = max(len(run[name]) - noise.lags, 0), run[name].shape[1]
-                found.append(start + np.repeat(np.arange(rows), p))
-                start += rows
+                number = np.arange(rows) // (together or {}).get(name, 1)
+                found.append(start + np.repeat(number, p))
+                start += int(number[-1]) + 1 if rows else 0
         return np.concatenate(found)

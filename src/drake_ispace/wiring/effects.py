@@ -36,7 +36,7 @@ def splice_effects(
     An effect whose wire the Diagram does not have is left out.
     """
     plant = f"{body.name}_plant"
-    if needs_ground(effects):
+    if needs_ground(effects) and "ground_force" not in wires:
         bench.add(f"{body.name}_ground", ConstantVectorSource(np.zeros(3)))
         bench.wire((f"{body.name}_ground.y0", f"{plant}.ground_force"))
         wires = {**wires, "ground_force": [f"{plant}.ground_force"]}
