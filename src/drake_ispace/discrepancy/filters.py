@@ -12,8 +12,8 @@ from drake_ispace.scenario import Scenario
 
 _BANDWIDTH_RAD_S = 15.0  # of the correction
 _CORRELATION_S = 0.05  # assumed of the forces below
-_OMNI_FORCES = (0.15, 0.15, 0.02)  # N, N, N m, root mean square, assumed
-_PENDULUM_FORCES = (0.1, 0.01, 0.003)  # of s [N], phi, theta [N m]
+#: Root mean square of unknown forces, assumed: omni x, y [N], yaw [N m]; pendulum s [N], phi, theta [N m].
+FORCES = {"omni": (0.15, 0.15, 0.02), "pendulum": (0.1, 0.01, 0.003)}
 _UNDRIVEN = 30.0  # times more where the command was not recorded: the motion itself is the unknown force
 _BASE_ACCELERATION = (0.5, 0.5, 1.0)  # m/s^2, m/s^2, rad/s^2 by which a base leaves its command
 _FINEST_COUNT = 2e-3  # rad
@@ -98,7 +98,7 @@ def _filter(scenario, robot, has, changed, times):
 
 def _accelerations(robot, plant, has, factors):
     """(3, 3) spectral density of the accelerations that unknown forces cause."""
-    rms = {"omni": _OMNI_FORCES, "pendulum": _PENDULUM_FORCES, "base": _BASE_ACCELERATION}[robot]
+    rms = _BASE_ACCELERATION if robot == "base" else FORCES[robot]
     undriven = {"omni": "torque", "pendulum": "torque", "base": "command"}[robot] not in has
     density = np.diag(2.0 * np.square(rms) * _CORRELATION_S * factors) * (_UNDRIVEN**2 if undriven else 1.0)
     if robot == "base":

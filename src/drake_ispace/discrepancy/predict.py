@@ -12,7 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
+from drake_ispace.discrepancy.filters import FORCES
 from drake_ispace.discrepancy.replay import Replay, Values
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.frames import wrap
@@ -22,8 +24,11 @@ STREAMS = ("motion", "room", "start", "looks")
 _SETTLING_TICKS = 60  # of the filter
 _SPEED_TICKS = 20  # over which a wheel's speed is taken
 _SLOWNESS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the root mean square of wheel speed: classes of motion
+RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
+_RECOVERY_TICKS = 120  # after a rest with dry friction, during which the filter forgets it
 _COARSE_COUNT = 0.01  # rad, from which on a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # for which a wheel at rest may hide the same part of a count
+_SLOW_TICKS, _SLOW_SHARE = 500, 0.25  # of unknown forces: how long they last, and their share
 _WITHIN_COUNT = 0.4  # of a count, standard deviation
 _START_M, _START_RAD = 0.15, 0.3  # farther from the scenario's start than this, where a run starts is unknown
 _IMU_NAMES = ("ax", "ay", "az", "wx", "wy", "wz")
@@ -84,7 +89,24 @@ class Prediction:
             for offset in self._offsets(track):
                 moved = self._one(i, _with(track, measured=track.measured + offset), numbers, share)
                 found.append((i, {name: moved[name] - at[name] for name in at}))
+            for pushed in self._slow_forces(track):
+                moved = self._one(i, _with(track, command=track.command + pushed), numbers, share)
+                found.append((i, {name: moved[name] - at[name] for name in at}))
         return found
+
+    def _slow_forces(self, track):
+        """(rows, m) command that stands for a force of unknown cause, one standard deviation large, over each stretch
+        of a few seconds."""
+        body = self.replay.body
+        if body.kind not in FORCES or not self.channels["motion"]:
+            return
+        forward = body.plant.geometry.forward
+        for size, row in zip(FORCES[body.kind][:2] if body.wheels == 2 else FORCES[body.kind],
+                             forward[[0, 2]] if body.wheels == 2 else forward, strict=True):
+            for start in range(0, track.ticks, _SLOW_TICKS):
+                pushed = np.zeros_like(track.command)
+                pushed[start : start + _SLOW_TICKS] = _SLOW_SHARE * size * row
+                yield pushed
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """With the filter's other gains: were the assumptions about noise wrong, residuals would change like this."""
@@ -119,7 +141,11 @@ class Prediction:
         turned = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_SLOWNESS) * np.sqrt(np.mean(np.vstack(turned) ** 2))
         for speeds in turned:
-            found.append({"motion": np.searchsorted(edges, speeds.min(axis=1))[_SETTLING_TICKS:]})
+            classes = np.searchsorted(edges, speeds.min(axis=1))
+            if getattr(getattr(self.replay.body.plant, "friction", None), "coulomb_n_m", 0.0) > 0.0:
+                rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
+                classes[rests] = 0
+            found.append({"motion": classes[_SETTLING_TICKS:]})
         return found
 
     def _dropouts(self, values):

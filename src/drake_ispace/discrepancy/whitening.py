@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from drake_ispace.discrepancy.predict import Residuals
+from drake_ispace.discrepancy.predict import RESTING, Residuals
 
 _FEW = 100
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
 #: Least standard deviations where every row stands alone: of placing the robot together with one fix [m, m, rad], and
 #: of the share of missed captures.
 _SINGLE = {"start": np.array([0.006, 0.006, 0.026]), "looks": np.array([0.02])}
-_RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
 
 
 @dataclass(frozen=True)
@@ -69,14 +68,17 @@ def fit_noise(
     if longest < 12 * p * (lags + len(means)):
         lags, means = (1, ()) if longest > 12 * p else (0, ())
     a, whole = none, np.vstack([run[lags:] for run in runs])
-    if lags:
-        before = np.vstack([past(run, lags, means) for run in runs if len(run) > lags])
-        a = np.linalg.lstsq(before, whole, rcond=None)[0]
-        whole = whole - before @ a
     sizes, scored = one, np.ones(len(whole), bool)
     if classes[0] is not None:
         of = np.concatenate([c[lags:] for c in classes])
-        scored = of >= _RESTING
+        scored = of >= RESTING
+        if scored.sum() < 0.1 * len(scored):
+            scored[:] = True
+    if lags:
+        before = np.vstack([past(run, lags, means) for run in runs if len(run) > lags])
+        a = np.linalg.lstsq(before[scored], whole[scored], rcond=None)[0]
+        whole = whole - before @ a
+    if classes[0] is not None:
         sizes = _sizes(whole, of)
         whole = whole / sizes[of]
     freedom = max(scored.sum() - len(a) - spent / p, 0.5 * scored.sum(), 1.0)
@@ -87,10 +89,10 @@ def fit_noise(
 
 def _sizes(e, classes):
     """(classes, p) root mean square of e in each class over that of all; classes with few rows count as all."""
-    whole = np.sqrt(np.mean(e[classes >= _RESTING] ** 2, axis=0)) + 1e-30
-    sizes = np.ones((max(int(classes.max()) + 1, _RESTING), e.shape[1]))
-    sizes[:_RESTING] = np.inf
-    for c in range(_RESTING, len(sizes)):
+    whole = np.sqrt(np.mean(e[classes >= RESTING] ** 2, axis=0)) + 1e-30
+    sizes = np.ones((max(int(classes.max()) + 1, RESTING), e.shape[1]))
+    sizes[:RESTING] = np.inf
+    for c in range(RESTING, len(sizes)):
         own = e[classes == c]
         if len(own) > _FEW:
             sizes[c] = np.maximum(np.sqrt(np.mean(own**2, axis=0)) / whole, 0.1)

@@ -57,7 +57,7 @@ class InertiaError(PlantEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5) if body.kind == "omni" else (0.3, 1.5), tolerance=0.01),)
+        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5) if body.kind == "omni" else (0.3, 1.5), tolerance=0.01 if body.kind == "omni" else 0.12),)
 
     def change(self, plant, values):
         return _grown(plant, values["share"], _one_of(plant, "inertia_kg_m2", "body_inertia_pitch_kg_m2"))
