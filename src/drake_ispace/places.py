@@ -1,6 +1,7 @@
 """Places on disk that a command is about to write: looked at before the work, written whole or not at all."""
 
 import os
+import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -48,3 +49,38 @@ def whole_file(out: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             beside.unlink()
+
+
+def check_own_folder(folder: Path, mark: str, what: str) -> None:
+    """Make sure that `folder` is new, empty, or one that `fresh_folder` made before: then the file `mark` lies in it.
+
+    Raises:
+        InputError: it holds something else than `what`, is a file, or cannot be written.
+    """
+    check_folder(folder)
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / mark).is_file():
+        raise InputError(f"{folder}: holds something else than {what}, expected a new or an empty folder")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, expected a new or an empty folder")
+
+
+@contextmanager
+def fresh_folder(out: Path) -> Iterator[Path]:
+    """A new folder beside `out` to write into: what is in it is moved to `out` at the end, deleted where something goes
+    wrong, so that `out` never holds parts of two runs.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    out = Path(os.path.realpath(out))
+    fresh = out.with_name(f".{out.name}.{uuid.uuid4().hex}.new")
+    try:
+        fresh.mkdir(parents=True)
+        yield fresh
+        out.mkdir(parents=True, exist_ok=True)
+        for part in sorted(fresh.iterdir()):
+            part.replace(out / part.name)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from None
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)

@@ -23,6 +23,7 @@ MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled o
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
 _LEAST_SHARE = 0.02  # of what the others explain, below which a further effect is a flaw of these
 _SHORTLIST = 6
+_UNNAMED = 40.0  # of misfit, that a disagreement without a name must explain to be believed
 _MOST_EFFECTS = 4
 
 
@@ -153,14 +154,14 @@ def _generics(here: Survey) -> list[tuple[float, float, Generic]]:
 
 
 def _generic_evidence(here):
-    return max([evidence for _, evidence, _ in _generics(here)], default=0.0)
+    return max([e for gain, e, generic in _generics(here) if gain > _UNNAMED + 2.0 * generic.columns], default=0.0)
 
 
 def _better_unknown(here: Survey, tries: Sequence[_Try]) -> tuple[Generic, float] | None:
     """A generic disagreement that explains more than every effect, if there is one."""
     best = max([t.gain - cost(t.candidate) for t in tries], default=0.0)
     for gain, _, generic in _generics(here):
-        if gain - 2.0 * generic.columns > best + max(MARGIN, 0.03 * best):
+        if gain - 2.0 * generic.columns > max(best + max(MARGIN, 0.03 * best), _UNNAMED):
             return generic, gain
     return None
 
@@ -201,7 +202,7 @@ def _compare(decision: Decision) -> None:
             other = start.screen.candidates[i]
             if other.name == effect.name or isinstance(other.effect, Generic) or other.name in {c.name for c in rest}:
                 continue
-            if start.screen.alike(effect, other) < 0.6 or evidence[i] < 1.3:
+            if not start.screen.knows(effect) or start.screen.alike(effect, other) < 0.6 or evidence[i] < 1.3:
                 continue
             fitted = fit(likelihood, {**rest, other: start.screen.start(other, start.w)}, iterations=6)
             behind = fitted.misfit - named.misfit + cost(other) - cost(effect)

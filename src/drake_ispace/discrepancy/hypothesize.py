@@ -128,6 +128,12 @@ class Screen:
             return 0.0
         return float(g @ (np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ g)) / self.inflation_of(candidate)
 
+    def without(self, effect, w: np.ndarray) -> np.ndarray:
+        """(rows,) what is left of `w` when the signatures of an effect explain what they can."""
+        own = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and self.length[i] >= _LEAST]
+        amounts = np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[:, own].T @ w)
+        return w - self.columns[:, own] @ amounts
+
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""
         own = self._of[candidate]
@@ -140,6 +146,10 @@ class Screen:
             share = min(max(amount, -3.0), 3.0)
             z[i] = min(max(neutral[i] + share * (found.z[i] - neutral[i]), low), high)
         return z
+
+    def knows(self, candidate: Candidate) -> bool:
+        """Whether it has a signature here."""
+        return candidate in self._of
 
     def alike(self, one: Candidate, other: Candidate) -> float:
         """The largest |cosine| between signatures of two candidates, offsets left to themselves."""

@@ -19,6 +19,7 @@ from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.effects.effect import Body, Effect, PlantEffect
 from drake_ispace.effects.library import library
+from drake_ispace.rates import TICK_S
 from drake_ispace.robots import base, omni, pendulum
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
 from drake_ispace.rollout.compile import Rollout, compile_diagram
@@ -85,9 +86,16 @@ class Replay:
         state[self._first_wheel : self._first_wheel + self.body.wheels] = start[3:]
         logs = self.rollout.run(
             run.ticks + LEAD_TICKS, numbers, state,
-            inputs={"command": run.command, "measured": run.measured, "fix": run.fix},
+            inputs={"command": self._command(run), "measured": run.measured, "fix": run.fix},
         )
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_ticks + LEAD_TICKS + 1]
+
+    def _command(self, run):
+        """The recorded command; of a base without one, the velocity at which its wheels turn as measured."""
+        if self.body.kind != "base" or "command" in self.feeds:
+            return run.command
+        turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
+        return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     @property
     def _first_wheel(self):
@@ -107,6 +115,8 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
     """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
     body = body_of(scenario, robot)
     every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+    if body.kind == "base" and "command" not in has:  # what lies between command and wheels cannot show
+        every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     return Replay(body, every, known, rollout, has, other_filters(scenario, robot, has))

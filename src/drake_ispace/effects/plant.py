@@ -154,6 +154,32 @@ class SingleWheelRadiusError(PlantEffect):
         return _worn(plant, values["share"], [int(values["wheel"]) - 1])
 
 
+class WheelRadiusErrors(PlantEffect):
+    """The true radius of every wheel i times (1 + share_i), each with its own share."""
+
+    kinds = ("base",)
+    card = Card(
+        name="wheel_radius_errors", title="Radius errors of all wheels", home="plant",
+        equation="r_i = (1 + share_i) r_nominal for every wheel i",
+        source="wear, pressure and load that differ from wheel to wheel; UMBmark's unequal diameters",
+        signature="odometry's heading drifts with the way, to the same side whichever way the path bends, and all "
+        "distances are off by the mean share",
+        look_alikes=("wheel_radius_error", "single_wheel_radius_error", "track_error", "encoder_lost_counts"),
+        excitation="long runs round both ways: a wrong track turns its sign with the bend, a wheel's radius does not",
+    )
+
+    def parameters(self, body):
+        return tuple(
+            Parameter(f"share_{i}", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3)
+            for i in range(1, body.wheels + 1)
+        )
+
+    def change(self, plant, values):
+        for i in range(len(plant.geometry.wheels)):
+            plant = _worn(plant, values[f"share_{i + 1}"], [i])
+        return plant
+
+
 class TrackError(PlantEffect):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
@@ -179,5 +205,5 @@ class TrackError(PlantEffect):
 
 EFFECTS = (
     MassError(), InertiaError(), YawInertiaError(), CentreOfGravityOffset(), WheelRadiusError(),
-    SingleWheelRadiusError(), TrackError(),
+    SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(),
 )

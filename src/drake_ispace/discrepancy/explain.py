@@ -1,0 +1,218 @@
+"""`explain`: where do simulation and measurement disagree, which effect is missing, and does adding it close the gap?
+
+Read `explain` from top to bottom: predict, detect, hypothesise and decide, localise, add, confirm.
+"""
+
+import copy
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from drake_ispace.discrepancy.candidates import Candidate, candidates, value_of
+from drake_ispace.discrepancy.confirm import Confirmation, confirm, drift, on_bound
+from drake_ispace.discrepancy.discriminate import Decision, decide
+from drake_ispace.discrepancy.explanation import (
+    DetectionResult,
+    Estimate,
+    Explanation,
+    NamedEffect,
+    Unknown,
+    Untestable,
+)
+from drake_ispace.discrepancy.generic import Generic
+from drake_ispace.discrepancy.localize import localize, onset
+from drake_ispace.discrepancy.next_experiment import needs, next_experiment
+from drake_ispace.discrepancy.predict import Prediction, predict
+from drake_ispace.discrepancy.replay import Replay, replay_of
+from drake_ispace.discrepancy.tracks import track
+from drake_ispace.effects.effect import Effect
+from drake_ispace.errors import InputError
+from drake_ispace.recording import Recording, load
+from drake_ispace.scenario import Scenario, difference, load_scenario
+
+_VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
+_ROBOT_OF = {"velocity_base": "base", "odometry_replay": "base"}
+_THREADS = 2
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is to be explained: model, robot, runs, and the compiled prediction."""
+
+    scenario: Scenario
+    robot: str
+    replay: Replay
+    prediction: Prediction
+    held_out: Prediction | None
+
+
+def explain(
+    model: Scenario | str, runs: Sequence[Recording | str | Path], held_out: Sequence[Recording | str | Path] = (),
+    effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
+) -> Explanation:
+    """Find what the model lacks.
+
+    Args:
+        model: a Scenario, or the name or file of one. runs: measured; held_out: others, to prove the answer on.
+        effects: to try, default the whole library. seed: of the bootstraps. tell: told about every stage.
+
+    Raises:
+        InputError: a run that the model cannot predict.
+    """
+    started = time.perf_counter()
+    tell("preparing the predictions")
+    case = prepare(model, runs, held_out, effects)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        tried = candidates(case.replay.effects, case.replay.body)
+        decision = decide(case.prediction, tried, seed, pool, tell)
+        tell("localising")
+        answer = _described(case, decision)
+        if decision.named is not None:
+            _add(case, decision, answer)
+        if case.held_out is not None and decision.named is not None:
+            tell("confirming on the held-out runs")
+            _confirmed(answer, confirm(case.held_out, decision, seed, pool))
+    answer.runs = [track.name for track in case.prediction.tracks]
+    answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
+    answer.seconds = time.perf_counter() - started
+    return answer
+
+
+def prepare(model, runs, held_out=(), effects=None) -> Case:
+    """Load, check and compile; arguments as `explain`.
+
+    Raises:
+        InputError: as `explain`.
+    """
+    scenario = load_scenario(model) if isinstance(model, str) else model
+    if not runs:
+        raise InputError("explain: there is no run, expected at least one")
+    recordings = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(runs)]
+    others = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(held_out)]
+    robot = _robot(scenario, recordings + others)
+    wheels = len(getattr(scenario, robot).plant.geometry.wheels)
+    tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
+    proof = [track(recording, robot, wheels, name) for name, recording in others]
+    has = frozenset.intersection(*(t.has for t in tracks + proof))
+    if not has & {"encoder", "kinect", "imu"}:
+        raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
+    replay = replay_of(scenario, robot, has, effects)
+    return Case(scenario, robot, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+
+
+def _name(run, i):
+    if isinstance(run, Recording):
+        return str(run.path) if run.path else f"run {i + 1}"
+    return str(run)
+
+
+def _robot(scenario, recordings):
+    if scenario.diagram in _ROBOT_OF:
+        return _ROBOT_OF[scenario.diagram]
+    robots = {recording.robot for _, recording in recordings}
+    known = ["omni", "pendulum"] if scenario.diagram == "shared_space" else [scenario.diagram.split("_")[0]]
+    for name, recording in recordings:
+        if recording.robot not in known or len(robots) > 1:
+            raise InputError(
+                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected one of {' or '.join(known)}, which "
+                f"the model {scenario.diagram} describes"
+            )
+    return robots.pop()
+
+
+def _described(case: Case, decision: Decision) -> Explanation:
+    """The Explanation before anything is added and confirmed."""
+    start, named = decision.start, decision.named
+    found = decision.detection
+    detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.evidence)
+    better = start.likelihood.whitened(named.point) if named is not None else _without_generic(decision)
+    places = localize(case.prediction, start, better) if found.found else []
+    effects = [] if named is None else [_named(case, decision, candidate) for candidate in named.point]
+    unknown = None if decision.unknown is None else _unknown(case, decision, better)
+    verdict = "none"
+    if unknown is not None:
+        verdict = "unknown"
+    elif effects:
+        verdict = "set" if any(effect.equivalents for effect in effects) else "named"
+    untestable = _untestable(case, decision)
+    warnings = drift(decision, case.prediction) if named is not None else []
+    warnings += [
+        f"{name} of {effect.name} sits on its bound" for effect in effects
+        for name, p in effect.parameters.items() if p.on_bound
+    ]
+    return Explanation(
+        verdict, effects, detection, places, untestable, unknown=unknown, warnings=warnings,
+        next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
+    )
+
+
+def _without_generic(decision):
+    """Whitened residuals with the generic disagreement taken away; as they are where there is none."""
+    start = decision.start
+    if decision.unknown is None:
+        return start.w
+    return start.screen.without(decision.unknown[0], start.w)
+
+
+def _named(case, decision, candidate: Candidate) -> NamedEffect:
+    named, card = decision.named, candidate.effect.card
+    sizes = decision.end.likelihood.sizes
+    parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
+    inflation = np.sqrt(decision.start.screen.inflation_of(candidate))
+    for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
+        half = 1.645 * inflation * named.std(candidate, i, sizes)
+        low, high = candidate.bounds[i]
+        ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (z - half, z + half))
+        parameters[parameter.name] = Estimate(
+            float(value_of(parameter, z)), (float(ends[0]), float(ends[1])), parameter.unit, on_bound(named, candidate, i)
+        )
+    rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
+    share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
+    return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
+
+
+def _unknown(case, decision, better) -> Unknown:
+    generic, gain = decision.unknown
+    screen, w = decision.end.screen, decision.end.w
+    gains = {c: screen.joint_gain(c, w) for c in screen.candidates if not isinstance(c.effect, Generic)}
+    nearest = max(gains, key=gains.get) if gains else None
+    memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
+    symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
+    share = gain / max(gain + decision.total_gain, 1e-12)
+    return Unknown(
+        generic.link, generic.driver, float(share), symmetry, memory, onset(case.prediction, decision.start, better),
+        nearest.name if nearest else "none", float(np.sqrt(max(gain - gains.get(nearest, 0.0), 0.0))),
+    )
+
+
+def _untestable(case, decision) -> list[Untestable]:
+    """Effects whose signature these runs would not show even at the largest size that a search begins with."""
+    screen, longest = decision.start.screen, {}
+    for signature, length in zip(screen.signatures, screen.length, strict=True):
+        if not isinstance(signature.candidate.effect, Generic):
+            name = signature.candidate.name
+            longest[name] = max(longest.get(name, 0.0), float(np.sqrt(max(length, 0.0))))
+    return [
+        Untestable(name, needs(case.replay.effects[name])) for name in case.replay.effects
+        if longest.get(name, 0.0) < _VISIBLE
+    ]
+
+
+def _add(case: Case, decision: Decision, answer: Explanation) -> None:
+    """Stage 5, add: the scenario with the named effects in it."""
+    scenario = copy.deepcopy(case.scenario)
+    section = getattr(scenario, case.robot)
+    for candidate, z in decision.named.point.items():
+        values = {name: float(value) if name not in dict(candidate.choices) else int(value)
+                  for name, value in candidate.values(z).items() if np.isfinite(value)}
+        section.effects = {**section.effects, candidate.name: {**section.effects.get(candidate.name, {}), **values}}
+    answer.model, answer.difference = scenario, difference(scenario)
+
+
+def _confirmed(answer: Explanation, confirmation: Confirmation) -> None:
+    answer.gap, answer.closed = confirmation.gaps, confirmation.closed
+    answer.warnings = confirmation.warnings + answer.warnings
