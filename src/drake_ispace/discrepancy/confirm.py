@@ -1,5 +1,6 @@
 """Stage 6, confirm: how much of the gap the named effects close on runs that they were not fitted to."""
 
+import itertools
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -86,9 +87,8 @@ def drift(decision: Decision, prediction: Prediction) -> list[str]:
         spread = np.std(estimates[known]) * likelihood.sizes[candidate][i]
         value = abs(named.point[candidate][i] - candidate.neutral[i])
         if excess > 12.0 and spread > 0.2 * value:
-            found.append(
-                f"{candidate.parameters[i].name} of {candidate.name} drifts between runs (by {100 * spread / value:.0f} %)"
-            )
+            name = f"{candidate.parameters[i].name} of {candidate.name}"
+            found.append(f"{name} drifts between runs, by {100 * spread / value:.0f} %")
     return found
 
 
@@ -96,7 +96,7 @@ def _by_run(prediction, likelihood, slope, w):
     lengths = [len(likelihood.whitening.one(i, run)) for i, run in enumerate(prediction.residuals({}))]
     starts = np.cumsum([0, *lengths])
     estimates, stds = [], []
-    for a, b in zip(starts[:-1], starts[1:], strict=True):
+    for a, b in itertools.pairwise(starts):
         squared = max(float(slope[a:b] @ slope[a:b]), 1e-12)
         estimates.append(-float(slope[a:b] @ w[a:b]) / squared)
         stds.append(1.0 / np.sqrt(squared))

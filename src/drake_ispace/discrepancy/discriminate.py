@@ -43,7 +43,7 @@ class Decision:
         detection: of anything at all. named: the best fit, None where nothing was found. rivals: of each named effect,
             those that cannot be ruled out. unknown: a generic disagreement that explains more than any effect.
         gains: effect -> how much the misfit grows without it. start: survey of the model as given; end: with the
-            named effects in it.
+            named effects in it. nearest: where unknown, the effect that explains most, and by how much.
     """
 
     detection: Detection
@@ -53,6 +53,7 @@ class Decision:
     rivals: dict[Candidate, list[Rival]] = field(default_factory=dict)
     gains: dict[Candidate, float] = field(default_factory=dict)
     unknown: tuple[Generic, float] | None = None
+    nearest: tuple[Candidate, float] | None = None
     total_gain: float = 0.0
 
 
@@ -99,6 +100,7 @@ def decide(
         if unknown is not None or leader is None:
             decision = decision or Decision(first, start, here)
             decision.unknown = unknown
+            decision.nearest = (leader.candidate, leader.gain) if leader else None
             break
         point = leader.fit.point
         tell(f"looking again with {', '.join(c.label for c in point)}")
@@ -184,7 +186,10 @@ def _pruned(prediction, decision, tried, pool):
         here = survey(prediction, point, tried, pool)
         named = fit(here.likelihood, point)
         gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
-        decision = Decision(decision.detection, decision.start, here, named, unknown=decision.unknown, total_gain=gain)
+        decision = Decision(
+            decision.detection, decision.start, here, named, unknown=decision.unknown, nearest=decision.nearest,
+            total_gain=gain,
+        )
     decision.gains = {next(iter(named.point)): decision.total_gain}
     return decision
 

@@ -118,8 +118,8 @@ def _robot(scenario, recordings):
     for name, recording in recordings:
         if recording.robot not in known or len(robots) > 1:
             raise InputError(
-                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected one of {' or '.join(known)}, which "
-                f"the model {scenario.diagram} describes"
+                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected {' or '.join(known)}, which the "
+                f"model {scenario.diagram} describes"
             )
     return robots.pop()
 
@@ -167,9 +167,9 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
         half = 1.645 * inflation * named.std(candidate, i, sizes)
         low, high = candidate.bounds[i]
         ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (z - half, z + half))
-        parameters[parameter.name] = Estimate(
-            float(value_of(parameter, z)), (float(ends[0]), float(ends[1])), parameter.unit, on_bound(named, candidate, i)
-        )
+        interval = (float(ends[0]), float(ends[1]))
+        at = float(value_of(parameter, z))
+        parameters[parameter.name] = Estimate(at, interval, parameter.unit, on_bound(named, candidate, i))
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
     share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
     return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
@@ -177,15 +177,13 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
 
 def _unknown(case, decision, better) -> Unknown:
     generic, gain = decision.unknown
-    screen, w = decision.end.screen, decision.end.w
-    gains = {c: screen.joint_gain(c, w) for c in screen.candidates if not isinstance(c.effect, Generic)}
-    nearest = max(gains, key=gains.get) if gains else None
+    nearest, explained = decision.nearest or (None, 0.0)
     memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
     symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
     share = gain / max(gain + decision.total_gain, 1e-12)
     return Unknown(
         generic.link, generic.driver, float(share), symmetry, memory, onset(case.prediction, decision.start, better),
-        nearest.name if nearest else "none", float(np.sqrt(max(gain - gains.get(nearest, 0.0), 0.0))),
+        nearest.name if nearest else "none", float(np.sqrt(max(gain - explained, 0.0))),
     )
 
 

@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drake_ispace.report.pages import write_text
+from drake_ispace.places import whole_file
 from drake_ispace.scenario import Scenario
 
 
@@ -133,15 +133,20 @@ class Explanation:
             "localization": [dataclasses.asdict(place) for place in self.localization],
             "untestable": [dataclasses.asdict(entry) for entry in self.untestable],
             "unknown": None if self.unknown is None else dataclasses.asdict(self.unknown),
-            "gap": {"held_out": {name: dataclasses.asdict(gap) for name, gap in self.gap.items()}, "closed": self.closed},
+            "gap": {"held_out": {name: dataclasses.asdict(g) for name, g in self.gap.items()}, "closed": self.closed},
             "warnings": self.warnings, "next_experiment": self.next_experiment, "difference": self.difference,
             "runs": self.runs, "held_out": self.held_out, "model": self.model_path, "seconds": self.seconds,
         }
         return _plain(data)
 
     def save(self, path: str | Path) -> None:
-        """Write it as JSON."""
-        write_text(Path(path), json.dumps(self.to_data(), indent=2, allow_nan=False))
+        """Write it as JSON, whole or not at all.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        with whole_file(Path(path)) as beside:
+            beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
         lines = [f"{_VERDICTS[self.verdict]} (p = {self.detection.p_value:.2g})"]
@@ -150,9 +155,11 @@ class Explanation:
             others = f", or {', '.join(effect.equivalents)}" if effect.equivalents else ""
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():
-                lines.append(f"    {name} = {p.estimate:.4g} [{p.ci90[0]:.4g}, {p.ci90[1]:.4g}] {p.unit}")
+                low, high = p.ci90
+                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}")
         if self.unknown is not None:
-            lines.append(f"  a {self.unknown.link} that goes with {self.unknown.driver}; nearest: {self.unknown.nearest}")
+            of = self.unknown
+            lines.append(f"  a {of.link} that goes with {of.driver}; nearest: {of.nearest}")
         for name, gap in self.gap.items():
             lines.append(
                 f"  held out, {name}: {gap.before:.4g} -> {gap.after:.4g} {gap.unit} (floor {gap.floor:.4g}), "

@@ -1,7 +1,7 @@
-"""A model held on a measured motion by a steady-state Kalman filter: its innovations are what the model cannot predict.
+"""A model held on a measured motion by a steady-state Kalman filter: its innovations are what it cannot predict.
 
-Plain replay of recorded torques drifts, a balancing robot's replay falls. Here the model gets the recorded torque and an
-acceleration u that the filter finds from the error between measured and modelled outputs,
+Plain replay of recorded torques drifts, a balancing robot's replay falls. Here the model gets the recorded torque and
+an acceleration u that the filter finds from the error between measured and modelled outputs,
 
     nu = e - C dx - D u,   dx+ = A (dx + L nu) - B u',   u' = K (dx + L nu),
 
@@ -139,8 +139,9 @@ class Follower(Block):
         - push
         - innovation
 
-    measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): force of the ground on the plant
-    (for a base: its body velocity), in, and out with the correction added. innovation (p,): nu of this tick, in the units of the outputs.
+    measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): force of the ground on the
+    plant (for a base: its body velocity), in, and out with the correction added. innovation (p,): nu of this tick, in
+    the units of the outputs.
 
     Args:
         filter: its matrices.

@@ -1,4 +1,4 @@
-"""Stage 3, hypothesise: how much of what is left each effect could explain, the runs' own offsets left to themselves."""
+"""Stage 3, hypothesise: how much of what is left each effect could explain that the runs' own offsets cannot."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

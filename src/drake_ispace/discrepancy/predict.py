@@ -2,8 +2,8 @@
 
 Residuals come in streams, each with its own clock and noise: `motion`, recorded command -> encoder and IMU, at every
 tick (what is left of a count's rounding at one tick shows at the next: means over several would hide that it does, and
-make a command that followed it look late); `room`, measured wheels -> the camera's fixes, at the camera's own instants; `start`, the first fix against
-the pose from which the scenario starts; `looks`, captures that bring no fix.
+make a command that followed it look late); `room`, measured wheels -> the camera's fixes, at the camera's own instants;
+`start`, the first fix against the pose from which the scenario starts; `looks`, captures that bring no fix.
 """
 
 import dataclasses
@@ -43,7 +43,8 @@ class Prediction:
     """A model against runs: residuals at any effects, and those of everything that is a nuisance.
 
     Attributes:
-        replay: the compiled prediction Diagram. tracks: the runs. starts: pose and wheel angles at t = 0 of each, (3 + n,).
+        replay: the compiled prediction Diagram. tracks: the runs. starts: pose and wheel angles at t = 0 of each,
+            (3 + n,).
         anchored: whether the start of each run is that of the scenario. channels: stream -> names.
     """
 

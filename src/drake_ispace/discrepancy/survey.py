@@ -1,4 +1,4 @@
-"""All effects looked at from one point: their signatures, the noise that none of them explains, and a screen of tests."""
+"""All effects looked at from one point: their signatures, the noise that none explains, and a screen of tests."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -8,11 +8,10 @@ import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate, probes
 from drake_ispace.discrepancy.generic import generics
-from drake_ispace.discrepancy.hypothesize import Screen, Signature, signatures
+from drake_ispace.discrepancy.hypothesize import Screen, signatures
 from drake_ispace.discrepancy.likelihood import Likelihood, Point, merged
 from drake_ispace.discrepancy.predict import Prediction, Residuals
 from drake_ispace.discrepancy.whitening import Whitening
-
 
 _ROUNDS = 2
 _BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike

@@ -1,4 +1,4 @@
-"""Noise of residuals: a vector autoregression with a long memory per stream, by which residuals become independent and of unit size."""
+"""Noise of residuals: per stream a vector autoregression with a long memory, by which they become independent."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

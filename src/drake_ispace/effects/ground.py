@@ -75,7 +75,8 @@ class ConstantSlip(PlantEffect):
     )
 
     def parameters(self, body):
-        return tuple(Parameter(f"ratio{axis}", "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for axis in _axes(body))
+        names = [f"ratio{axis}" for axis in _axes(body)]
+        return tuple(Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for name in names)
 
     def change(self, plant, values):
         return _slip_with(plant, self.card.name, "ratio", values)
@@ -229,7 +230,8 @@ class FloorTilt(BlockEffect):
     )
 
     def parameters(self, body):
-        return tuple(Parameter(f"slope_{axis}_rad", "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for axis in "xy")
+        names = ("slope_x_rad", "slope_y_rad")
+        return tuple(Parameter(name, "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for name in names)
 
     def spec(self, body, values):
         plant, downhill = body.plant, -GRAVITY * np.array([values["slope_x_rad"], values["slope_y_rad"]])

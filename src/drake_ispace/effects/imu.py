@@ -70,7 +70,8 @@ class ImuMisalignment(ImuEffect):
     )
 
     def parameters(self, body):
-        return tuple(Parameter(f"about_{axis}_rad", "rad", 0.0, -0.5, 0.5, (0.02, 0.1), tolerance=3e-3) for axis in "xz")
+        names = ("about_x_rad", "about_z_rad")
+        return tuple(Parameter(name, "rad", 0.0, -0.5, 0.5, (0.02, 0.1), tolerance=3e-3) for name in names)
 
     def spec(self, body, values):
         axes = rotation([values["about_x_rad"], 0.0, values["about_z_rad"]]).T

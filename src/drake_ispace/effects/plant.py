@@ -57,7 +57,8 @@ class InertiaError(PlantEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5) if body.kind == "omni" else (0.3, 1.5), tolerance=0.01 if body.kind == "omni" else 0.12),)
+        probes, tolerance = ((0.1, 0.5), 0.01) if body.kind == "omni" else ((0.3, 1.5), 0.12)  # I_yy is but a tenth
+        return (Parameter("share", "1", 0.0, -0.8, 3.0, probes, tolerance=tolerance),)
 
     def change(self, plant, values):
         return _grown(plant, values["share"], _one_of(plant, "inertia_kg_m2", "body_inertia_pitch_kg_m2"))
@@ -99,7 +100,8 @@ class CentreOfGravityOffset(PlantEffect):
     def parameters(self, body):
         if body.kind == "omni":
             return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.15, 0.15, (0.005, 0.03), tolerance=5e-4) for axis in "xy")
-        return (Parameter("height_m", "m", 0.0, -0.8 * body.plant.centre_of_gravity_m, 0.3, (0.003, 0.02), tolerance=2e-4),)
+        least = -0.8 * body.plant.centre_of_gravity_m
+        return (Parameter("height_m", "m", 0.0, least, 0.3, (0.003, 0.02), tolerance=2e-4),)
 
     def change(self, plant, values):
         if "height_m" in values:
