@@ -5,12 +5,13 @@
 VENV = .venv
 ARGS =
 
-.PHONY: help setup demo test test-slow lint clean
+.PHONY: help setup demo test test-slow hidden lint clean
 
 help:
 	@echo "make demo       run the demonstration; it writes the folder demo/"
 	@echo "make test       run the tests"
 	@echo "make test-slow  run the long campaigns"
+	@echo "make hidden     hide every effect in data and ask for it"
 	@echo "make lint       check the code style"
 	@echo "make clean      remove the environment, the demo and all caches"
 
@@ -25,6 +26,9 @@ test: setup
 
 test-slow: setup
 	PYTHONPATH= $(VENV)/bin/python -m pytest -m slow $(ARGS)
+
+hidden: setup
+	PYTHONPATH= $(VENV)/bin/python -m pytest -m hidden $(ARGS)
 
 lint: setup
 	@test -x $(VENV)/bin/ruff || $(VENV)/bin/python -m pip install --quiet -e '.[dev]'

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -89,3 +90,28 @@ def progress(total: float | None, title: str, unit: str | None = None) -> Iterat
                 bar.update(task, completed=done)
 
         yield advance
+
+
+@contextmanager
+def stages(title: str) -> Iterator[Callable[[str], None]]:
+    """A line on standard error per stage, where that is a terminal; yields a function that takes the name of the next
+    stage. Every finished stage keeps its line, with the time that it took."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(stderr=True)
+    name, started = title, time.perf_counter()
+    with console.status(Text(title)) as status:
+
+        def tell(following):
+            nonlocal name, started
+            now = time.perf_counter()
+            console.print(Text(f"{now - started:6.1f} s  {name}"))
+            name, started = following, now
+            status.update(Text(following))
+
+        yield tell
+        tell("done")

@@ -67,7 +67,7 @@ def explain(
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects)
     with ThreadPoolExecutor(_THREADS) as pool:
-        tried = candidates(case.replay.effects, case.replay.body)
+        tried = candidates(_triable(case), case.replay.body)
         decision = decide(case.prediction, tried, seed, pool, tell)
         tell("localising")
         answer = _described(case, decision)
@@ -102,6 +102,13 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
     replay = replay_of(scenario, robot, has, effects)
     return Case(scenario, robot, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+
+
+def _triable(case: Case) -> dict[str, Effect]:
+    """Effects that the predictions depend on: without torque, only those of geometry, encoders and camera."""
+    if case.prediction.channels["motion"] or case.robot == "base":
+        return case.replay.effects
+    return {name: effect for name, effect in case.replay.effects.items() if effect.kinematic}
 
 
 def _name(run, i):

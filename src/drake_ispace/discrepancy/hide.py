@@ -120,6 +120,8 @@ def _told(run, robot):
 def _check_places(diagram, scenario, robot, effects):
     """Refuse an effect whose wire the Diagram does not have: it would be left out, and the answer be wrong."""
     blocks = {block.get_name() for block in diagram.GetSystems()}
+    if f"{robot}_plant" not in blocks:
+        raise InputError(f"the Diagram {scenario.diagram} has no robot {robot}, expected another robot or Diagram")
     for name in effects:
         if isinstance(library()[name], BlockEffect) and f"{robot}_{name}" not in blocks:
             raise InputError(f"effects.{name}: has no place in the Diagram {scenario.diagram}, expected another effect")

@@ -16,7 +16,8 @@ from scipy.ndimage import maximum_filter1d
 
 from drake_ispace.discrepancy.filters import FORCES
 from drake_ispace.discrepancy.replay import Replay, Values
-from drake_ispace.discrepancy.tracks import IMU, Track
+from drake_ispace.discrepancy.room_gain import tuned
+from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S
 
@@ -154,22 +155,18 @@ class Prediction:
 
     def _one(self, i, track, numbers, dropouts):
         motion, room = self.replay.run(track, self.starts[i], numbers)
-        motion, room = motion[:, self._shown(track)], room.copy()
-        first = room[:1] if self.anchored[i] else room[:0]
+        motion, room = motion[:, : len(self.channels["motion"])], room[:, : len(self.channels["room"])]
+        first = room[: int(self.anchored[i])]
         return {
             "motion": motion[_SETTLING_TICKS:], "room": room[1:], "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
 
-    def _shown(self, track):
-        wheels = self.replay.body.wheels
-        columns = list(range(wheels)) if {"encoder", _DRIVEN[self.replay.body.kind]} <= track.has else []
-        if self.replay.body.kind == "pendulum" and "imu" in track.has:
-            columns += list(range(wheels, wheels + IMU))
-        return columns
 
 
-_DRIVEN = {"base": "command", "omni": "torque", "pendulum": "torque"}
+_MOTION_TAKES = {
+    "base": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
+}
 
 
 def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
@@ -179,13 +176,18 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
         start, is_known = _start(track)
         starts.append(np.concatenate([start, track.measured[0, : replay.body.wheels]]))
         anchored.append(is_known)
+    if replay.body.kind == "base":
+        replay = tuned(replay, tracks, starts)
     wheels = replay.body.wheels
-    names = [f"wheel {i + 1}" for i in range(wheels)] if "encoder" in replay.feeds else []
-    if replay.body.kind == "pendulum" and "imu" in replay.feeds:
-        names += list(_IMU_NAMES)
-    if _DRIVEN[replay.body.kind] not in replay.feeds:
-        names = []
-    channels = {"motion": names, "room": ["x", "y", "heading"], "start": ["x", "y", "heading"], "looks": ["seen"]}
+    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_NAMES) if replay.body.kind == "pendulum" else [])
+    pose = ["x", "y", "heading"]
+    # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts then
+    # shows unknown forces, not physics that it lacks
+    channels = {
+        "motion": names if replay.feeds >= _MOTION_TAKES[replay.body.kind] else [],
+        "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],
+        "start": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [], "looks": ["seen"],
+    }
     return Prediction(replay, list(tracks), starts, anchored, channels)
 
 

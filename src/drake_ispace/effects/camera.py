@@ -86,6 +86,7 @@ class CameraEffect(BlockEffect):
     """A block of the wire `pose`."""
 
     kinds = ("omni", "pendulum", "base")
+    kinematic = True
     wire = "pose"
 
     def block(self, maths, parameters, **memory):

@@ -8,17 +8,10 @@ import sys
 from itertools import groupby
 
 from drake_ispace.effects.card import HOMES, Parameter
-from drake_ispace.effects.effect import BlockEffect, Body, Effect
+from drake_ispace.effects.effect import BlockEffect, Effect
 from drake_ispace.effects.library import library
-from drake_ispace.robots.base import BasePlantParameters
-from drake_ispace.robots.omni import OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.effects.listing import bodies_of, robots_of
 
-_BODIES = tuple(
-    Body(kind, kind, plant, len(plant.geometry.wheels)) for kind, plant in (
-        ("omni", OmniPlantParameters()), ("pendulum", PendulumPlantParameters()), ("base", BasePlantParameters()),
-    )
-)
 _TITLES = {
     "actuator": "Actuator: between command and motor", "transmission": "Transmission: between motor and wheel",
     "ground": "Ground: slip, and forces from the floor", "plant": "Plant: numbers other than believed",
@@ -136,7 +129,7 @@ def effects_markdown() -> str:
 def _overview(effects):
     """Name, home and robots of all."""
     rows = [
-        f"| [`{e.card.name}`](#{e.card.name}) | {e.card.home} | {', '.join(_robots(e))} | {_cell(e.card.equation)} |"
+        f"| [`{e.card.name}`](#{e.card.name}) | {e.card.home} | {', '.join(robots_of(e))} | {_cell(e.card.equation)} |"
         for e in effects
     ]
     return "\n".join(["| effect | home | robots | equation |", "|---|---|---|---|", *rows, ""])
@@ -146,7 +139,7 @@ def _section(effect: Effect) -> str:
     card = effect.card
     wire = f", in the wire `{effect.wire}`" if isinstance(effect, BlockEffect) else ", in the plant's parameters"
     facts = [
-        f"**{card.title}**{wire}; {', '.join(_robots(effect))}.", f"Equation: {_code(card.equation)}",
+        f"**{card.title}**{wire}; {', '.join(robots_of(effect))}.", f"Equation: {_code(card.equation)}",
         f"Source: {card.source}.", f"Signature: {card.signature}.",
         f"Look-alikes: {', '.join(f'[`{name}`](#{name})' for name in card.look_alikes) or 'none'}.",
         f"What separates them: {card.excitation}.",
@@ -155,18 +148,10 @@ def _section(effect: Effect) -> str:
     return "\n".join([f"### {card.name}\n", *[f"{fact}\n" for fact in facts], *_table(effect), "", *example, ""])
 
 
-def _bodies(effect):
-    return [body for body in _BODIES if effect.applies_to(body)]
-
-
-def _robots(effect):
-    return [body.kind for body in _bodies(effect)] + (["any with wheels"] if effect.general else [])
-
-
 def _table(effect):
     """A row per parameter; one for all robots where they agree."""
     rows: dict[str, list[str]] = {}
-    for body in _bodies(effect):
+    for body in bodies_of(effect):
         for p in effect.parameters(body):
             reading = " (fitted as 1 / value)" if p.reciprocal else ""
             text = (
@@ -187,7 +172,7 @@ def _probes(p: Parameter):
 
 def _example(effect):
     """A scenario with the effect at its last probes."""
-    body = _bodies(effect)[0]
+    body = bodies_of(effect)[0]
     diagram = {"omni": "omni_multirate", "pendulum": "pendulum_multirate", "base": "velocity_base"}[body.kind]
     values = {name: min(2, body.wheels) for name in effect.choices}
     values |= {p.name: p.probes[-1] for p in effect.parameters(body)}

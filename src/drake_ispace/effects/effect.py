@@ -41,6 +41,8 @@ class Effect:
     card: Card
     kinds: tuple[str, ...] = ("omni", "pendulum")
     choices: tuple[str, ...] = ()
+    #: Whether measured wheel angles and a camera show it, without any torque.
+    kinematic = False
     #: Whether the replay of a run has it. What happens at random is counted instead.
     replayed = True
     #: Units and places in which a wheel of a robot is nothing special: any body with a torque wire can have it.

@@ -31,6 +31,7 @@ class EncoderScale(BlockEffect):
     kinds = ("omni", "pendulum", "base")
     wire = "wheel_angle"
     general = True
+    kinematic = True
     card = Card(
         name="encoder_scale", title="Encoder scale", home="encoder", equation="theta_measured = (1 + share) theta",
         source="counts per turn or gear ratio other than assumed",
@@ -55,6 +56,7 @@ class EncoderLostCounts(BlockEffect):
     wire = "wheel_angle"
     general = True
     choices = ("wheel",)
+    kinematic = True
     card = Card(
         name="encoder_lost_counts", title="Encoder loses counts", home="encoder",
         equation="theta_measured_i = (1 - share) theta_i for i = wheel",

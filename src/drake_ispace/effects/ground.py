@@ -64,6 +64,7 @@ class ConstantSlip(PlantEffect):
     """
 
     kinds = ("omni", "pendulum", "base")
+    kinematic = True
     card = Card(
         name="constant_slip", title="Constant slip", home="ground", equation="v = (1 - ratio) v_wheels, per body axis",
         source="(6.4), carpet under the rollers",

@@ -26,6 +26,7 @@ class ClockOffset(BlockEffect):
 
     kinds = ("omni", "pendulum", "base")
     wire = "fix"
+    kinematic = True
     card = Card(
         name="clock_offset", title="Clock offset", home="link", equation="t_stamp = t_captured + offset",
         source="the clocks of room and robot, set by hand or by a message of unknown delay",

@@ -116,6 +116,7 @@ class WheelRadiusError(PlantEffect):
     """All true radii times (1 + share); odometry and controller keep the nominal one."""
 
     kinds = ("omni", "pendulum", "base")
+    kinematic = True
     card = Card(
         name="wheel_radius_error", title="Wheel radius error", home="plant", equation="r = (1 + share) r_nominal",
         source="wear, pressure, soft tyres, caliper",
@@ -140,6 +141,7 @@ class SingleWheelRadiusError(PlantEffect):
 
     kinds = ("omni", "pendulum", "base")
     choices = ("wheel",)
+    kinematic = True
     card = Card(
         name="single_wheel_radius_error", title="Radius error of one wheel", home="plant",
         equation="r_i = (1 + share) r_nominal for one wheel i", source="wear of one wheel, a mounted spare",
@@ -186,6 +188,7 @@ class TrackError(PlantEffect):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
     kinds = ("omni", "pendulum", "base")
+    kinematic = True
     card = Card(
         name="track_error", title="Track error", home="plant",
         equation="b = (1 + share) b_nominal, omni: wheel to wheel, pendulum: half track",

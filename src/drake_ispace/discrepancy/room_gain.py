@@ -1,0 +1,42 @@
+"""How far a base's room view trusts a fix: the gains under which its innovations are most likely.
+
+Between two fixes odometry adds up its own errors, and a fix has its noise; the best gain follows from their ratio,
+which differs by orders of magnitude between a ceiling of motion-capture cameras (0.2 mm) and a Kinect (20 mm). With too
+large a gain every fix's noise is taken for motion, with too small a one old drift is counted again at every fix.
+Innovations are then no longer independent, and short-lived disagreements outweigh what adds up over a whole run.
+"""
+
+import dataclasses
+
+import numpy as np
+
+_HEADING = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
+_PLACE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+_FEW = 20  # fixes, below which the gains stay as they are
+_LEAST = 1e-12  # m^2, rad^2: spread of innovations that counts as none
+
+
+def tuned(replay, tracks, starts):
+    """The Replay with the likeliest gains for these runs, those of place and of heading one after the other."""
+    if sum(len(track.fix_t) for track in tracks) < _FEW:
+        return replay
+    for which, tried in ((1, _HEADING), (0, _PLACE)):
+        found = [with_gain(replay, which, value) for value in tried]
+        replay = min(found, key=lambda r: _misfit(r, tracks, starts))
+    return replay
+
+
+def with_gain(replay, which: int, value: float):
+    """The Replay with another gain of place (0) or heading (1)."""
+    numbers = replay.rollout.parameters.copy()
+    numbers[replay.rollout.index(f"{replay.body.name}_view.gain[{which}]")] = value
+    return dataclasses.replace(replay, rollout=dataclasses.replace(replay.rollout, parameters=numbers))
+
+
+def _misfit(replay, tracks, starts):
+    """Minus twice the log likelihood per row of Gaussian innovations, but for a constant."""
+    numbers = replay.parameters({})
+    rows = [replay.run(track, start, numbers)[1][1:] for track, start in zip(tracks, starts, strict=True)]
+    innovations = np.vstack(rows)
+    covariance = innovations.T @ innovations / len(innovations)
+    return float(np.linalg.slogdet(covariance + _LEAST * np.eye(3))[1])

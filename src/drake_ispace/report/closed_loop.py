@@ -1,0 +1,110 @@
+"""The model driven along the reference that a run was recorded with, its own controller in the loop."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drake_ispace.alignment import to_recording
+from drake_ispace.errors import InputError
+from drake_ispace.frames import wrap
+from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.recording import Channel, Recording
+from drake_ispace.rollout.compile import compile_diagram
+from drake_ispace.scenario import Scenario
+from drake_ispace.simulation import first_divergence, make_run
+from drake_ispace.wiring.catalog import build_diagram
+
+_COLUMNS = 6  # of a way point's table: time, x, y, velocity (2), rate of turn
+_SAME_RAD, _SAME_M_S = 0.02, 1e-3
+_AT_REST_M_S = 1e-200  # a way point at rest still has a heading; too slow to matter for anything else
+_CORNER_RAD = 0.25  # from one sample of the reference to the next
+
+
+def closed_loop(model: Scenario, robot: str, recording: Recording) -> Channel | None:
+    """What the camera would have seen had the robot been as `model` says.
+
+    Returns:
+        The channel "kinect" of the simulated run; None where the reference cannot be followed again: there is none,
+        its heading is neither fixed nor along the path, or the model refuses it.
+    """
+    reference = recording.channels.get("reference")
+    if reference is None or len(reference.t) < 4 or "kinect" not in recording.channels:
+        return None
+    heading = _heading(reference)
+    if heading is None:
+        return None
+    table = _table(reference, heading == "tangent")
+    scenario = _scenario(model, robot, reference, heading, len(table) // 2 + 1)
+    scenario = replace(scenario, seconds=float(recording.channels["kinect"].t[-1]))
+    try:
+        diagram = build_diagram(scenario)
+    except InputError:  # a reference that begins outside of the space
+        return None
+    return to_recording(_followed(scenario, diagram, robot, table), robot).channels.get("kinect")
+
+
+def _scenario(model, robot, reference, heading, points):
+    """`model` with a polyline of so many points, which makes the way point's table as large as it must be, at any
+    place: the numbers in it are replaced."""
+    section = getattr(model, robot)
+    trajectory = replace(
+        section.trajectory, kind="polyline", csv=None, heading=heading, heading_rad=float(reference.column("phi")[0]),
+        points_m=[[0.1 * share, 0.0] for share in np.linspace(0.0, 1.0, points).tolist()],
+    )
+    start = [float(reference.column(name)[0]) for name in ("x", "y", "phi")]
+    section = replace(section, trajectory=trajectory, initial_pose=start)
+    return replace(model, **{robot: section})
+
+
+def _followed(scenario, diagram, robot, table):
+    rollout = compile_diagram(diagram)
+    block, end_s = f"{robot}_way_point", float(table[-1, 0])
+    changes = {"speed_m_s": 1.0, "start_s": 0.0, "end_m": end_s, "length_m": end_s}  # seconds instead of metres
+    changes |= {f"table[{i}]": value for i, value in enumerate(table.ravel())}
+    logs = rollout.run(
+        ticks_in(scenario.seconds), rollout.with_parameters({f"{block}.{name}": value for name, value in changes.items()})
+    )
+    return make_run(scenario, logs, first_divergence(logs), 0.0)
+
+
+def _heading(reference):
+    """"fixed", "tangent", or None for anything else."""
+    phi, direction, speed = np.unwrap(reference.column("phi")), *_direction(reference)
+    if np.ptp(phi) < _SAME_RAD:
+        return "fixed"
+    off = np.abs(wrap(phi - direction))[speed > 0.5 * speed.max()]
+    return "tangent" if np.quantile(off, 0.9) < 0.1 else None
+
+
+def _direction(reference):
+    """Direction [rad] and speed [m/s] at every sample of the reference: the mean of both steps beside it on a smooth
+    path, at a corner and where it starts and stops that of the steps which goes on as it is."""
+    steps = np.diff(reference.values[:, :2], axis=0) / np.diff(reference.t)[:, None]
+    steps = np.vstack([steps[:1], steps[:1], steps, steps[-1:], steps[-1:]])
+    behind, ahead = steps[1:-2], steps[2:-1]
+    change_behind, change_ahead = _size(behind - steps[:-3]), _size(steps[3:] - ahead)
+    smooth = np.abs(change_ahead - change_behind) < 0.5 * np.maximum(change_ahead, change_behind) + _SAME_M_S
+    kept = np.where((change_ahead < change_behind)[:, None], ahead, behind)
+    velocity = np.where(smooth[:, None], 0.5 * (ahead + behind), kept)
+    return np.arctan2(velocity[:, 1], velocity[:, 0]), _size(velocity)
+
+
+def _size(vectors):
+    return np.linalg.norm(vectors, axis=1)
+
+
+def _table(reference, tangent):
+    """(an even number, 6) rows as `control.trajectory.slide` reads them, with time in the place of arc length."""
+    direction, speed = _direction(reference)
+    if tangent:
+        direction = np.unwrap(reference.column("phi"))
+    turn = np.gradient(np.unwrap(direction), reference.t) * (speed > 1e-6)
+    corner = np.abs(turn) * np.median(np.diff(reference.t)) > _CORNER_RAD
+    speed = np.maximum(speed, _AT_REST_M_S)
+    ticks = np.floor(reference.t / TICK_S + 0.5)
+    table = np.column_stack([
+        ticks * TICK_S, reference.values[:, :2], speed * np.cos(direction), speed * np.sin(direction),
+        np.where(corner, 0.0, turn),
+    ])
+    last = table[-1:] + [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+    return np.vstack([table, last, last + [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]][: 3 - len(table) % 2])
