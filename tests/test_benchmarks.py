@@ -93,6 +93,18 @@ def test_the_tracker_keeps_to_the_straight_line_and_the_printed_form_does_not_ar
 
 
 @pytest.mark.slow
+def test_a_diagnosis_takes_seconds_and_says_where_they_went():
+    data = quick("diagnosis")
+    for robot, hidden in (("omni", "coulomb_friction"), ("pendulum", "viscous_friction")):
+        found = data["robots"][robot]
+        assert hidden in found["named"]
+        assert found["median_wall_s"] < data["target_s"]
+        assert sum(stage["wall_s"] for stage in found["stages"]) == pytest.approx(found["wall_s"], rel=0.05)
+        assert found["dominates"] in found["parts"]
+        assert sum(part["cpu_s"] > 0.0 for part in found["parts"].values()) == len(found["parts"])
+
+
+@pytest.mark.slow
 def test_a_picture_is_written_where_asked(tmp_path):
     quick("estimator_vs_slip", "--figures", str(tmp_path / "new"))
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["estimator_vs_slip.png"]

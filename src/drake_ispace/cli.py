@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from drake_ispace.cli_options import Json, Seconds, Seed, Sets, whole
 from drake_ispace.errors import InputError, shown
+from drake_ispace.explain_commands import register as register_explain_commands
 from drake_ispace.identify_command import register as register_identify_command
 from drake_ispace.places import check_folder
 from drake_ispace.terminal import print_json, print_metrics, print_spread, print_table, progress
@@ -87,12 +88,13 @@ def _drop_output():
 
 @app.command(name="list")
 def list_(*, as_json: Json = False) -> None:
-    """List the Diagrams and the packaged scenarios."""
+    """List the Diagrams, the packaged scenarios and the effects that a model may lack."""
+    from drake_ispace.effects.listing import cards
     from drake_ispace.scenario import scenario_names
     from drake_ispace.wiring.catalog import CATALOG
 
     if as_json:
-        print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": []})
+        print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": cards()})
         return
     print("Diagrams")
     for name, builder in CATALOG.items():
@@ -100,6 +102,9 @@ def list_(*, as_json: Json = False) -> None:
     print("Scenarios")
     for name in scenario_names():
         print(f"  {name}")
+    print("Effects")
+    for card in cards():
+        print(f"  {card['name']:30} {card['title']}")
 
 
 @app.command
@@ -318,6 +323,7 @@ def demo(
     print(f"open {page}")
 
 
+register_explain_commands(app)
 register_identify_command(app)
 register_vision_commands(app)
 

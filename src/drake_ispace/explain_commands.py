@@ -1,15 +1,15 @@
 """The commands on what a model lacks: `explain` measured runs, and `hide` effects in recordings to try it on. Imported
 by cli.py; heavy libraries are imported inside."""
 
-from dataclasses import replace
+import os
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from drake_ispace.cli_options import Json, Seconds, Seed, Sets, whole
-from drake_ispace.errors import InputError, shown
-from drake_ispace.places import check_own_folder
+from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.places import check_folder, check_own_folder
 from drake_ispace.terminal import print_json, progress, stages
 
 
@@ -29,8 +29,7 @@ def explain(
     seed: Seed = None, set_: Sets = None, as_json: Json = False,
 ) -> None:
     """Find which physical effect a model lacks, from measured runs, and prove that adding it closes the gap."""
-    held_out = held_out or []
-    seed = _checked_seed(seed)
+    held_out, seed = held_out or [], _checked_seed(seed)
     _check_runs(runs, held_out)
     if out is not None:
         check_own_folder(out, "explanation.json", "an explanation")
@@ -38,8 +37,8 @@ def explain(
     from drake_ispace.scenario import load_scenario
 
     scenario = load_scenario(model, set_ or [])
+    _robots(scenario, model)
     recordings, others = [load(run) for run in runs], [load(run) for run in held_out]
-    _check_fit(scenario, model, [*zip(runs, recordings, strict=True), *zip(held_out, others, strict=True)])
     with stages("reading the library of effects") as tell:
         from drake_ispace.discrepancy.explain import explain as explain_runs
 
@@ -68,23 +67,23 @@ def hide(
     seed = _checked_seed(seed)
     if not 1 <= runs <= 1000:
         raise InputError(f"--runs: expected 1 to 1000, got {runs}")
-    check_own_folder(out, "", "hidden effects")
+    check_folder(out)
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise InputError(f"{out}: is there already, expected a new or an empty folder")
     from drake_ispace.scenario import load_scenario, with_option
 
     given = with_option(load_scenario(scenario, set_ or []), "seconds", seconds)
-    effects = _read_effects(effect or [])
-    from drake_ispace.discrepancy.hide import MOTIONS, check_hidden, save_hidden
-    from drake_ispace.discrepancy.hide import hide as hide_in
+    robots = _robots(given, scenario)
+    if robot is not None and robot not in robots:
+        raise InputError(f"--robot: {scenario} has no {shown(robot)}, {expected_one_of(robot, robots)}")
+    effects = dict(_read_effect(text) for text in effect or [])
+    from drake_ispace.discrepancy.hide import MOTIONS, save_hidden
+    from drake_ispace.discrepancy.hide import hide as hide_effects
 
-    robot = robot or _robots(given, scenario)[0]
-    effects = check_hidden(given, robot, effects, "--effect")
-    kinds = [list(MOTIONS)[i % len(MOTIONS)] for i in range(runs)]
-    hidden = {}
-    with progress(runs, "hide", "runs") as advance:
-        for i, motion in enumerate(kinds):
-            name = motion if i < len(MOTIONS) else f"{motion}_{i // len(MOTIONS) + 1}"
-            hidden[name] = hide_in(given, robot, effects, [motion], seed + 1009 * i, seconds)[motion]
-            advance(i + 1)
+    robot = robot or robots[0]
+    motions = [list(MOTIONS)[i % len(MOTIONS)] for i in range(runs)]
+    with progress(None, "hiding"):
+        hidden = hide_effects(given, robot, effects, motions, seed, seconds)
     digest = save_hidden(hidden, robot, effects, seed, out)
     recordings = {name: str(out / name) for name in hidden}
     if as_json:
@@ -93,3 +92,53 @@ def hide(
     for path in recordings.values():
         print(path)
     print(f"answer: {out / 'answer.json'}, SHA-256 {digest}")
+
+
+def _checked_seed(seed):
+    if seed is not None and seed < 0:
+        raise InputError(f"--seed: expected at least 0, got {seed}")
+    return seed or 0
+
+
+def _check_runs(runs, held_out):
+    if not runs:
+        raise InputError("explain: expected the folder of at least one run")
+    named = [("RUN", run) for run in runs] + [("--held-out", run) for run in held_out]
+    seen = set()
+    for option, run in named:
+        place = os.path.realpath(run)
+        if place in seen:
+            expected = "runs that the answer is not found on" if option == "--held-out" else "different runs"
+            raise InputError(f"{option} {run}: is named twice, expected {expected}")
+        seen.add(place)
+
+
+def _robots(scenario, name):
+    """The robots of the scenario's Diagram.
+
+    Raises:
+        InputError: no such Diagram, or values that do not go together.
+    """
+    from drake_ispace.scenario import blaming
+    from drake_ispace.wiring.catalog import build_diagram
+
+    with blaming(name):
+        diagram = build_diagram(scenario)
+    ports = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    return [port.removesuffix("_pose") for port in ports if port.endswith("_pose")]
+
+
+def _read_effect(text):
+    """Name and parameters of name:parameter=value,parameter=value."""
+    from drake_ispace.yaml_guard import load_yaml
+
+    name, colon, settings = text.partition(":")
+    values = {}
+    for setting in settings.split(","):
+        key, equals, value = setting.partition("=")
+        if not colon or not equals or not key.strip() or not text.isprintable():
+            raise InputError(
+                f"--effect {shown(text)}: expected name:parameter=value, such as coulomb_friction:torque_n_m=0.01"
+            )
+        values[key.strip()] = load_yaml(f"value: {value}\n", f"--effect {name}:{key}")["value"]
+    return name.strip(), values

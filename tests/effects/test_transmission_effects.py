@@ -8,7 +8,7 @@ import pytest
 from drake_ispace.effects import actuator
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.smooth import slope_left, speed_scale, steepest_slope
-from drake_ispace.effects.transmission import CROSSING, EFFECTS, motor_angle, remember_lead
+from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots import omni
@@ -61,39 +61,16 @@ def test_load_dependent_friction_weakens_the_drive_and_helps_the_brake():
     assert given("load_dependent_friction", [1, -1, 0], [9, 9, 9], share=0.2) == pytest.approx([0.8, -1.2, 0.0])
 
 
-def test_backlash_leads_by_half_a_gap_and_crosses_it_after_a_reversal():
-    gap, xd, leads = 0.08, np.zeros(2), []
-    for angle in (0.0, 0.005, 0.05, 0.3, 0.295, 0.28, 0.28):  # the motor moves 4 times as far until the gap is crossed
-        wheel, out = np.array([angle]), np.empty(1)
-        motor_angle(xd, wheel, gap / 2, out)
-        leads.append(out[0] - angle)
-        after = np.empty(2)
-        remember_lead(xd, wheel, gap / 2, after)
-        motor_angle(after, wheel, gap / 2, out)
-        assert out[0] - angle == leads[-1]  # the same before and after the sensing phase
+def test_backlash_leads_by_half_a_gap_and_crosses_it_as_the_torque_drives():
+    half, rate, wheel, xd, leads = 0.05, 4.0 / TICK_S, np.array([1.0]), np.zeros(1), []
+    for torque in (0.0, 0.01, 0.01, 0.0, -0.01, -0.01, -0.01):
+        out, after = np.empty(1), np.empty(1)
+        motor_angle(xd, wheel, np.array([torque]), half, rate, out)
+        lead(xd, np.array([torque]), half, rate, after)
+        assert out == wheel + after  # what the encoder reads is what is remembered
+        leads.append(after[0])
         xd = after
-    assert CROSSING == 4.0
-    assert leads == pytest.approx([0.0, 0.02, 0.04, 0.04, 0.02, -0.04, -0.04])
-
-
-# ---------------------------------------------------------------------------------------------- the smooth sign
-
-
-def test_the_slope_is_what_the_step_allows():
-    body = robot_body("omni")
-    quickest = np.linalg.eigvalsh(omni.mobility(body.plant))[-1]
-    assert slope_left(body) == pytest.approx(2.51 / (TICK_S * quickest))
-    assert speed_scale(body, 0.02) == pytest.approx(0.02 / (2.008 / (TICK_S * quickest)))
-    assert speed_scale(body, -0.02) == speed_scale(body, 0.02) and speed_scale(body, 0.0) == 0.05
-
-
-def test_the_plants_own_friction_takes_its_part():
-    # the pendulum's dry friction has the slope 2 / (h lambda) already
-    free, own = (robot_body("pendulum", f"pendulum.plant.friction.{text}") for text in (
-        "coulomb_n_m=0", "coulomb_n_m=0.0061"
-    ))
-    assert slope_left(own) == pytest.approx(slope_left(free) - 2.0 / 2.51 * (slope_left(free) + 0.0106))
-    assert slope_left(RAIL) == steepest_slope(RAIL) == math.inf and speed_scale(RAIL, 20.0) == 0.05
+    assert leads == pytest.approx([0.0, 0.04, 0.05, 0.05, 0.01, -0.03, -0.05])
 
 
 # ------------------------------------------------------------------------------------------------ in a scenario

@@ -38,6 +38,12 @@ def has_more(record: dict) -> bool:
     return len(record["names"]) > 1
 
 
+def likeness_of(records: Sequence[dict], record: dict) -> float:
+    """The largest |cosine| of an effect's signature to another's, 0 where it was not measured."""
+    known = next((r for r in records if r["kind"] == "likeness" and r["robot"] == record["robot"]), None)
+    return known["nearest"].get(record["name"], ["", 0.0])[1] if known else 0.0
+
+
 def share_of(records: Sequence[dict], is_so: Callable[[dict], bool]) -> tuple[int, int]:
     return sum(map(is_so, records)), len(records)
 
@@ -63,7 +69,7 @@ def clear(records: Sequence[dict]) -> list[dict]:
 def rows(records: Sequence[dict]) -> list[tuple[str, str, str]]:
     """(quantity, figure, target)."""
     found = clear(records)
-    distinct = [r for r in found if _likeness(records, r) < DISTINCT]
+    distinct = [r for r in found if likeness_of(records, r) < DISTINCT]
     named = [r for r in found if r["verdict"] in ("named", "set")]
     parameters = [p for r in found if len(r["names"]) == 1 for p in r["parameters"].values() if p["error"] is not None]
     gaps = [r["closed"] for r in found if r["closed"] is not None]
@@ -72,7 +78,7 @@ def rows(records: Sequence[dict]) -> list[tuple[str, str, str]]:
     table = [
         ("effects found, clear (5 sigma and more)", f"{len(found)} of {len(judged(records, 'effect'))}", ""),
         ("true name alone or in the set", rate(*share_of(found, is_inside)), ">= 97 %"),
-        ("true name alone, |cos| < 0.95", rate(*share_of(distinct, is_alone)), ">= 85 %"),
+        ("true name alone, cosine to every rival < 0.95", rate(*share_of(distinct, is_alone)), ">= 85 %"),
         ("a wrong name alone", rate(*share_of(found, is_wrong)), "<= 1 %"),
         ("more than one effect named", rate(*share_of(found, has_more)), ""),
         ("'unknown' said of a library effect", rate(*share_of(found, lambda r: r["verdict"] == "unknown")), ""),
@@ -105,21 +111,17 @@ def failures(records: Sequence[dict]) -> list[dict]:
 
 
 def print_summary(records: Sequence[dict]) -> None:
-    """The table, of both robots and of each."""
+    """The table in Markdown, a column for each robot where there are two."""
     robots = sorted({r["robot"] for r in records})
-    of = [rows([r for r in records if r["robot"] in group]) for group in (robots, *([robot] for robot in robots))]
-    titles = {"both" if len(robots) > 1 else "": of[0]} | dict(zip(robots, of[1:], strict=True))
-    quantities = dict.fromkeys(quantity for table in of for quantity, *_ in table)
-    for quantity in quantities:
-        figures = {title: dict((q, f) for q, f, _ in table).get(quantity, "-") for title, table in titles.items()}
-        target = next(t for table in of for q, _, t in table if q == quantity)
-        print(f"{quantity}: {'; '.join(f'{title} {figure}' for title, figure in figures.items())}  {target}")
-
-
-def _likeness(records, record):
-    """The largest |cosine| of an effect's signature to another's, 0 where it was not measured."""
-    known = next((r for r in records if r["kind"] == "likeness" and r["robot"] == record["robot"]), None)
-    return known["nearest"].get(record["name"], ["", 0.0])[1] if known else 0.0
+    groups = {"both robots": robots} if len(robots) > 1 else {}
+    groups |= {robot: [robot] for robot in robots}
+    tables = {title: rows([r for r in records if r["robot"] in group]) for title, group in groups.items()}
+    targets = {quantity: target for table in tables.values() for quantity, _, target in table}
+    figures = {title: {quantity: figure for quantity, figure, _ in table} for title, table in tables.items()}
+    print("| | target |", " | ".join(figures), "|")
+    print("|---|---|" + "---|" * len(figures))
+    for quantity, target in targets.items():
+        print(f"| {quantity} | {target} |", " | ".join(own.get(quantity, "-") for own in figures.values()), "|")
 
 
 def _median_seconds(records):

@@ -4,6 +4,7 @@ import json
 import os
 import re
 from html.parser import HTMLParser
+from unittest import mock
 
 import pytest
 
@@ -12,6 +13,7 @@ from drake_ispace.errors import InputError
 from drake_ispace.report import demo as demo_module
 from drake_ispace.report.demo import write_demo
 
+PIXEL = b"\x89PNG"
 EMPTY = {"meta", "img", "br", "hr", "link", "input"}
 
 
@@ -45,11 +47,25 @@ class Page(HTMLParser):
             self.rows[-1][-1] += data
 
 
+def write_quickly(folder, seed, tell):
+    """In the place of `write_hidden_effect`, which takes a minute and has tests of its own."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "explained_path.png").write_bytes(PIXEL)
+    (folder / "explained.html").write_text("<p>the answer</p>")
+    shown = {
+        "hidden": ["floor_tilt: slope_x_rad = 0.03"], "found": ["floor_tilt: slope_x_rad = 0.0301 (0.029 to 0.031)"],
+        "closed": 0.987, "path": {"run": "square", "before_m": 0.0331, "after_m": 0.0033},
+        "pictures": ["explained_path.png"], "seconds": 61.0,
+    }
+    return shown, {"hidden": {}, "explanation": {}, "path": None, "seed": seed}
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The folder of a demonstration of two simulated seconds, and the folder around it."""
     around = tmp_path_factory.mktemp("around")
-    write_demo(around / "demo", 2.0, 3, lambda title: None)
+    with mock.patch.object(demo_module, "write_hidden_effect", write_quickly):
+        write_demo(around / "demo", 2.0, 3, lambda title: None)
     return around / "demo"
 
 
@@ -65,7 +81,7 @@ def data(folder):
 
 def test_every_picture_is_there_and_no_other_file(folder, page):
     assert len(page.pictures) >= 6 and len(set(page.pictures)) == len(page.pictures)
-    assert sorted(os.listdir(folder)) == sorted([*page.pictures, "index.html", "demo.json"])
+    assert sorted(os.listdir(folder)) == sorted([*page.pictures, "explained.html", "index.html", "demo.json"])
 
 
 def test_every_picture_is_what_its_name_says(folder, page):
@@ -83,10 +99,9 @@ def test_the_page_needs_nothing_from_elsewhere(folder):
 
 
 def test_every_run_has_a_row_with_its_numbers(page, data):
-    rows = {row[0]: row for row in page.rows if row}
+    shown = [row for row in page.rows if len(row) > 1]
     names = [key.partition("/")[2] for key in data["runs"]]
-    assert set(rows) == set(names)
-    shown = [row for row in page.rows if row]
+    assert {row[0] for row in shown} == set(names)
     for (_, metrics), row in zip(data["runs"].items(), shown, strict=True):
         for key, cell in zip(
             ("rms_position_error_m", "rms_cross_track_m", "mean_lag_m", "final_error_m"), row[1:5], strict=True
@@ -101,8 +116,19 @@ def test_the_totals_are_those_of_the_runs(page, data):
     assert f"Simulated {data['simulated_s']:g} s" in page.text
 
 
+def test_the_first_thing_shown_is_the_hidden_effect_and_what_was_found(page, data):
+    assert page.pictures[0] == "explained_path.png" and page.text.index("disagree") < page.text.index("omni robot on a")
+    said = [row[0] for row in page.rows if len(row) == 1]
+    assert said == [
+        "floor_tilt: slope_x_rad = 0.03", "floor_tilt: slope_x_rad = 0.0301 (0.029 to 0.031)", "99 %",
+        "33.1 mm before, 3.3 mm after",
+    ]
+    assert data["explained"]["seed"] == 3
+
+
 def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
+    monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)
     (tmp_path / "demo").mkdir()
     for name in ("index.html", "demo.json"):
         (tmp_path / "demo" / name).write_text("old")
@@ -120,6 +146,7 @@ def test_a_demonstration_that_fails_leaves_the_former_one(tmp_path, monkeypatch)
         raise InputError("no Graphviz")
 
     monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
+    monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)
     monkeypatch.setattr(demo_module, "draw", fail)
     (tmp_path / "demo").mkdir()
     (tmp_path / "demo" / "demo.json").write_text("{}")

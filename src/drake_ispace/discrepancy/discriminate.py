@@ -21,7 +21,8 @@ from drake_ispace.discrepancy.survey import Survey, survey
 
 MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
-_LEAST_SHARE = 0.02  # of what the others explain, below which a further effect is a flaw of these
+_LEAST_SHARE = 0.04  # of what the others explain, below which a further effect is a flaw of these
+_LEAST_UNNAMED_SHARE = 0.3  # the same for a disagreement without a name
 _SHORTLIST = 6
 _UNNAMED = 40.0  # of misfit, that a disagreement without a name must explain to be believed
 _MOST_EFFECTS = 4
@@ -44,6 +45,7 @@ class Decision:
             those that cannot be ruled out. unknown: a generic disagreement that explains more than any effect.
         gains: effect -> how much the misfit grows without it. start: survey of the model as given; end: with the
             named effects in it. nearest: where unknown, the effect that explains most, and by how much.
+        left_over: a lesser generic disagreement beside the named effects.
     """
 
     detection: Detection
@@ -54,6 +56,7 @@ class Decision:
     gains: dict[Candidate, float] = field(default_factory=dict)
     unknown: tuple[Generic, float] | None = None
     nearest: tuple[Candidate, float] | None = None
+    left_over: tuple[Generic, float] | None = None
     total_gain: float = 0.0
 
 
@@ -96,6 +99,9 @@ def decide(
         unknown = _better_unknown(here, tries)
         leader = max(tries, key=lambda t: t.merit, default=None)
         if point and _gain_of(leader, unknown) < _LEAST_SHARE * decision.total_gain:
+            break
+        if point and unknown is not None and unknown[1] < _LEAST_UNNAMED_SHARE * decision.total_gain:
+            decision.left_over = unknown
             break
         if unknown is not None or leader is None:
             decision = decision or Decision(first, start, here)
@@ -188,7 +194,7 @@ def _pruned(prediction, decision, tried, pool):
         gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
         decision = Decision(
             decision.detection, decision.start, here, named, unknown=decision.unknown, nearest=decision.nearest,
-            total_gain=gain,
+            total_gain=gain, left_over=decision.left_over,
         )
     decision.gains = {next(iter(named.point)): decision.total_gain}
     return decision

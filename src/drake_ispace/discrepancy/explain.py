@@ -147,6 +147,10 @@ def _described(case: Case, decision: Decision) -> Explanation:
         verdict = "set" if any(effect.equivalents for effect in effects) else "named"
     untestable = _untestable(case, decision)
     warnings = drift(decision, case.prediction) if named is not None else []
+    if decision.left_over is not None:
+        generic, gain = decision.left_over
+        share = 100.0 * gain / (gain + decision.total_gain)
+        warnings.append(f"besides, a {generic.link} goes with {generic.driver} ({share:.0f} % of what is explained)")
     warnings += [
         f"{name} of {effect.name} sits on its bound" for effect in effects
         for name, p in effect.parameters.items() if p.on_bound

@@ -11,6 +11,9 @@ from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
 
 IMU = 6
+#: A base's fixes are taken no closer than this: within a few cycles of its drive, odometry and camera differ mostly by
+#: when within its cycle each was sampled, and by ripple of its speed controller, which has many fits in time.
+_FIXES_APART_S = 0.4
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,11 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
     if "encoder" in has and driven not in has and kind == "base":
-        parts = [_steadied(parts[0], recording.channels["encoder"])]
+        pass
     if kind == "pendulum":
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows) if "kinect" in has else (
+    apart = _FIXES_APART_S if kind == "base" else 0.0
+    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart) if "kinect" in has else (
         np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
@@ -101,10 +105,13 @@ def _steadied(values, channel):
     return uniform_filter1d(once, width, axis=0, mode="nearest", origin=0 if width % 2 else -1)
 
 
-def _fixes(channel, rows):
+def _fixes(channel, rows, apart_s):
     ticks = np.floor(channel.t / TICK_S + 0.5).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
+    if apart_s > 0.0 and len(t) > 1:
+        every = max(int(np.ceil(apart_s / np.median(np.diff(t)) - 1e-6)), 1)
+        ticks, t, values = ticks[::every], t[::every], values[::every]
     fix = np.zeros((rows, 5))
     at = ticks + LEAD_TICKS
     fix[at, 0], fix[at, 1:4], fix[at, 4] = 1.0, values[:, :3], t - ticks * TICK_S

@@ -13,6 +13,7 @@ from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
 from drake_ispace.effects.smooth import LEAST_SPEED_RAD_S, slope_left, smooth_sign, speed_scale, steepest_slope
 from drake_ispace.kernels import kernel
+from drake_ispace.rates import TICK_S
 
 
 def _friction_spec(body, function, parameters):
@@ -157,32 +158,32 @@ class LoadDependentFriction(BlockEffect):
 
 
 @kernel
-def side(xd, torque, out):
-    """Where each motor lies in its play (n): -1, 1; without torque where it was, at first in the middle."""
+def lead(xd, torque, half_gap_rad, rate_rad_s_n_m, out):
+    """By how much each motor is ahead of its wheel at the end of the tick (n) [rad]; x_d: at its start."""
     for i in range(out.shape[0]):
-        out[i] = xd[i] if torque[i] == 0.0 else np.sign(torque[i])
+        crossed = xd[i] + rate_rad_s_n_m * torque[i] * TICK_S
+        out[i] = min(max(crossed, -half_gap_rad), half_gap_rad)
 
 
 @kernel
-def motor_angle(xd, wheel_angle, torque, half_gap_rad, out):
-    side(xd, torque, out)
+def motor_angle(xd, wheel_angle, torque, half_gap_rad, rate_rad_s_n_m, out):
+    lead(xd, torque, half_gap_rad, rate_rad_s_n_m, out)
     for i in range(out.shape[0]):
-        out[i] = wheel_angle[i] + half_gap_rad * out[i]
+        out[i] += wheel_angle[i]
 
 
 class TransmissionBacklash(BlockEffect):
     """The encoder sits on the motor's side of a play: it reads the wheel's angle plus a lead of at most gap / 2.
 
-    The torque drives the lead: gap / 2 times the sign of the torque of the last tick, so the motor falls back to the
-    other side when it brakes; without torque it stays. It starts in the middle. Crossing takes no time, and the torque
-    that the play does not pass meanwhile is left out.
+    The motor crosses the play as fast as its torque drives it when nothing else resists: at `rate` times the torque.
+    It starts in the middle. The torque that the play does not pass meanwhile is left out.
     """
 
     wire = "wheel_angle"
     general = True
     card = Card(
         name="transmission_backlash", title="Backlash", home="transmission",
-        equation="theta' = theta + gap/2 sign(tau)",
+        equation="theta' = theta + l, dl/dt = rate tau, |l| <= gap/2",
         source="play of the gears between motor, where the encoder sits, and wheel",
         signature="odometry that jumps by the gap at every reversal of a wheel and is right over a closed way",
         look_alikes=("stribeck_friction", "encoder_scale", "encoder_lost_counts"),
@@ -191,14 +192,17 @@ class TransmissionBacklash(BlockEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),)
+        return (
+            Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),
+            Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (1.0,)),
+        )
 
     def spec(self, body, values):
         return Spec(
             inputs={"wheel_angle": body.wheels, "torque": body.wheels},
             outputs={"wheel_angle": Output(body.wheels, motor_angle)},
-            parameters={"half_gap_rad": 0.5 * values["gap_rad"]},
-            discrete_state=np.zeros(body.wheels), updates=(Update(side, Phase.SENSE),),
+            parameters={"half_gap_rad": 0.5 * values["gap_rad"], "rate_rad_s_n_m": values["rate_rad_s_n_m"]},
+            discrete_state=np.zeros(body.wheels), updates=(Update(lead, Phase.SENSE),),
         )
 
 

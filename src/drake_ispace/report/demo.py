@@ -1,9 +1,6 @@
-"""The demonstration: both robots driven through the space, compared, drawn, on one page."""
+"""The demonstration: an effect hidden and found, both robots driven through the space, compared, drawn, on one page."""
 
 import json
-import os
-import shutil
-import uuid
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,9 +8,9 @@ import numpy as np
 
 from drake_ispace.compare import compare
 from drake_ispace.drawing import draw
-from drake_ispace.errors import InputError
 from drake_ispace.metrics import Metrics
-from drake_ispace.places import check_folder
+from drake_ispace.places import check_own_folder, fresh_folder
+from drake_ispace.report.hidden_effect import write_hidden_effect
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plot_comparison, plt, save
 from drake_ispace.scenario import load_scenario, with_option
@@ -56,7 +53,8 @@ def write_demo(
     """Run everything and write `out`/index.html with its pictures.
 
     Args:
-        out: folder; seconds: of each run, default the scenario's; seed: default 0; progress: told what is going on.
+        out: folder; seconds: of each run that is compared, default the scenario's; seed: default 0; progress: told what
+            is going on.
 
     Returns:
         The page and the numbers on it.
@@ -64,16 +62,17 @@ def write_demo(
     Raises:
         InputError: seconds or seed out of range, or a folder that cannot be written or holds something else.
     """
-    _check_place(out)
+    check_own_folder(out, "demo.json", "a demonstration")
     sections, numbers, simulated_s, wall_s = [], {}, 0.0, 0.0
     seed = seed or 0
+    comparisons = {key: [_scenario(name, overrides, seconds, seed) for name in names]
+                   for key, _, _, names, overrides in _COMPARISONS}
     # Everything is made in a folder beside and moved at the end, so that a page never shows pictures of another run.
-    out = Path(os.path.realpath(out))
-    fresh = out.with_name(f".{out.name}.{uuid.uuid4().hex}.new")
-    try:
-        for key, title, text, names, overrides in _COMPARISONS:
+    with fresh_folder(out) as fresh:
+        explained, answer = write_hidden_effect(fresh, seed, progress)
+        for key, title, text, names, _ in _COMPARISONS:
             progress(title)
-            results = compare({name: _scenario(name, overrides, seconds, seed) for name in names})
+            results = compare(dict(zip(names, comparisons[key], strict=True)))
             if key == "shared_space":
                 _plot_shared(results, fresh / f"{key}.png")
             else:
@@ -93,15 +92,12 @@ def write_demo(
                 "rows": [], "picture": f"{name}.svg", "wiring": True,
             })
         space = load_scenario("omni_multirate").space
-        data = {"runs": numbers, "simulated_s": simulated_s, "wall_s": wall_s, "seed": seed}
+        data = {"explained": answer, "runs": numbers, "simulated_s": simulated_s, "wall_s": wall_s, "seed": seed}
         write_text(fresh / "demo.json", json.dumps(data, indent=2, allow_nan=False))
         write_text(fresh / "index.html", render(
             "demo.html.j2", sections=sections, width=space.width_m, depth=space.depth_m, simulated_s=simulated_s,
-            wall_s=wall_s, seed=seed,
+            wall_s=wall_s, seed=seed, explained=explained,
         ))
-        _move(fresh, out)
-    finally:
-        shutil.rmtree(fresh, ignore_errors=True)
     return out / "index.html", data
 
 
@@ -109,23 +105,6 @@ def _scenario(name, overrides, seconds, seed):
     slip = [f"{robot}.plant.slip.ratio=[0.1, 0.1, 0.1]" for robot in ("omni", "pendulum")]
     scenario = with_option(load_scenario(name, slip + overrides), "seed", seed)
     return scenario if seconds is None else with_option(scenario, "seconds", seconds)
-
-
-def _check_place(out):
-    check_folder(out)
-    if out.is_dir() and any(out.iterdir()) and not (out / "demo.json").is_file():
-        raise InputError(f"{out}: holds something else than a demonstration, expected a new or an empty folder")
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file, expected a new or an empty folder")
-
-
-def _move(fresh, out):
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for file in sorted(fresh.iterdir()):
-            file.replace(out / file.name)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror})") from None
 
 
 def _row(name: str, metrics: Metrics) -> dict:

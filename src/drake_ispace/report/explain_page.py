@@ -47,24 +47,35 @@ def write_explanation(
     """
     if explanation.model is not None:
         explanation = replace(explanation, model_path=str(out / "model.yaml"))
-    robot = robot_of(model, [*runs, *held_out])
     with fresh_folder(out) as fresh:
-        tell("drawing")
-        pictures = draw_diagrams(explanation, model, robot, fresh)
-        if explanation.gap:
-            plot_residuals(explanation.gap, fresh / "residuals.png")
-        tell("simulating the closed loop")
-        path = write_path(explanation, model, robot, [*held_out, *runs], fresh / "path.png")
-        if explanation.model is not None:
-            write_text(fresh / "model.yaml", dump_yaml(explanation.difference))
-        explanation.save(fresh / MARK)
-        write_text(fresh / "index.html", page(explanation, model, pictures, path, fresh))
+        write_files(explanation, model, runs, held_out, fresh, tell)
     return explanation
 
 
+def write_files(
+    explanation: Explanation, model: Scenario, runs: Sequence[Recording], held_out: Sequence[Recording], folder: Path,
+    tell: Callable[[str], None] = lambda text: None,
+) -> dict | None:
+    """As `write_explanation`, straight into `folder`, which exists; returns what `write_path` does."""
+    robot = robot_of(model, [*runs, *held_out])
+    tell("drawing")
+    pictures = draw_diagrams(explanation, model, robot, folder)
+    if explanation.gap:
+        plot_residuals(explanation.gap, folder / "residuals.png")
+    tell("simulating the closed loop")
+    path = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
+    if explanation.model is not None:
+        write_text(folder / "model.yaml", dump_yaml(explanation.difference))
+    explanation.save(folder / MARK)
+    write_text(folder / "index.html", page(explanation, model, pictures, path, folder))
+    return path
+
+
 def robot_of(model: Scenario, runs: Sequence[Recording]) -> str:
-    """The section of the scenario that describes the robot of the runs."""
-    return runs[0].robot if runs and runs[0].robot in ROBOTS else "base"
+    """The section of the scenario that describes the robot of the runs, whatever they call it."""
+    blocks = {block.get_name() for block in build_diagram(model).GetSystems()}
+    robots = [name for name in ROBOTS if f"{name}_plant" in blocks]
+    return runs[0].robot if runs and runs[0].robot in robots else robots[0]
 
 
 def new_blocks(explanation: Explanation, robot: str) -> list[str]:

@@ -1,0 +1,129 @@
+"""How long a diagnosis takes: four runs of 20 s against the whole library, warm, stage by stage, and what dominates.
+
+Runs of both robots, one effect hidden in each. Where the time goes is
+measured twice: between the messages of `explain`, and by what the prediction Diagram and the whitening are called for.
+
+    python benchmarks/diagnosis.py [--json] [--quick] [--seed SEED]
+"""
+
+import os
+import statistics
+import time
+from collections.abc import Sequence
+from contextlib import contextmanager
+
+from _runs import options, print_json, print_table
+
+from drake_ispace.discrepancy import hypothesize, replay, survey, whitening
+from drake_ispace.discrepancy.explain import explain
+from drake_ispace.discrepancy.hide import MOTIONS, hide
+from drake_ispace.scenario import load_scenario
+
+TARGET_S, WISHED_S = 60.0, 20.0
+SECONDS = 20.0
+#: One effect for each robot.
+HIDDEN = {
+    "omni": {"coulomb_friction": {"torque_n_m": 0.005}},
+    "pendulum": {"viscous_friction": {"coefficient_n_m_s": 0.004}},
+}
+#: What takes the time, by the functions that it passes through.
+PARTS = {
+    "rollouts of the prediction Diagram": [(replay.Replay, "run")],
+    "noise model (fit)": [(survey, "noise_of")],
+    "whitening": [(whitening.Whitening, "one")],
+    "score tests": [(hypothesize.Screen, "__init__"), (hypothesize.Screen, "calibrate")],
+}
+
+
+@contextmanager
+def watched(parts: dict):
+    """{part: [calls, thread seconds]} of what happens inside; a part inside of another counts in both."""
+    found, before = {}, []
+
+    def watch(name, owner, attribute):
+        plain = getattr(owner, attribute)
+
+        def call(*arguments, **keywords):
+            started = time.thread_time()
+            try:
+                return plain(*arguments, **keywords)
+            finally:
+                found[name][0] += 1
+                found[name][1] += time.thread_time() - started
+
+        before.append((owner, attribute, plain))
+        setattr(owner, attribute, call)
+
+    for name, functions in parts.items():
+        found[name] = [0, 0.0]
+        for owner, attribute in functions:
+            watch(name, owner, attribute)
+    try:
+        yield found
+    finally:
+        for owner, attribute, plain in before:
+            setattr(owner, attribute, plain)
+
+
+def diagnosis(robot: str, runs: list, held_out: list, seed: int) -> dict:
+    """Wall and CPU seconds of one call of `explain`, by stage and by part."""
+    stages, marks = [], []
+
+    def tell(stage):
+        stages.append(stage)
+        marks.append(time.perf_counter())
+
+    with watched(PARTS) as parts:
+        cpu, started = time.process_time(), time.perf_counter()
+        found = explain(f"{robot}_multirate", runs, held_out, seed=seed, tell=tell)
+        wall, cpu = time.perf_counter() - started, time.process_time() - cpu
+    spans = [b - a for a, b in zip(marks, [*marks[1:], started + wall], strict=True)]
+    return {
+        "wall_s": wall, "cpu_s": cpu, "verdict": found.verdict, "named": [effect.name for effect in found.effects],
+        "stages": [{"stage": stage, "wall_s": span} for stage, span in zip(stages, spans, strict=True)],
+        "parts": {name: {"calls": calls, "cpu_s": seconds} for name, (calls, seconds) in parts.items()},
+    }
+
+
+def measure(robot: str, seconds: float, motions: Sequence[str], seed: int, repetitions: int) -> dict:
+    """Compile (the first call), then the diagnosis of median wall time of `repetitions` warm ones."""
+    scenario = load_scenario(f"{robot}_multirate")
+    runs = list(hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
+    held_out = list(hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
+    first = diagnosis(robot, runs, held_out, seed)
+    warm = sorted((diagnosis(robot, runs, held_out, seed) for _ in range(repetitions)), key=lambda d: d["wall_s"])
+    middle = warm[len(warm) // 2]
+    dominates = max(middle["parts"], key=lambda name: middle["parts"][name]["cpu_s"])
+    return middle | {
+        "first_wall_s": first["wall_s"], "warm_wall_s": [d["wall_s"] for d in warm],
+        "median_wall_s": statistics.median(d["wall_s"] for d in warm), "dominates": dominates,
+    }
+
+
+def main() -> None:
+    chosen = options(__doc__)
+    motions, seconds, repetitions = list(MOTIONS), SECONDS, 3
+    if chosen.quick:
+        motions, seconds, repetitions = ["square", "figure_eight"], 8.0, 1
+    robots = {robot: measure(robot, seconds, motions, chosen.seed, repetitions) for robot in HIDDEN}
+    data = {
+        "runs": len(motions), "seconds": seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],
+        "target_s": TARGET_S, "wished_s": WISHED_S, "robots": robots,
+    }
+    if chosen.json:
+        print_json(data)
+        return
+    for robot, found in robots.items():
+        title = (
+            f"{robot}: {len(motions)} runs of {seconds:g} s, {found['median_wall_s']:.1f} s by the wall, "
+            f"{found['cpu_s']:.1f} s of CPU (target {TARGET_S:g} s, wished {WISHED_S:g} s); "
+            f"{found['verdict']} {', '.join(found['named'])}"
+        )
+        rows = [[stage["stage"], f"{stage['wall_s']:.2f}"] for stage in found["stages"]]
+        print_table(title, ["stage", "s by the wall"], rows)
+        rows = [[name, part["calls"], f"{part['cpu_s']:.2f}"] for name, part in found["parts"].items()]
+        print_table("what it is spent on", ["part", "calls", "s of CPU"], rows)
+
+
+if __name__ == "__main__":
+    main()

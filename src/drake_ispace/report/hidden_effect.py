@@ -1,0 +1,73 @@
+"""The first section of the demonstration: an effect is hidden in fresh data, and `explain` finds it."""
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from drake_ispace.discrepancy.explain import explain
+from drake_ispace.discrepancy.explanation import Explanation
+from drake_ispace.discrepancy.hide import hide
+from drake_ispace.report.explain_page import write_files
+from drake_ispace.scenario import load_scenario
+
+MODEL, ROBOT = "omni_multirate", "omni"
+#: What is hidden: a floor that slopes by 1.7 and -1.1 degrees, of which neither controller nor model knows.
+HIDDEN = {"floor_tilt": {"slope_x_rad": 0.03, "slope_y_rad": -0.02}}
+_RUNS, _HELD_OUT = ("circle", "figure_eight"), ("square",)
+#: Picture of the answer -> its name on the page of the demonstration.
+_PICTURES = {
+    "path.png": "explained_path.png", "residuals.png": "explained_residuals.png", "after.svg": "explained_model.svg",
+}
+
+
+def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = lambda text: None) -> tuple[dict, dict]:
+    """Hide, explain, and write pictures and the page explained.html into `folder`, which is made.
+
+    Args:
+        seed: of all noise in the data. tell: told what is going on.
+
+    Returns:
+        What the page shows: "hidden" and "found" in words, "closed", "path" and "pictures" that there are; and the
+        numbers for its data.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
+    tell("hiding an effect")
+    model = load_scenario(MODEL)
+    runs = hide(model, ROBOT, HIDDEN, (*_RUNS, *_HELD_OUT), seed)
+    named = {name: replace(recording, path=Path(name)) for name, recording in runs.items()}
+    training, held_out = [named[name] for name in _RUNS], [named[name] for name in _HELD_OUT]
+    explanation = explain(model, training, held_out=held_out, seed=seed, tell=tell)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as beside:
+        path = write_files(explanation, model, training, held_out, Path(beside), tell)
+        found = {file: name for file, name in _PICTURES.items() if (Path(beside) / file).is_file()}
+        for file, name in {**found, "index.html": "explained.html"}.items():
+            shutil.move(Path(beside) / file, folder / name)
+    shown = {
+        "hidden": _words(HIDDEN), "found": found_words(explanation), "closed": explanation.closed, "path": path,
+        "pictures": list(found.values()), "seconds": explanation.seconds,
+    }
+    return shown, {"hidden": HIDDEN, "explanation": explanation.to_data(), "path": path}
+
+
+def found_words(explanation: Explanation) -> list[str]:
+    """A line for each named effect."""
+    lines = []
+    for effect in explanation.effects:
+        numbers = ", ".join(
+            f"{name} = {p.estimate:.3g} ({p.ci90[0]:.3g} to {p.ci90[1]:.3g})" for name, p in effect.parameters.items()
+        )
+        others = f", or {', '.join(effect.equivalents)}" if effect.equivalents else ""
+        lines.append(f"{effect.name}: {numbers}{others}")
+    return lines or [f"verdict: {explanation.verdict}"]
+
+
+def _words(effects):
+    return [
+        f"{name}: {', '.join(f'{key} = {value:g}' for key, value in values.items())}"
+        for name, values in effects.items()
+    ]

@@ -1,0 +1,55 @@
+"""What the verdicts rest on: without a hidden effect, whitened residuals are white and nothing is found."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.discrepancy.candidates import candidates
+from drake_ispace.discrepancy.detect import trials
+from drake_ispace.discrepancy.explain import explain, prepare
+from drake_ispace.discrepancy.survey import survey
+from hidden.effects_truth import ROBOTS
+from hidden.generator import generate
+
+MOTIONS = ("square", "eight")
+
+
+def sound(robot, seed, process_noise=1.0):
+    """Runs of a robot that lacks nothing."""
+    return [generate(robot, motion, seconds=12.0, seed=seed + i, process_noise=process_noise)
+            for i, motion in enumerate(MOTIONS)]
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def surveyed(request):
+    case = prepare(f"{request.param}_multirate", sound(request.param, 70))
+    return survey(case.prediction, {}, candidates(case.replay.effects, case.replay.body))
+
+
+def test_whitened_residuals_are_white(surveyed):
+    """Of unit size, and each independent of those before."""
+    whitening, size = surveyed.likelihood.whitening, []
+    for i, run in enumerate(surveyed.residuals):
+        for stream in ("motion", "room"):
+            w = whitening.noise[stream].whiten(run[stream], whitening.classes[i].get(stream))
+            w = w[np.abs(w).sum(axis=1) > 0.0]  # not scored: at rest
+            size.append(w.ravel())
+            for lag in (1, 2, 5):
+                alike = np.sum(w[lag:] * w[:-lag], axis=0) / np.sum(w * w, axis=0)
+                assert np.abs(alike).max() < 4.5 / np.sqrt(len(w)) + 0.02, (stream, lag)
+    assert np.concatenate(size).std() == pytest.approx(1.0, abs=0.1)
+
+
+def test_evidence_on_noise_alone_is_that_of_some_independent_effects(surveyed):
+    """The tail of the largest evidence falls tenfold per unit, and fewer effects are independent than there are."""
+    largest = trials(surveyed.screen, surveyed.noise, surveyed.instants, 0)
+    tenth, half = np.quantile(largest, [0.9, 0.5])
+    assert 0.5 < tenth - half < 1.5
+    assert 10.0**tenth * -np.log(0.9) < 2.0 * len(surveyed.screen.candidates)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("process_noise", [1.0, 0.3])
+def test_nothing_is_found_where_nothing_is_hidden(robot, process_noise):
+    found = explain(f"{robot}_multirate", sound(robot, 80, process_noise))
+    assert found.verdict == "none" and found.detection.p_value > found.detection.false_alarm_rate
+    assert found.effects == [] and found.model is None

@@ -1,0 +1,114 @@
+"""`explain` finds what is hidden: a few cases here, all of them with `make hidden`."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hidden.campaign import Case, cases, diagnose, key, load, run
+from hidden.effects_truth import ROBOTS, UNKNOWN
+from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is_wrong, judged, likeness_of, returned
+
+# ------------------------------------------------------------------------------------------------- a few, every time
+
+NAMED = [
+    ("omni", "coulomb_friction", 0.5), ("omni", "wheel_radius_error", 1.0), ("pendulum", "viscous_friction", 1.0),
+    ("pendulum", "motor_lag", 1.0),
+]
+
+
+def told(case: Case) -> dict:
+    """The record of a case that must have an answer."""
+    record = diagnose(case)
+    assert record["verdict"] not in ("lost", "error"), record["error"]
+    return record
+
+
+@pytest.mark.parametrize(("robot", "name", "factor"), NAMED)
+def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
+    record = told(Case(robot, "effect", name, factor, 1.0, 0))
+    assert is_alone(record), record
+    assert record["p_value"] < 0.01
+    assert all(p["error"] < 0.1 for p in record["parameters"].values()), record["parameters"]
+    assert record["closed"] > 0.8
+
+
+def test_effects_that_look_alike_are_returned_together():
+    """A late camera and a clock that is behind are the same to one robot."""
+    record = told(Case("omni", "effect", "camera_latency", 1.0, 1.0, 0))
+    assert record["verdict"] == "set" and len(record["names"]) == 1
+    assert {"camera_latency", "clock_offset"} <= returned(record)
+    assert record["closed"] > 0.8
+
+
+def test_an_effect_out_of_the_library_gets_no_wrong_name():
+    record = told(Case("omni", "unknown", "cable_pull", 1.0, 1.0, 0))
+    assert record["verdict"] in ("unknown", "set"), record
+    assert is_detected(record)
+
+
+# ------------------------------------------------------------------------------------------------- all, make hidden
+
+
+@pytest.fixture(scope="module")
+def records(pytestconfig):
+    """Of the whole campaign; kept, and gone on with where it was stopped, as long as the code stays the same."""
+    root = Path(__file__).parents[2]
+    files = sorted([*root.glob("src/**/*.py"), *root.glob("tests/hidden/*.py")])
+    code = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+    path = pytestconfig.cache.mkdir("hidden") / f"{code}.jsonl"
+    wanted = cases()
+    run(wanted, path)
+    known = {key(vars(case)) for case in wanted}
+    return [r for r in load(path) if r["kind"] == "likeness" or key(r) in known]
+
+
+def share(records, is_so):
+    assert records
+    return np.mean([is_so(r) for r in records])
+
+
+@pytest.mark.hidden
+def test_every_effect_was_clear_at_some_size(records):
+    wanted = {(r["robot"], r["name"]) for r in judged(records, "effect")}
+    assert {(r["robot"], r["name"]) for r in clear(records)} == wanted
+    assert {r["robot"] for r in records} == set(ROBOTS)
+    assert {r["name"] for r in judged(records, "unknown")} == set(UNKNOWN)
+    assert not [r["error"] for r in records if r.get("verdict") in ("lost", "error")]
+
+
+@pytest.mark.hidden
+def test_the_true_name_is_returned(records):
+    found = clear(records)
+    assert share(found, is_inside) >= 0.97
+    assert share([r for r in found if likeness_of(records, r) < 0.95], is_alone) >= 0.85
+    assert share(found, is_wrong) <= 0.01
+    assert share(found, has_more) <= 0.05
+    assert np.mean([len(returned(r)) for r in found if r["verdict"] in ("named", "set")]) <= 1.3
+
+
+@pytest.mark.hidden
+def test_false_alarms_are_as_rare_as_stated(records):
+    nothing = judged(records, "none")
+    assert share(nothing, is_detected) <= 0.02 + 2.0 * np.sqrt(0.02 / len(nothing))
+
+
+@pytest.mark.hidden
+def test_parameters_are_near_and_intervals_cover(records):
+    alone = [r for r in clear(records) if len(r["names"]) == 1]
+    parameters = [p for r in alone for p in r["parameters"].values() if p["error"] is not None]
+    assert np.median([p["error"] for p in parameters]) <= 0.03
+    assert 0.85 <= np.mean([p["covers"] for p in parameters]) <= 0.95
+
+
+@pytest.mark.hidden
+def test_the_gap_on_held_out_runs_is_closed(records):
+    gaps = [r["closed"] for r in clear(records) if r["closed"] is not None]
+    assert np.median(gaps) >= 0.95 and np.quantile(gaps, 0.1) >= 0.85
+
+
+@pytest.mark.hidden
+def test_what_no_library_holds_is_not_given_one_name(records):
+    found = [r for r in judged(records, "unknown") if is_detected(r)]
+    assert share(found, lambda r: r["verdict"] == "named") <= 0.05
