@@ -194,7 +194,7 @@ class TransmissionBacklash(BlockEffect):
     def parameters(self, body):
         return (
             Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),
-            Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (1.0,)),
+            Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (500.0,)),
         )
 
     def spec(self, body, values):
