@@ -5,6 +5,8 @@ import time
 import pytest
 
 import drake_ispace.compare
+import drake_ispace.discrepancy.explain
+import drake_ispace.discrepancy.hide
 import drake_ispace.drawing
 import drake_ispace.report.demo
 import drake_ispace.schedule  # imported here, so that the timing below is that of the check
@@ -155,6 +157,50 @@ ARGUMENTS = {
     "demo_in_another_folder": (["demo", *SHORT, "--out", "folder"], ["folder", "something else", "expected a new"]),
     "demo_seconds_zero": (["demo", "--seconds", "0", "--out", "d"], ["--seconds", "expected at least 0.005 [s]"]),
     "demo_seed_negative": (["demo", "--seed", "-1", "--out", "d"], ["--seed", "expected at least 0"]),
+    "explain_nothing": (["explain", "--model", "omni_multirate"], ["explain", "folder of at least one run"]),
+    "explain_without_a_model": (["explain", "folder"], ["--model"]),
+    "explain_no_run": (["explain", "nowhere", "--model", "omni_multirate"], ["nowhere", "expected the folder of"]),
+    "explain_another_folder": (["explain", "folder", "--model", "omni_multirate"], ["folder/recording.yaml", "file"]),
+    "explain_a_held_out_run": (
+        ["explain", "folder", "--model", "omni_multirate", "--held-out", "./folder"],
+        ["--held-out folder: is named twice"],
+    ),
+    "explain_out": (
+        ["explain", "nowhere", "--model", "omni_multirate", "--out", "folder"], ["folder", "something else"],
+    ),
+    "hide_nowhere": (["hide", "omni_multirate"], ["--out"]),
+    "hide_in_another_folder": (["hide", "omni_multirate", "--out", "folder"], ["folder", "expected a new or an empty"]),
+    "hide_an_unknown_effect": (
+        ["hide", "omni_multirate", "--effect", "coulomb_frictoin:torque_n_m=1", "--out", "h"],
+        ["effects.coulomb_frictoin", "did you mean 'coulomb_friction'?"],
+    ),
+    "hide_an_unknown_parameter": (
+        ["hide", "omni_multirate", "--effect", "coulomb_friction:torque=1", "--out", "h"],
+        ["effects.coulomb_friction.torque", "unknown parameter", "did you mean 'torque_n_m'?"],
+    ),
+    "hide_too_much": (
+        ["hide", "omni_multirate", "--effect", "weak_motor:loss=2", "--out", "h"], ["weak_motor.loss", "at most"],
+    ),
+    "hide_a_word": (
+        ["hide", "omni_multirate", "--effect", "weak_motor:loss=much", "--out", "h"], ["weak_motor.loss", "a number"],
+    ),
+    "hide_nan": (
+        ["hide", "omni_multirate", "--effect", "weak_motor:loss=nan", "--out", "h"], ["weak_motor:loss", "finite"],
+    ),
+    "hide_without_parameters": (
+        ["hide", "omni_multirate", "--effect", "weak_motor", "--out", "h"],
+        ["--effect 'weak_motor'", "expected name:parameter=value"],
+    ),
+    "hide_half_a_wheel": (
+        ["hide", "omni_multirate", "--effect", "weak_motor:wheel=1.5,loss=0.1", "--out", "h"],
+        ["weak_motor.wheel", "whole number"],
+    ),
+    "hide_in_another_robot": (
+        ["hide", "omni_multirate", "--robot", "pendulum", "--out", "h"], ["--robot", "'pendulum'", "omni"],
+    ),
+    "hide_no_run": (["hide", "omni_multirate", "--runs", "0", "--out", "h"], ["--runs", "expected 1 to 1000", "0"]),
+    "hide_seed": (["hide", "omni_multirate", "--seed", "-1", "--out", "h"], ["--seed", "at least 0", "-1"]),
+    "hide_seconds": (["hide", "omni_multirate", "--seconds", "0", "--out", "h"], ["--seconds", "at least 0.005"]),
     "start_outside": (sets("omni.initial_pose=[9, 0, 0]"), ["omni.initial_pose", "(9, 0) m", *OUTSIDE[:2]]),
     "points_missing": (sets(*POLYLINE), ["omni.trajectory.points_m", "expected 2 to 10000 points", "got 0"]),
     "one_point": (sets(*POLYLINE, "omni.trajectory.points_m=[[0, 0]]"), ["points_m", "2 to 10000 points", "got 1"]),

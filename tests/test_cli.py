@@ -14,6 +14,7 @@ import pytest
 
 import drake_ispace
 from drake_ispace.cli import main
+from drake_ispace.effects.library import library
 from drake_ispace.recording import load
 from drake_ispace.scenario import load_scenario, scenario_names
 from drake_ispace.wiring.catalog import CATALOG
@@ -71,12 +72,28 @@ def test_list_names_diagrams_scenarios_and_effects(run_json):
     data = run_json("list")
     assert list(data) == ["diagrams", "scenarios", "effects"]
     assert data["diagrams"] == list(CATALOG) and data["scenarios"] == scenario_names()
-    assert isinstance(data["effects"], list)
+    assert [card["name"] for card in data["effects"]] == list(library())
+
+
+def test_list_has_the_whole_card_of_every_effect(run_json):
+    cards = {card["name"]: card for card in run_json("list")["effects"]}
+    for name, effect in library().items():
+        card = cards[name]
+        assert card["enters_at"] == effect.card.home and card["robots"] and card["parameters"]
+        assert all(card[key] == getattr(effect.card, key) for key in ("title", "equation", "source", "signature",
+                                                                     "excitation"))
+        assert card["look_alikes"] == list(effect.card.look_alikes)
+        for parameter in card["parameters"]:
+            assert set(parameter) == {"name", "unit", "neutral", "bounds", "robots"} and len(parameter["bounds"]) == 2
+    saturation = {p["name"]: p for p in cards["torque_saturation"]["parameters"]}
+    assert saturation["limit_n_m"]["neutral"] is None  # no limit
+    wheels = {tuple(p["robots"]): p["bounds"] for p in cards["weak_motor"]["parameters"] if p["name"] == "wheel"}
+    assert wheels == {("omni",): [1, 4], ("pendulum",): [1, 2]}
 
 
 def test_list_for_people_has_every_name(run):
     text = run("list")
-    assert all(name in text for name in (*CATALOG, *scenario_names()))
+    assert all(name in text for name in (*CATALOG, *scenario_names(), *library()))
 
 
 def test_simulate_tells_where_the_robot_ends(run_json):

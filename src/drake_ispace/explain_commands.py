@@ -37,8 +37,9 @@ def explain(
     from drake_ispace.scenario import load_scenario
 
     scenario = load_scenario(model, set_ or [])
-    _robots(scenario, model)
+    robots = _robots(scenario, model)
     recordings, others = [load(run) for run in runs], [load(run) for run in held_out]
+    _check_robots([*recordings, *others], robots, model)
     with stages("reading the library of effects") as tell:
         from drake_ispace.discrepancy.explain import explain as explain_runs
 
@@ -57,7 +58,7 @@ def explain(
 
 def hide(
     scenario: str, /, *,
-    effect: Annotated[list[str] | None, Parameter(negative="", help="name:parameter=value,...; may be repeated")] = None,
+    effect: Annotated[list[str] | None, Parameter(negative="", help="name:parameter=value,... of one or more")] = None,
     out: Annotated[Path, Parameter(help="folder of the recordings and the answer")],
     runs: Annotated[int, Parameter(help="how many; kinds of motion take turns", converter=whole)] = 4,
     robot: Annotated[str | None, Parameter(help="of a Diagram with two")] = None,
@@ -111,6 +112,21 @@ def _check_runs(runs, held_out):
             expected = "runs that the answer is not found on" if option == "--held-out" else "different runs"
             raise InputError(f"{option} {run}: is named twice, expected {expected}")
         seen.add(place)
+
+
+def _check_robots(recordings, robots, model):
+    """Every run must be of the same robot, one of the model's; a base stands for a robot of any name."""
+    for recording in recordings:
+        if robots != ["base"] and recording.robot not in robots:
+            raise InputError(
+                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected {' or '.join(robots)}, "
+                f"which {model} describes"
+            )
+        if recording.robot != recordings[0].robot:
+            raise InputError(
+                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected "
+                f"{shown(recordings[0].robot)} as {recordings[0].path}"
+            )
 
 
 def _robots(scenario, name):

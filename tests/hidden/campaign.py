@@ -125,7 +125,7 @@ def _against(estimate, ci90, true):
 def detectability(evidence: float) -> float:
     """The normal deviate that has this evidence (-log10 of a two-sided p-value): an estimate of the root of the
     non-centrality of the leading effect, as the runs show it."""
-    return float(max(-ndtri_exp(-evidence * np.log(10.0) - np.log(2.0)), 0.0))
+    return float(np.clip(-ndtri_exp(-evidence * np.log(10.0) - np.log(2.0)), 0.0, 100.0))
 
 
 def cases(

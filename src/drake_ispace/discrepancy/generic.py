@@ -137,11 +137,12 @@ def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
     ]
-    cells = _cells(motions)
-    yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells[0])), [
-        [push(m, *(-unit(m) * inside[:, None]).T) for m, inside in zip(motions, inner, strict=True)]
-        for inner in zip(*cells, strict=True)
-    ]
+    if any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
+        cells = _cells(motions)
+        yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells[0])), [
+            [push(m, *(-unit(m) * inside[:, None]).T) for m, inside in zip(motions, inner, strict=True)]
+            for inner in zip(*cells, strict=True)
+        ]
     if body.kind == "base":
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [

@@ -166,6 +166,7 @@ class Prediction:
 
 _MOTION_TAKES = {
     "base": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
+    "own": {"encoder", "torque"},
 }
 
 
@@ -180,7 +181,7 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
         replay = tuned(replay, tracks, starts)
     wheels = replay.body.wheels
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_NAMES) if replay.body.kind == "pendulum" else [])
-    pose = ["x", "y", "heading"]
+    pose = ["x", "y", "heading"] if replay.body.kind != "own" else []
     # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts then
     # shows unknown forces, not physics that it lacks
     channels = {

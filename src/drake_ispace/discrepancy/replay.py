@@ -17,7 +17,7 @@ from drake_ispace.discrepancy.filters import filter_of, other_filters, weight_of
 from drake_ispace.discrepancy.follower import Filter, Follower
 from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
-from drake_ispace.effects.effect import Body, Effect, PlantEffect
+from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
 from drake_ispace.effects.library import library
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots import base, omni, pendulum
@@ -60,7 +60,9 @@ class Replay:
             full = effect.neutral(self.body) | together[name]
             if isinstance(effect, PlantEffect):
                 plant = effect.change(plant, full)
-            elif effect.wire == "fix":
+            if not isinstance(effect, BlockEffect):
+                continue
+            if effect.wire == "fix":
                 self._set(numbers, f"{self.body.name}_view", {"offset_s": full["offset_s"]})
             else:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)

@@ -9,6 +9,7 @@ Innovations are then no longer independent, and short-lived disagreements outwei
 import dataclasses
 
 import numpy as np
+from scipy.signal import lfilter
 
 _HEADING = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 _PLACE = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -18,7 +19,7 @@ _LEAST = 1e-12  # m^2, rad^2: spread of innovations that counts as none
 
 def tuned(replay, tracks, starts):
     """The Replay with the likeliest gains for these runs, those of place and of heading one after the other."""
-    if sum(len(track.fix_t) for track in tracks) < _FEW:
+    if max(len(track.fix_t) for track in tracks) < _FEW:
         return replay
     for which, tried in ((1, _HEADING), (0, _PLACE)):
         found = [with_gain(replay, which, value) for value in tried]
@@ -34,9 +35,32 @@ def with_gain(replay, which: int, value: float):
 
 
 def _misfit(replay, tracks, starts):
-    """Minus twice the log likelihood per row of Gaussian innovations, but for a constant."""
+    """Minus twice the log likelihood per row of Gaussian innovations, but for a constant.
+
+    What goes with the motion itself (a share of the way, of the turning, a drift) is not noise and is taken away first,
+    body axis by body axis; innovations at a small gain remember it, as far back as the gain does.
+    """
     numbers = replay.parameters({})
-    rows = [replay.run(track, start, numbers)[1][1:] for track, start in zip(tracks, starts, strict=True)]
+    gains = [replay.rollout.parameters[replay.rollout.index(f"{replay.body.name}_view.gain[{i}]")] for i in (0, 1)]
+    rows, causes = [], ([], [])
+    for track, start in zip(tracks, starts, strict=True):
+        if len(track.fix_t) < _FEW:
+            continue
+        pose = track.fix[track.fix_ticks + len(track.command) - track.ticks, 1:4].copy()
+        pose[:, 2] = np.unwrap(pose[:, 2])
+        rows.append(_in_body(replay.run(track, start, numbers)[1][1:], pose[:-1, 2]))
+        steps = np.column_stack([_in_body(np.diff(pose, axis=0), pose[:-1, 2]), np.diff(track.fix_t)])
+        for gain, found in zip(gains, causes, strict=True):
+            found.append(lfilter([1.0], [1.0, gain - 1.0], steps, axis=0))
     innovations = np.vstack(rows)
+    for columns, own in zip(causes, ([0, 1], [2]), strict=True):
+        cause = np.vstack(columns)
+        innovations[:, own] -= cause @ np.linalg.lstsq(cause, innovations[:, own], rcond=None)[0]
     covariance = innovations.T @ innovations / len(innovations)
     return float(np.linalg.slogdet(covariance + _LEAST * np.eye(3))[1])
+
+
+def _in_body(rows, headings):
+    """(k, 3) with x, y turned from W into B."""
+    c, s = np.cos(headings), np.sin(headings)
+    return np.column_stack([c * rows[:, 0] + s * rows[:, 1], -s * rows[:, 0] + c * rows[:, 1], rows[:, 2]])

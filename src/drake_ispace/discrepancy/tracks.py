@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from drake_ispace.discrepancy.room_view import LEAD_TICKS
 from drake_ispace.errors import InputError
@@ -61,8 +60,6 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     m = 3 if kind == "base" else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
-    if "encoder" in has and driven not in has and kind == "base":
-        pass
     if kind == "pendulum":
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
     apart = _FIXES_APART_S if kind == "base" else 0.0
@@ -90,19 +87,6 @@ def _on_ticks(channel, rows):
         return channel.values[np.clip(np.arange(rows) - int(ticks[0]), 0, len(ticks) - 1)]
     t = np.arange(rows) * TICK_S
     return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
-
-
-def _steadied(values, channel):
-    """`values` on ticks of a slow `channel`, averaged over a sample before and after.
-
-    Where cycles are stamped evenly but do not last equally long, the straight line between two samples is less wrong in
-    its middle than at its ends: a clock half a cycle off, to either side, would seem to explain the runs.
-    """
-    width = int(round(float(np.median(np.diff(channel.t))) / TICK_S))
-    if width < 2:
-        return values
-    once = uniform_filter1d(values, width, axis=0, mode="nearest")
-    return uniform_filter1d(once, width, axis=0, mode="nearest", origin=0 if width % 2 else -1)
 
 
 def _fixes(channel, rows, apart_s):

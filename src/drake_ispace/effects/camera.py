@@ -56,6 +56,15 @@ def placed(pose, place, out):
 
 
 @kernel
+def mounted(pose, place, yaw_rad, out):
+    """As `placed`, the markers turned by `yaw_rad` besides."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    out[0] = pose[0] + (c * place[0] - s * place[1])
+    out[1] = pose[1] + (s * place[0] + c * place[1])
+    out[2] = pose[2] + yaw_rad
+
+
+@kernel
 def stretched(pose, gain, out):
     out[0], out[1], out[2] = gain * pose[0], gain * pose[1], pose[2]
 
@@ -117,7 +126,10 @@ class CameraLatency(CameraEffect):
 
 
 class MarkerOffset(CameraEffect):
-    """p + R(phi) (x, y): the middle of the markers is not the middle of the robot."""
+    """p + R(phi) (x, y): the middle of the markers is not the middle of the robot.
+
+    On somebody else's robot ("base") they may be turned as well: phi + yaw.
+    """
 
     card = Card(
         name="marker_offset", title="Marker offset", home="camera", equation="p' = p + R(phi) (x, y)",
@@ -128,10 +140,16 @@ class MarkerOffset(CameraEffect):
     )
 
     def parameters(self, body):
-        return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
+        places = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
+        if body.kind != "base":
+            return places
+        return (*places, Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3))
 
     def spec(self, body, values):
-        return self.block(placed, {"place": np.array([values["x_m"], values["y_m"]])})
+        place = np.array([values["x_m"], values["y_m"]])
+        if body.kind == "base":
+            return self.block(mounted, {"place": place, "yaw_rad": values["yaw_rad"]})
+        return self.block(placed, {"place": place})
 
 
 class CameraScale(CameraEffect):

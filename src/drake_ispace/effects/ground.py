@@ -213,11 +213,11 @@ def tilted_pendulum(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted_
     out[2] = ground_force[2] + lifted_kg_m * np.cos(balance[0]) * along
 
 
-class FloorTilt(BlockEffect):
+class FloorTilt(BlockEffect, PlantEffect):
     """Gravity along a floor that rises by slope_x, slope_y along x, y of W, to first order, by the nominal masses.
 
     Q_s = -m_total g a, Q_theta = -m_b g z a cos(theta), Q_phi = -m_b g z a' sin(theta) with the slopes a along and a'
-    to the left of the heading. The tilt is relative to the floor's normal, and the IMU does not feel the slope.
+    to the left of the heading. The tilt is relative to the floor's normal; the IMU feels gravity as it is, +g a and +g a'.
     """
 
     wire = "ground_force"
@@ -229,6 +229,11 @@ class FloorTilt(BlockEffect):
         excitation="both directions along a line, and several headings: resistance turns with the motion, a weak motor "
         "with the body, the slope with neither",
     )
+
+    def change(self, plant, values):
+        if not hasattr(plant, "slope_rad"):  # without an IMU nothing but the pull is felt
+            return plant
+        return dataclasses.replace(plant, slope_rad=[values["slope_x_rad"], values["slope_y_rad"]])
 
     def parameters(self, body):
         names = ("slope_x_rad", "slope_y_rad")

@@ -41,6 +41,8 @@ def slope_left(body: Body) -> float:
         mobility_of = omni.mobility
     elif isinstance(body.plant, pendulum.PendulumPlantParameters):
         mobility_of = pendulum.mobility
+    elif hasattr(body.plant, "mobility"):  # of a user's own
+        return _STABLE / (TICK_S * max(float(np.abs(np.linalg.eigvals(body.plant.mobility)).max()), 1e-300))
     else:
         return math.inf
     try:

@@ -51,7 +51,8 @@ class ViscousFriction(BlockEffect):
 
     def parameters(self, body):
         least, most = _least(body, "viscous_n_m_s"), slope_left(body)
-        return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=0.03 * -least),)
+        tolerance = 0.03 * -least if math.isfinite(least) else 0.0
+        return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=tolerance),)
 
     def spec(self, body, values):
         return _friction_spec(body, viscous, {"coefficient_n_m_s": values["coefficient_n_m_s"]})

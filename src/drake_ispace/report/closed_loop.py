@@ -59,11 +59,10 @@ def _scenario(model, robot, reference, heading, points):
 def _followed(scenario, diagram, robot, table):
     rollout = compile_diagram(diagram)
     block, end_s = f"{robot}_way_point", float(table[-1, 0])
-    changes = {"speed_m_s": 1.0, "start_s": 0.0, "end_m": end_s, "length_m": end_s}  # seconds instead of metres
-    changes |= {f"table[{i}]": value for i, value in enumerate(table.ravel())}
-    logs = rollout.run(
-        ticks_in(scenario.seconds), rollout.with_parameters({f"{block}.{name}": value for name, value in changes.items()})
-    )
+    values = {"speed_m_s": 1.0, "start_s": 0.0, "end_m": end_s, "length_m": end_s}  # seconds instead of metres
+    values |= {f"table[{i}]": value for i, value in enumerate(table.ravel())}
+    parameters = rollout.with_parameters({f"{block}.{name}": value for name, value in values.items()})
+    logs = rollout.run(ticks_in(scenario.seconds), parameters)
     return make_run(scenario, logs, first_divergence(logs), 0.0)
 
 

@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from pydrake.systems.framework import Diagram
+
 from drake_ispace.discrepancy.explanation import Explanation
 from drake_ispace.drawing import draw
-from drake_ispace.effects.effect import PlantEffect
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.places import fresh_folder
@@ -78,12 +79,11 @@ def robot_of(model: Scenario, runs: Sequence[Recording]) -> str:
     return runs[0].robot if runs and runs[0].robot in robots else robots[0]
 
 
-def new_blocks(explanation: Explanation, robot: str) -> list[str]:
-    """Blocks of the new Diagram that the named effects are, or whose numbers they change."""
-    effects = {effect.name: library().get(effect.name) for effect in explanation.effects}
-    return [
-        f"{robot}_plant" if isinstance(effect, PlantEffect) else f"{robot}_{name}" for name, effect in effects.items()
-    ]
+def new_blocks(explanation: Explanation, robot: str, diagram: Diagram) -> list[str]:
+    """Blocks of the new Diagram that the named effects are; of those that are other numbers in it, the plant."""
+    blocks = {block.get_name() for block in diagram.GetSystems()}
+    names = [f"{robot}_{effect.name}" for effect in explanation.effects]
+    return [name if name in blocks else f"{robot}_plant" for name in names]
 
 
 def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder: Path) -> list[tuple[str, str]]:
@@ -91,7 +91,8 @@ def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder:
     draw(build_diagram(model), folder / "before.svg")
     found = [("before.svg", "The model as given")]
     if explanation.model is not None:
-        draw(build_diagram(explanation.model), folder / "after.svg", highlight=new_blocks(explanation, robot))
+        diagram = build_diagram(explanation.model)
+        draw(diagram, folder / "after.svg", highlight=new_blocks(explanation, robot, diagram))
         found.append(("after.svg", "The model with what it lacks, in colour"))
     return found
 

@@ -1,6 +1,12 @@
-"""The first section of the demonstration: an effect is hidden in fresh data, and `explain` finds it."""
+"""The first section of the demonstration: an effect is hidden in fresh data, and `explain` finds it.
+
+    python -m drake_ispace.report.hidden_effect docs/pictures/explained.png
+
+writes the picture at the top of the README.
+"""
 
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +21,7 @@ from drake_ispace.scenario import load_scenario
 MODEL, ROBOT = "omni_multirate", "omni"
 #: What is hidden: a floor that slopes by 1.7 and -1.1 degrees, of which neither controller nor model knows.
 HIDDEN = {"floor_tilt": {"slope_x_rad": 0.03, "slope_y_rad": -0.02}}
-_RUNS, _HELD_OUT = ("circle", "figure_eight"), ("square",)
+_RUNS, _HELD_OUT, _SECONDS = ("square", "figure_eight"), ("circle",), 14.0
 #: Picture of the answer -> its name on the page of the demonstration.
 _PICTURES = {
     "path.png": "explained_path.png", "residuals.png": "explained_residuals.png", "after.svg": "explained_model.svg",
@@ -37,7 +43,7 @@ def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = l
     """
     tell("hiding an effect")
     model = load_scenario(MODEL)
-    runs = hide(model, ROBOT, HIDDEN, (*_RUNS, *_HELD_OUT), seed)
+    runs = hide(model, ROBOT, HIDDEN, (*_RUNS, *_HELD_OUT), seed, _SECONDS)
     named = {name: replace(recording, path=Path(name)) for name, recording in runs.items()}
     training, held_out = [named[name] for name in _RUNS], [named[name] for name in _HELD_OUT]
     explanation = explain(model, training, held_out=held_out, seed=seed, tell=tell)
@@ -71,3 +77,9 @@ def _words(effects):
         f"{name}: {', '.join(f'{key} = {value:g}' for key, value in values.items())}"
         for name, values in effects.items()
     ]
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        write_hidden_effect(Path(folder), 0, lambda text: print(text, file=sys.stderr))
+        shutil.move(Path(folder) / "explained_path.png", sys.argv[1])

@@ -80,6 +80,8 @@ class PendulumPlantParameters:
     motion: str = quantity("wheel_and_body", choices=MOTIONS)
     friction: Friction = field(default_factory=lambda: Friction(coulomb_n_m=0.0061, viscous_n_m_s=0.0106))
     slip: Slip = field(default_factory=Slip)
+    # of the floor along x and y of W, uphill positive, as the IMU feels it (its pull is the effect floor_tilt's block)
+    slope_rad: list[float] = quantity([0.0, 0.0], "rad", minimum=-0.1, maximum=0.1, length=2)
 
     @property
     def geometry(self) -> WheelGeometry:
@@ -219,7 +221,9 @@ def wheel_rate(xc, radius_m, half_track_m, body, out):
 
 
 @kernel
-def body_motion(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, imu_height_m, out):
+def body_motion(
+    xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, imu_height_m, slope_rad, out
+):
     """Specific force (3) and angular rate (3) in the body's axes, at `imu_height_m` above the axle along the body.
 
     The axle moves as the room sees it, with slip; s is taken as constant over the tick.
@@ -244,6 +248,9 @@ def body_motion(xc, xd, torque, ground_force, radius_m, half_track_m, body, fric
         c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
         forward_acc, sideways_acc = c * out[0] + s * out[1], -s * out[0] + c * out[1]
     c, s, rate, l = np.cos(xc[TILT]), np.sin(xc[TILT]), xc[TILT_RATE], imu_height_m
+    c_phi, s_phi = np.cos(xc[PHI]), np.sin(xc[PHI])
+    forward_acc = forward_acc + GRAVITY * (c_phi * slope_rad[0] + s_phi * slope_rad[1])
+    sideways_acc = sideways_acc + GRAVITY * (c_phi * slope_rad[1] - s_phi * slope_rad[0])
     ax = forward_acc + l * (tilt_acc * c - rate * rate * s) - yaw_rate * yaw_rate * l * s
     ay = sideways_acc + yaw_acc * l * s + 2.0 * yaw_rate * l * c * rate
     az = -l * (tilt_acc * s + rate * rate * c) + GRAVITY
@@ -313,6 +320,7 @@ def block_parameters(parameters: PendulumPlantParameters, where: str = "pendulum
         InputError: as PendulumPlant.
     """
     return {
+        "slope_rad": np.array(parameters.slope_rad),
         "radius_m": np.array([wheel.radius_m for wheel in parameters.geometry.wheels]),
         "half_track_m": parameters.half_track_m, "body": parameters.inertias(),
         "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),

@@ -1,0 +1,62 @@
+"""Explanations as `explain` could have returned them, without the minute that it takes."""
+
+import copy
+
+from drake_ispace.discrepancy.explanation import (
+    DetectionResult,
+    Estimate,
+    Explanation,
+    Gap,
+    NamedEffect,
+    Place,
+    Unknown,
+    Untestable,
+)
+from drake_ispace.scenario import Scenario, difference
+
+FOUND = DetectionResult(1e-9, 3.0, 0.01, 9.0)
+GAPS = {
+    "encoder: wheel 1": Gap(0.02, 0.0151, 0.015, 0.98, (0.95, 1.0), "rad"),
+    "kinect: x": Gap(0.004, 0.0016, 0.0015, 0.97, (-1e12, 1.0), "m"),
+}
+
+
+def named(model: Scenario, **changes) -> Explanation:
+    """The omni robot lacks Coulomb friction of 0.01 N m."""
+    scenario = copy.deepcopy(model)
+    scenario.omni.effects = {**scenario.omni.effects, "coulomb_friction": {"torque_n_m": 0.01}}
+    effect = NamedEffect(
+        "coulomb_friction", "transmission", [], {"torque_n_m": Estimate(0.01, (0.0097, 0.0103), "N*m")}, 1.0,
+    )
+    values = {
+        "verdict": "named", "effects": [effect], "detection": FOUND, "untestable": [],
+        "localization": [Place("encoder: wheel 1", 0.7, "direction"), Place("kinect: x", 0.3, "place")],
+        "gap": GAPS, "closed": 0.98, "model": scenario, "difference": difference(scenario), "runs": ["a", "b"],
+        "held_out": ["c"], "seconds": 20.0,
+    }
+    return Explanation(**{**values, **changes})
+
+
+def one_of_a_set(model: Scenario) -> Explanation:
+    """Coulomb or Stribeck friction, its size at its bound, with a warning."""
+    estimate = Estimate(0.01, (0.008, 0.01), "N*m", on_bound=True)
+    effect = NamedEffect(
+        "coulomb_friction", "transmission", ["stribeck_friction"], {"torque_n_m": estimate}, 1.0, "slow reversals",
+    )
+    return named(
+        model, verdict="set", effects=[effect], warnings=["kinect: x got worse <b>"], next_experiment="reverse slowly",
+    )
+
+
+def nothing() -> Explanation:
+    """The runs are as the model says."""
+    return Explanation(
+        "none", [], DetectionResult(0.4, 3.0, 0.01, 0.4), [], [Untestable("gyro_bias", "an IMU")], runs=["a"],
+        next_experiment="drive faster",
+    )
+
+
+def unknown() -> Explanation:
+    """A force with the place that nobody has heard of."""
+    what = Unknown("force", "place", 0.8, "differs with place", "none", "from 3.1 s on", "soft_floor", 12.5)
+    return Explanation("unknown", [], FOUND, [Place("kinect: y", 1.0, "place")], [], unknown=what, runs=["a"])
