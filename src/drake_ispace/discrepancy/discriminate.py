@@ -21,7 +21,7 @@ from drake_ispace.discrepancy.survey import Survey, survey
 
 MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
-_LEAST_SHARE = 0.04  # of what the others explain, below which a further effect is a flaw of these
+_LEAST_SHARE = 0.05  # of what the others explain, below which a further effect is a flaw of these
 _LEAST_UNNAMED_SHARE = 0.3  # the same for a disagreement without a name
 _SHORTLIST = 6
 _UNNAMED = 40.0  # of misfit, that a disagreement without a name must explain to be believed
