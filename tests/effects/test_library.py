@@ -80,7 +80,7 @@ def test_parameters_and_probes_lie_within_bounds(effect, body):
 
 def numbers(effect, body, values):
     """Ports, states and parameters as the effect gives them at `values`."""
-    if isinstance(effect, PlantEffect):
+    if not isinstance(effect, BlockEffect):
         return effect.change(body.plant, values)
     spec = effect.spec(body, values)
     Block(spec)  # every kernel's arguments are ports, states or parameters
@@ -92,7 +92,7 @@ def test_values_change_numbers_and_nothing_else(effect, body):
     neutral = effect.neutral(body)
     probes = {p.name: min(max(p.probes[-1], p.low), p.high) for p in effect.parameters(body)}
     one, other = numbers(effect, body, neutral), numbers(effect, body, neutral | probes)
-    if isinstance(effect, PlantEffect):
+    if not isinstance(effect, BlockEffect):
         assert type(one) is type(other) is type(body.plant) and one != other
         return
     assert effect.wire in one.inputs and one.inputs[effect.wire] == one.outputs[effect.wire].size

@@ -10,9 +10,10 @@ from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
 
 IMU = 6
-#: A base's fixes are taken no closer than this: within a few cycles of its drive, odometry and camera differ mostly by
-#: when within its cycle each was sampled, and by ripple of its speed controller, which has many fits in time.
-_FIXES_APART_S = 0.4
+#: Fixes of a base's camera that is faster than the first, where its commands are not known, are taken the second apart:
+#: within a few cycles of its drive, odometry and camera differ mostly by when within its cycle each was sampled and by
+#: ripple of the speed controller, which fits at many shifts in time.
+_FAST_S, _APART_S = 0.08, 1.0
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
     if kind == "pendulum":
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    apart = _FIXES_APART_S if kind == "base" else 0.0
-    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart) if "kinect" in has else (
+    apart_s = _APART_S if kind == "base" and driven not in has else 0.0
+    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
         np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
@@ -93,7 +94,7 @@ def _fixes(channel, rows, apart_s):
     ticks = np.floor(channel.t / TICK_S + 0.5).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
-    if apart_s > 0.0 and len(t) > 1:
+    if apart_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_S:
         every = max(int(np.ceil(apart_s / np.median(np.diff(t)) - 1e-6)), 1)
         ticks, t, values = ticks[::every], t[::every], values[::every]
     fix = np.zeros((rows, 5))

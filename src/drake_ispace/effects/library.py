@@ -26,7 +26,8 @@ def library() -> dict[str, Effect]:
         loaded = entry.load()
         for effect in loaded if isinstance(loaded, list | tuple) else [loaded]:
             if not isinstance(effect, Effect):
-                raise InputError(f"entry point {entry.name} of drake_ispace.effects: expected an Effect")
+                where = f"entry point {entry.name} of drake_ispace.effects"
+                raise InputError(f"{where}: expected an Effect, got {effect!r}")
             if effect.card.name in found:
                 raise InputError(f"entry point {entry.name}: there is an effect {effect.card.name} already")
             found[effect.card.name] = effect

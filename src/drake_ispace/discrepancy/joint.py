@@ -1,0 +1,73 @@
+"""Stage 4 for robots whose model lacks several effects of very different size at once, as somebody else's mostly does.
+
+`decide` stops at the first remainder that is small beside what it has found, which is right where one effect is
+missing: the rest are then flaws of its fit. Here effects are added as long as they are detected at all, noise being
+learned anew after each, and only then taken away again, each weighed against all others together.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+from drake_ispace.discrepancy.candidates import Candidate
+from drake_ispace.discrepancy.detect import detect, trials
+from drake_ispace.discrepancy.discriminate import MARGIN, Decision, _compare, _generics, _leaders
+from drake_ispace.discrepancy.likelihood import fit
+from drake_ispace.discrepancy.predict import Prediction
+from drake_ispace.discrepancy.survey import Survey, survey
+
+_MOST_EFFECTS = 6
+_LEAST_SHARE = 0.01  # of what all explain, below which one is taken away again
+
+
+def decide_jointly(
+    prediction: Prediction, tried: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Decision:
+    """All effects that these runs support together; arguments as `decide`. A disagreement without a name that remains
+    detectable is `left_over`, it does not change the verdict."""
+    tell("looking at every effect")
+    start = here = survey(prediction, {}, tried, pool)
+    first, best = None, None
+    while len(here.point) < _MOST_EFFECTS:
+        limit = trials(here.screen, here.noise, here.instants, seed)
+        tries = _leaders(here)
+        found = detect(max((t.evidence for t in tries), default=0.0), limit)
+        first = first or found
+        leader = max(tries, key=lambda t: t.merit, default=None)
+        if leader is None or not found.found or leader.merit < 2.0 * MARGIN:
+            break
+        here, best = _at(prediction, leader.fit.point, tried, pool)
+        tell(f"found {', '.join(c.label for c in best.point)}")
+    if best is None:
+        return Decision(first, start, start)
+    return _thinned(prediction, Decision(first, start, here, best), tried, pool, tell)
+
+
+def _at(prediction, point, tried, pool) -> tuple[Survey, object]:
+    """Noise and fit at the point, found in turn."""
+    here = survey(prediction, point, tried, pool)
+    best = fit(here.likelihood, point)
+    return survey(prediction, best.point, tried, pool, here.likelihood.whitening), best
+
+
+def _thinned(prediction, decision, tried, pool, tell):
+    """Backward deletion, then the rivals of what is left."""
+    while True:
+        here, named = decision.end, decision.named
+        likelihood = here.likelihood
+        decision.total_gain = likelihood.misfit(likelihood.whitened({})) - named.misfit
+        losses = {}
+        for candidate in named.point:
+            rest = {c: z for c, z in named.point.items() if c is not candidate}
+            losses[candidate] = fit(likelihood, rest) if rest else None
+        costs = {c: decision.total_gain if f is None else f.misfit - named.misfit for c, f in losses.items()}
+        weakest = min(costs, key=costs.get)
+        if len(costs) == 1 or costs[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
+            break
+        tell(f"taking {weakest.label} away again")
+        decision.end, decision.named = _at(prediction, losses[weakest].point, tried, pool)
+    decision.gains = costs
+    _compare(decision)
+    left = _generics(decision.end)
+    decision.left_over = (left[0][2], left[0][0]) if left else None
+    return decision
