@@ -124,8 +124,11 @@ def _closed(e):
 
 def _interval(sums, draws):
     totals = [part[draws].sum(axis=1) for part in sums]
-    gap = np.maximum(totals[0] - totals[2], 1e-12)
-    low, high = np.quantile(1.0 - (totals[1] - totals[2]) / gap, [0.05, 0.95])
+    gap = totals[0] - totals[2]
+    known = gap > 0.05 * np.mean(gap)  # a draw without the blocks that show the gap says nothing
+    if not known.any():
+        return 0.0, 1.0
+    low, high = np.quantile(1.0 - (totals[1] - totals[2])[known] / gap[known], [0.05, 0.95])
     return float(low), float(high)
 
 

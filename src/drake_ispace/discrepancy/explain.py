@@ -35,6 +35,7 @@ from drake_ispace.recording import Recording, load
 from drake_ispace.scenario import Scenario, difference, load_scenario
 
 _VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
+_FORM_SHARE = 0.04  # of a parameter: how far its estimate is off because no model has exactly the robot's form
 _ROBOT_OF = {"velocity_base": "base", "odometry_replay": "base"}
 _THREADS = 2
 
@@ -92,7 +93,9 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     if not runs:
         raise InputError("explain: there is no run, expected at least one")
     recordings = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(runs)]
-    others = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(held_out)]
+    others = [
+        (_name(run, i + len(runs)), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(held_out)
+    ]
     robot = _robot(scenario, recordings + others)
     wheels = len(getattr(scenario, robot).plant.geometry.wheels)
     tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
@@ -120,15 +123,15 @@ def _name(run, i):
 def _robot(scenario, recordings):
     if scenario.diagram in _ROBOT_OF:
         return _ROBOT_OF[scenario.diagram]
-    robots = {recording.robot for _, recording in recordings}
+    first = recordings[0][1].robot
     known = ["omni", "pendulum"] if scenario.diagram == "shared_space" else [scenario.diagram.split("_")[0]]
     for name, recording in recordings:
-        if recording.robot not in known or len(robots) > 1:
+        if recording.robot not in known or recording.robot != first:
             raise InputError(
                 f"{name}: the run is of robot {recording.robot or 'unknown'}, expected {' or '.join(known)}, which the "
                 f"model {scenario.diagram} describes"
             )
-    return robots.pop()
+    return first
 
 
 def _described(case: Case, decision: Decision) -> Explanation:
@@ -175,7 +178,8 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
     parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
     inflation = np.sqrt(decision.start.screen.inflation_of(candidate))
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
-        half = 1.645 * inflation * named.std(candidate, i, sizes)
+        form = _FORM_SHARE * abs(z - candidate.neutral[i])
+        half = 1.645 * np.hypot(inflation * named.std(candidate, i, sizes), form)
         low, high = candidate.bounds[i]
         ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (z - half, z + half))
         interval = (float(ends[0]), float(ends[1]))
