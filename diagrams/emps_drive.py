@@ -130,7 +130,7 @@ def main() -> None:
     for k in range(1, len(order) + 1):
         with_k = polished(replay, whole, {candidate: point[candidate] for candidate in order[:k]})
         steps.append({"effect": order[k - 1].name, "relative_error": relative_error(replay, whole, with_k)})
-    first, second = (own_track(half, model, name) for name, half in zip(("1st half", "2nd half"), halves(recording), strict=True))
+    first, second = (own_track(half, model, "half of EMPS") for half in halves(recording))
     early, _, fitted = explained(first, pool, tell)
     held_out = {"second half": {
         "before": relative_error(early, second, {}), "after": relative_error(early, second, fitted), "unit": "1",

@@ -55,7 +55,8 @@ def verdict(decision) -> str:
 
 def print_answer(options, decision, names, held_out, further) -> None:
     """As JSON, or in lines."""
-    answer = {"named": names, "verdict": verdict(decision), "held_out": held_out, **further}
+    said = decision if isinstance(decision, str) else verdict(decision)
+    answer = {"named": names, "verdict": said, "held_out": held_out, **further}
     if options.json:
         print(json.dumps(answer, indent=2, default=float))
         return

@@ -12,6 +12,8 @@ import pytest
 from drake_ispace.wiring.catalog import CATALOG
 
 FOLDER = Path(__file__).parents[1] / "diagrams"
+#: Scripts on real measurements, tested in discrepancy/test_real_data.py.
+REAL = ("optiodom_omni3", "optiodom_diff", "regbot_motor", "emps_drive")
 
 
 @pytest.fixture(scope="module")
@@ -49,4 +51,5 @@ def test_the_committed_picture_is_up_to_date(runs, name):
 
 
 def test_there_is_a_script_for_every_diagram():
-    assert {script.stem for script in FOLDER.glob("*.py")} == {*CATALOG, "shared"}
+    others = {"shared", "real_data", *REAL}
+    assert {script.stem for script in FOLDER.glob("*.py")} == {*CATALOG, *others}

@@ -69,7 +69,7 @@ def draw_confusion(records: Sequence[dict], path: Path) -> None:
         ax.spines[:].set_visible(False)
         ax.set_title(f"{_TITLES[robot]}: share of answers [%]", fontsize=13)
         ax.set_ylabel("hidden")
-        ax.set_xlabel("answer (a set counts in equal parts)")
+        ax.set_xlabel("answer (several names count in equal parts)")
     _save(figure, path)
 
 

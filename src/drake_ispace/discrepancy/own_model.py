@@ -91,7 +91,8 @@ class OwnModel:
             self.plant.GetOutputPort(self.wheel_angle).get_index(),
         )
         a, b, c = found.A(), found.B(), found.C()
-        if np.linalg.matrix_rank(c @ a @ b) < self.wheels:
+        at_once = np.abs(c @ b).max() > 1e-9 * np.abs(b).max()  # an angle that a torque moves without accelerating it
+        if at_once or np.linalg.matrix_rank(c @ a @ b) < self.wheels:
             raise InputError(
                 f"{self.name}: {self.torque} does not accelerate every wheel of {self.wheel_angle} at once, expected a "
                 "plant that is driven by torque (a lag of the motor is an effect)"
@@ -121,16 +122,20 @@ class OwnReplay(Replay):
         place: (m, n) continuous state per wheel angle. angles: (n,) of the plant's own start [rad].
     """
 
-    place: np.ndarray
-    angles: np.ndarray
+    place: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    angles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((ticks, n) innovations of the angles, (0, 3) for the room that there is not); start: as Replay."""
         return self._logs(run, start[3:], numbers)["innovation"][1 : run.ticks + 1], np.empty((0, 3))
 
-    def simulated(self, run: Track, values: Values) -> np.ndarray:
-        """(ticks + 1, n) wheel angles [rad] with the recorded torque replayed open loop: nothing corrects the model."""
+    def simulated(self, run: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
+        """(ticks + 1, n) wheel angles [rad] with the recorded torque replayed open loop: nothing corrects the model.
+
+        plant: other values of the plant's own parameters.
+        """
         numbers = self.parameters(values)
+        self._set(numbers, f"{self.body.name}_plant", plant or {})
         size = self.body.wheels
         for name, length in (("gain", len(self.place) * size), ("feedback", size * len(self.place))):
             self._set(numbers, f"{self.body.name}_follower", {name: np.zeros(length)})
@@ -173,7 +178,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     """Build and compile for these runs. effects: to try, default the whole library.
 
     Raises:
-        InputError: a plant that cannot be followed (OwnModel.linearised), or known effects that are not among `effects`.
+        InputError: a plant that cannot be followed (OwnModel.linearised), or a known effect that is not given.
     """
     a, b, c = model.linearised()
     n = model.wheels
@@ -187,14 +192,16 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     }
     if missing := set(model.effects) - set(every):
         raise InputError(f"{model.name}: the known effect {missing.pop()} is not among those given")
-    filters = [_filter(model, tracks, factor, (a, b, c)) for factor in ((1.0, 1.0), (_OTHER_NOISE, 1.0), (1.0, _OTHER_NOISE))]
+    assumed = ((1.0, 1.0), (_OTHER_NOISE, 1.0), (1.0, _OTHER_NOISE))
+    filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
     model.plant.GetInputPort(model.torque).FixValue(context, np.zeros(n))
     angles = model.plant.GetOutputPort(model.wheel_angle).Eval(context)
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
-        body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], np.linalg.pinv(c), angles
+        body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
+        angles=angles,
     )
 
 

@@ -5,7 +5,7 @@ changing run-time numbers of one compiled rollout.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,8 @@ from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
 from drake_ispace.block import Spec
-from drake_ispace.discrepancy.filters import filter_of, other_filters, weight_of
-from drake_ispace.discrepancy.follower import Filter, Follower
+from drake_ispace.discrepancy.filters import filter_of, other_filters
+from drake_ispace.discrepancy.follower import Filter, Follower, numbers_of
 from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
@@ -37,7 +37,7 @@ class Replay:
     Attributes:
         body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
         rollout: compiled. feeds: the channels that every run has. others: filters under other assumptions about
-            noise.
+            noise. filter: plant -> the follower's filter for it; None: one for all.
     """
 
     body: Body
@@ -46,6 +46,7 @@ class Replay:
     rollout: Rollout
     feeds: frozenset[str]
     others: list[Filter]
+    filter: Callable[[object], Filter] | None = None
 
     def parameters(self, values: Values) -> np.ndarray:
         """Run-time numbers of the rollout with these effects in it, besides the known ones."""
@@ -68,14 +69,14 @@ class Replay:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", _PLANTS[self.body.kind].block_parameters(plant))
-            weight = weight_of(self.body.kind, plant).ravel()
-            self._set(numbers, f"{self.body.name}_follower", {"weight": weight})
+            if self.filter is not None:
+                self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant)))
         return numbers
 
-    def under_noise(self, numbers: np.ndarray, filter: Filter) -> np.ndarray:
+    def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
         """The same numbers with the gain of another filter."""
         changed = numbers.copy()
-        self._set(changed, f"{self.body.name}_follower", {"gain": filter.gain.ravel()})
+        self._set(changed, f"{self.body.name}_follower", {"gain": other.gain.ravel()})
         return changed
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,7 +122,8 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
         every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
-    return Replay(body, every, known, rollout, has, other_filters(scenario, robot, has))
+    others = other_filters(scenario, robot, has)
+    return Replay(body, every, known, rollout, has, others, lambda plant: filter_of(scenario, robot, has, plant))
 
 
 def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
