@@ -30,15 +30,25 @@ class ErrorSystem:
     d: np.ndarray
 
 
-def filter_of(scenario: Scenario, robot: str, has: frozenset[str], plant=None) -> Filter:
-    """The filter of that robot's replay with the channels `has`; plant: another than the scenario's, whose filter has
-    the same poles of the correction and is the best under the same unknown forces."""
-    return _filter(scenario, robot, has, 0, 1.0, plant)
+def filter_of(scenario: Scenario, robot: str, has: frozenset[str]) -> Filter:
+    """The filter of that robot's replay with the channels `has`."""
+    return _filter(scenario, robot, has, 0, 1.0)
 
 
-def other_filters(scenario: Scenario, robot: str, has: frozenset[str], plant=None) -> list[Filter]:
+def other_filters(scenario: Scenario, robot: str, has: frozenset[str]) -> list[Filter]:
     """The same for other assumptions about noise, one changed at a time: each kind of force, then the encoder."""
-    return [_filter(scenario, robot, has, which, _OTHER_NOISE, plant) for which in range(4)]
+    return [_filter(scenario, robot, has, which, _OTHER_NOISE) for which in range(4)]
+
+
+def adapted(kind: str, plant) -> dict[str, np.ndarray]:
+    """What of the follower's numbers goes with the plant: for a unit of error the same acceleration, and the same poles
+    of the correction, whatever the plant's mass and however fast it falls. The gain on measurements stays."""
+    weight = weight_of(kind, plant).ravel()
+    if kind != "pendulum":
+        return {"weight": weight}
+    system = error_system(kind, plant)
+    a, _ = discrete(system.a, system.b)
+    return {"weight": weight, "a": a.ravel(), "feedback": _feedback(kind, system).ravel()}
 
 
 def weight_of(kind: str, plant) -> np.ndarray:
@@ -74,9 +84,9 @@ def error_system(kind: str, plant, imu_height_m: float = 0.0) -> ErrorSystem:
     return ErrorSystem(a, np.vstack([moves, np.zeros((3, 3))]), c, np.zeros((len(wheels), 3)))
 
 
-def _filter(scenario, robot, has, changed, times, plant):
+def _filter(scenario, robot, has, changed, times):
     section = getattr(scenario, robot)
-    plant, counts = plant or section.plant, section.encoder.counts_per_turn
+    plant, counts = section.plant, section.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
     angle = count**2 / 12.0 if "encoder" in has else np.inf
     imu_height_m = section.imu.height_m if robot == "pendulum" else 0.0

@@ -13,8 +13,8 @@ from pydrake.systems.framework import Diagram
 from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
 
 from drake_ispace.block import Spec
-from drake_ispace.discrepancy.filters import filter_of, other_filters
-from drake_ispace.discrepancy.follower import Filter, Follower, numbers_of
+from drake_ispace.discrepancy.filters import adapted, filter_of, other_filters
+from drake_ispace.discrepancy.follower import Filter, Follower
 from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
@@ -37,7 +37,7 @@ class Replay:
     Attributes:
         body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
         rollout: compiled. feeds: the channels that every run has. others: filters under other assumptions about
-            noise. filter: plant -> the follower's filter for it; None: one for all.
+            noise. filter: plant -> what of the follower's numbers goes with it; None: nothing.
     """
 
     body: Body
@@ -46,7 +46,7 @@ class Replay:
     rollout: Rollout
     feeds: frozenset[str]
     others: list[Filter]
-    filter: Callable[[object], Filter] | None = None
+    filter: Callable[[object], dict[str, np.ndarray]] | None = None
 
     def parameters(self, values: Values) -> np.ndarray:
         """Run-time numbers of the rollout with these effects in it, besides the known ones."""
@@ -70,7 +70,7 @@ class Replay:
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", _PLANTS[self.body.kind].block_parameters(plant))
             if self.filter is not None:
-                self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant)))
+                self._set(numbers, f"{self.body.name}_follower", self.filter(plant))
         return numbers
 
     def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
@@ -123,7 +123,7 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     others = other_filters(scenario, robot, has)
-    return Replay(body, every, known, rollout, has, others, lambda plant: filter_of(scenario, robot, has, plant))
+    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))
 
 
 def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
