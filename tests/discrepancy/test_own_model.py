@@ -5,6 +5,7 @@ import pytest
 
 from drake_ispace.block import Block, Output, Spec
 from drake_ispace.discrepancy.candidates import candidates
+from drake_ispace.discrepancy.explain import explain
 from drake_ispace.discrepancy.joint import decide_jointly
 from drake_ispace.discrepancy.likelihood import merged
 from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
@@ -128,3 +129,11 @@ def test_a_plant_that_no_torque_accelerates_is_refused():
     ))
     with pytest.raises(InputError, match="does not accelerate"):
         OwnModel(lagging, torque="drive", wheel_angle="position").linearised()
+
+
+def test_explain_takes_an_own_model():
+    answer = explain(MODEL, [measured(0.004, seed=1), measured(0.004, seed=2)], [measured(0.004, seed=3)], EFFECTS)
+    (effect,) = answer.effects
+    assert effect.name == "viscous_friction" and answer.model is None
+    assert effect.parameters["coefficient_n_m_s"].estimate == pytest.approx(0.004, rel=0.1)
+    assert answer.closed > 0.9

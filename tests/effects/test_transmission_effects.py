@@ -7,11 +7,9 @@ import pytest
 
 from drake_ispace.effects import actuator
 from drake_ispace.effects.effect import Body, EffectBlock
-from drake_ispace.effects.smooth import slope_left, speed_scale, steepest_slope
 from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots import omni
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import body_of, load_scenario
 

@@ -26,6 +26,7 @@ from drake_ispace.discrepancy.explanation import (
 from drake_ispace.discrepancy.generic import Generic
 from drake_ispace.discrepancy.localize import localize, onset
 from drake_ispace.discrepancy.next_experiment import needs, next_experiment
+from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
 from drake_ispace.discrepancy.predict import Prediction, predict
 from drake_ispace.discrepancy.replay import Replay, replay_of
 from drake_ispace.discrepancy.tracks import track
@@ -42,9 +43,9 @@ _THREADS = 2
 
 @dataclass(frozen=True)
 class Case:
-    """What is to be explained: model, robot, runs, and the compiled prediction."""
+    """What is to be explained: model (None for a user's own plant), robot, runs, and the compiled prediction."""
 
-    scenario: Scenario
+    scenario: Scenario | None
     robot: str
     replay: Replay
     prediction: Prediction
@@ -52,14 +53,15 @@ class Case:
 
 
 def explain(
-    model: Scenario | str, runs: Sequence[Recording | str | Path], held_out: Sequence[Recording | str | Path] = (),
-    effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
+    model: Scenario | OwnModel | str, runs: Sequence[Recording | str | Path],
+    held_out: Sequence[Recording | str | Path] = (), effects: Sequence[Effect] | None = None, seed: int = 0,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Explanation:
     """Find what the model lacks.
 
     Args:
-        model: a Scenario, or the name or file of one. runs: measured; held_out: others, to prove the answer on.
-        effects: to try, default the whole library. seed: of the bootstraps. tell: told about every stage.
+        model: a Scenario, the name or file of one, or a plant of your own (own_model.py). runs: measured; held_out:
+            others, to prove the answer on. effects: to try, default the whole library. seed: of the bootstraps. tell: told about every stage.
 
     Raises:
         InputError: a run that the model cannot predict.
@@ -72,7 +74,7 @@ def explain(
         decision = decide(case.prediction, tried, seed, pool, tell)
         tell("localising")
         answer = _described(case, decision)
-        if decision.named is not None:
+        if decision.named is not None and case.scenario is not None:
             _add(case, decision, answer)
         if case.held_out is not None and decision.named is not None:
             tell("confirming on the held-out runs")
@@ -96,6 +98,11 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     others = [
         (_name(run, i + len(runs)), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(held_out)
     ]
+    if isinstance(model, OwnModel):
+        tracks = [own_track(recording, model, name) for name, recording in recordings]
+        proof = [own_track(recording, model, name) for name, recording in others]
+        replay = own_replay(model, tracks + proof, effects)
+        return Case(None, model.name, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     robot = _robot(scenario, recordings + others)
     wheels = len(getattr(scenario, robot).plant.geometry.wheels)
     tracks = [track(recording, robot, wheels, name) for name, recording in recordings]

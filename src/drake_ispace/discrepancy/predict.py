@@ -182,8 +182,8 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
     wheels = replay.body.wheels
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_NAMES) if replay.body.kind == "pendulum" else [])
     pose = ["x", "y", "heading"] if replay.body.kind != "own" else []
-    # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts then
-    # shows unknown forces, not physics that it lacks
+    # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts
+    # then shows unknown forces, not physics that it lacks
     channels = {
         "motion": names if replay.feeds >= _MOTION_TAKES[replay.body.kind] else [],
         "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],

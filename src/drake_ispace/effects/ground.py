@@ -217,7 +217,7 @@ class FloorTilt(BlockEffect, PlantEffect):
     """Gravity along a floor that rises by slope_x, slope_y along x, y of W, to first order, by the nominal masses.
 
     Q_s = -m_total g a, Q_theta = -m_b g z a cos(theta), Q_phi = -m_b g z a' sin(theta) with the slopes a along and a'
-    to the left of the heading. The tilt is relative to the floor's normal; the IMU feels gravity as it is, +g a and +g a'.
+    to the left of the heading. The tilt is relative to the floor's normal; the IMU feels gravity as it is: +g a, +g a'.
     """
 
     wire = "ground_force"
