@@ -60,8 +60,9 @@ def explain(
     """Find what the model lacks.
 
     Args:
-        model: a Scenario, the name or file of one, or a plant of your own (own_model.py). runs: measured; held_out:
-            others, to prove the answer on. effects: to try, default the whole library. seed: of the bootstraps. tell: told about every stage.
+        model: a Scenario, the name or file of one, or a plant of your own (own_model.py). runs: measured.
+        held_out: others, to prove the answer on. effects: to try, default the whole library. seed: of the bootstraps.
+        tell: told about every stage.
 
     Raises:
         InputError: a run that the model cannot predict.
