@@ -77,7 +77,11 @@ def hide(
     robots = _robots(given, scenario)
     if robot is not None and robot not in robots:
         raise InputError(f"--robot: {scenario} has no {shown(robot)}, {expected_one_of(robot, robots)}")
-    effects = dict(_read_effect(text) for text in effect or [])
+    effects = {}
+    for name, values in (_read_effect(text) for text in effect or []):
+        if name in effects:
+            raise InputError(f"--effect {name}: is given twice, expected once")
+        effects[name] = values
     from drake_ispace.discrepancy.hide import MOTIONS, save_hidden
     from drake_ispace.discrepancy.hide import hide as hide_effects
 

@@ -45,7 +45,7 @@ def confirm(
     before, after = likelihood.whitened({}), likelihood.whitened(point)
     best = fit(likelihood, point, iterations=6)
     labels, blocks = channel_rows(prediction, here), likelihood.whitening.instants(here.residuals, _BLOCK_ROWS)
-    errors = [_freed(likelihood, w) ** 2 for w in (before, after, best.w)]
+    errors = [likelihood.freed(w) ** 2 for w in (before, after, best.w)]
     generator = np.random.default_rng([seed, 2])
     draws = generator.integers(0, blocks[-1] + 1, size=(_REPLICATES, blocks[-1] + 1))
     sizes = _noise_sizes(prediction, here)
@@ -86,7 +86,7 @@ def drift(decision: Decision, prediction: Prediction) -> list[str]:
         excess = np.sum(weights * (estimates[known] - mean) ** 2) / (known.sum() - 1)
         spread = np.std(estimates[known]) * likelihood.sizes[candidate][i]
         value = abs(named.point[candidate][i] - candidate.neutral[i])
-        if excess > 12.0 and spread > 0.2 * value:
+        if value > 0.0 and excess > 12.0 and spread > 0.2 * value:
             name = f"{candidate.parameters[i].name} of {candidate.name}"
             found.append(f"{name} drifts between runs, by {100 * spread / value:.0f} %")
     return found
@@ -108,13 +108,6 @@ def on_bound(named: Fit, candidate: Candidate, i: int) -> bool:
     low, high = candidate.bounds[i]
     z = named.point[candidate][i]
     return z != candidate.neutral[i] and (z <= low or z >= high)
-
-
-def _freed(likelihood, w):
-    """Residuals after the runs' own offsets, at their best sizes."""
-    if not likelihood.offsets.shape[1]:
-        return w
-    return w - likelihood.offsets @ (likelihood._inner @ (likelihood.offsets.T @ w))
 
 
 def _closed(e):

@@ -24,7 +24,8 @@ _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
 _LEAST_SHARE = 0.05  # of what the others explain, below which a further effect is a flaw of these
 _LEAST_UNNAMED_SHARE = 0.3  # the same for a disagreement without a name
 _SHORTLIST = 6
-_UNNAMED = 40.0  # of misfit, that a disagreement without a name must explain to be believed
+_UNNAMED = 60.0  # of misfit, that a disagreement without a name must explain to be believed
+_UNNAMED_LOCAL = 120.0  # the same where it is free in every part of the room
 _MOST_EFFECTS = 4
 
 
@@ -162,14 +163,20 @@ def _generics(here: Survey) -> list[tuple[float, float, Generic]]:
 
 
 def _generic_evidence(here):
-    return max([e for gain, e, generic in _generics(here) if gain > _UNNAMED + 2.0 * generic.columns], default=0.0)
+    believed = [e for gain, e, generic in _generics(here) if gain - 2.0 * generic.columns > _least(generic)]
+    return max(believed, default=0.0)
+
+
+def _least(generic):
+    """The gain from which on a disagreement without a name is believed."""
+    return _UNNAMED_LOCAL if generic.is_local else _UNNAMED
 
 
 def _better_unknown(here: Survey, tries: Sequence[_Try]) -> tuple[Generic, float] | None:
     """A generic disagreement that explains more than every effect, if there is one."""
     best = max([t.gain - cost(t.candidate) for t in tries], default=0.0)
     for gain, _, generic in _generics(here):
-        if gain - 2.0 * generic.columns > max(best + max(MARGIN, 0.03 * best), _UNNAMED):
+        if gain - 2.0 * generic.columns > max(best + max(MARGIN, 0.03 * best), _least(generic)):
             return generic, gain
     return None
 

@@ -7,7 +7,7 @@ import copy
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -111,15 +111,30 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     has = frozenset.intersection(*(t.has for t in tracks + proof))
     if not has & {"encoder", "kinect", "imu"}:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
+    if robot == "base" and "command" not in has:
+        tracks, proof = ([replace(t, command=np.zeros_like(t.command)) for t in part] for part in (tracks, proof))
     replay = replay_of(scenario, robot, has, effects)
-    return Case(scenario, robot, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+    case = Case(scenario, robot, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+    for prediction in (case.prediction, *([case.held_out] if proof else [])):
+        if not any(rows.size for run in prediction.residuals({}) for rows in run.values()):
+            raise InputError(
+                f"{prediction.tracks[0].name}: nothing to compare, expected encoder and torque (of the pendulum imu "
+                "too) or encoder and kinect, for some seconds"
+            )
+    return case
 
 
 def _triable(case: Case) -> dict[str, Effect]:
     """Effects that the predictions depend on: without torque, only those of geometry, encoders and camera."""
-    if case.prediction.channels["motion"] or case.robot == "base":
-        return case.replay.effects
-    return {name: effect for name, effect in case.replay.effects.items() if effect.kinematic}
+    kinematic = not case.prediction.channels["motion"] and case.robot in ("omni", "pendulum")
+    return {
+        name: effect for name, effect in case.replay.effects.items() if (effect.kinematic or not kinematic)
+        and not (name in case.replay.known and (effect.choices or any(p.reciprocal for p in _parameters(case, effect))))
+    }
+
+
+def _parameters(case, effect):
+    return effect.parameters(case.replay.body)
 
 
 def _name(run, i):
@@ -158,6 +173,8 @@ def _described(case: Case, decision: Decision) -> Explanation:
         verdict = "set" if any(effect.equivalents for effect in effects) else "named"
     untestable = _untestable(case, decision)
     warnings = drift(decision, case.prediction) if named is not None else []
+    for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
+        warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
         generic, gain = decision.left_over
         share = 100.0 * gain / (gain + decision.total_gain)
@@ -190,8 +207,10 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
         half = 1.645 * np.hypot(inflation * named.std(candidate, i, sizes), form)
         low, high = candidate.bounds[i]
         ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (z - half, z + half))
-        interval = (float(ends[0]), float(ends[1]))
-        at = float(value_of(parameter, z))
+        known = case.replay.known.get(card.name, {}).get(parameter.name, parameter.neutral)
+        more = known - parameter.neutral if np.isfinite(known) else 0.0  # what was found comes on top of it
+        interval = (float(ends[0] + more), float(ends[1] + more))
+        at = float(value_of(parameter, z) + more)
         parameters[parameter.name] = Estimate(at, interval, parameter.unit, on_bound(named, candidate, i))
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
     share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
@@ -228,9 +247,10 @@ def _add(case: Case, decision: Decision, answer: Explanation) -> None:
     scenario = copy.deepcopy(case.scenario)
     section = getattr(scenario, case.robot)
     for candidate, z in decision.named.point.items():
-        values = {name: float(value) if name not in dict(candidate.choices) else int(value)
-                  for name, value in candidate.values(z).items() if np.isfinite(value)}
-        section.effects = {**section.effects, candidate.name: {**section.effects.get(candidate.name, {}), **values}}
+        together = case.replay.combined({candidate.name: candidate.values(z)})[candidate.name]
+        values = {name: int(value) if name in dict(candidate.choices) else float(value)
+                  for name, value in together.items() if np.isfinite(value)}
+        section.effects = {**section.effects, candidate.name: values}
     answer.model, answer.difference = scenario, difference(scenario)
 
 

@@ -1,6 +1,6 @@
 """Misfit of any effects to the runs: whitened residuals, the runs' own offsets fitted under their priors."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -12,6 +12,7 @@ from drake_ispace.discrepancy.whitening import Whitening
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
 _STEP = 0.05  # of a probe, for slopes
+_HALVINGS = 6
 
 
 def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
@@ -94,17 +95,19 @@ class Fit:
 
 def fit(
     likelihood: Likelihood, start: Point, iterations: int = 12, tolerance: float = 0.02,
-    check: Callable[[], None] | None = None,
 ) -> Fit:
     """Levenberg and Marquardt from `start`, within bounds, until the misfit falls by less than `tolerance`."""
     point = {candidate: list(z) for candidate, z in start.items()}
     order = [(candidate, i) for candidate in point for i in range(len(candidate.parameters))]
     w = likelihood.whitened(point)
+    for _ in range(_HALVINGS):  # a start at which the model runs away
+        if np.isfinite(w).all():
+            break
+        point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
+        w = likelihood.whitened(point)
     misfit, damping = likelihood.misfit(w), 1e-3
     slopes = None
     for _ in range(iterations):
-        if check:
-            check()
         slopes = likelihood.slopes(point, order, w)
         freed = likelihood.freed(slopes)
         normal, gradient = slopes.T @ freed, freed.T @ w

@@ -49,13 +49,11 @@ def localize(prediction: Prediction, here: Survey, better: np.ndarray) -> list[P
 def onset(prediction: Prediction, here: Survey, better: np.ndarray) -> str:
     """Since when the disagreement is there, in words."""
     times, gained = [], here.w**2 - better**2
-    start = 0
     for run in here.residuals:
         for name, noise in here.likelihood.whitening.noise.items():
             rows, p = max(len(run[name]) - noise.lags, 0), run[name].shape[1]
             share = np.repeat((np.arange(rows) + 0.5) / max(rows, 1), p)
             times.append(share if name in ("motion", "room") else np.full(rows * p, np.nan))
-            start += rows * p
     times = np.concatenate(times)
     known = np.isfinite(times)
     counts = np.histogram(times[known], bins=10, range=(0.0, 1.0), weights=gained[known])[0]
@@ -126,7 +124,8 @@ def _driver(prediction, here, motions: Sequence[Motion], label):
     for i, (run, m) in enumerate(zip(here.residuals, motions, strict=True)):
         e = noise.whiten(run[stream], here.likelihood.whitening.classes[i].get(stream))[:, column]
         track = prediction.tracks[i]
-        ticks = np.arange(track.ticks - len(e), track.ticks) if stream == "motion" else track.fix_ticks[-len(e) :]
+        every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks
+        ticks = every[len(every) - len(e) :]
         values.append(e)
         for name, x in _drivers(m).items():
             regressors.setdefault(name, []).append(x[ticks])
@@ -140,8 +139,8 @@ def _driver(prediction, here, motions: Sequence[Motion], label):
         x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
         left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
         k, n = x.shape[1], max(len(y) // (_ROWS_ALIKE if stream == "motion" else 2), x.shape[1] + 2)
-        ratio = (y @ y - left @ left) / k / max(left @ left / n, 1e-300) * (n / len(y))
-        p_value = float(f_distribution.sf(ratio * len(y) / n, k, n - k))
+        ratio = (y @ y - left @ left) / k / max(left @ left / (n - k), 1e-300)
+        p_value = float(f_distribution.sf(ratio, k, n - k))
         if p_value < least:
             best, least = name, p_value
     return best, least

@@ -21,7 +21,6 @@ from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S
 
-STREAMS = ("motion", "room", "start", "looks")
 _SETTLING_TICKS = 60  # of the filter
 _SPEED_TICKS = 20  # over which a wheel's speed is taken
 _SLOWNESS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the root mean square of wheel speed: classes of motion
@@ -29,7 +28,7 @@ RESTING = 2  # classes of motion below this are not scored: a wheel that hardly 
 _RECOVERY_TICKS = 120  # after a rest with dry friction, during which the filter forgets it
 _COARSE_COUNT = 0.01  # rad, from which on a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # for which a wheel at rest may hide the same part of a count
-_SLOW_TICKS, _SLOW_SHARE = 500, 0.25  # of unknown forces: how long they last, and their share
+_SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # of unknown forces: how long they last, and their share
 _WITHIN_COUNT = 0.4  # of a count, standard deviation
 _START_M, _START_RAD = 0.15, 0.3  # farther from the scenario's start than this, where a run starts is unknown
 _IMU_NAMES = ("ax", "ay", "az", "wx", "wy", "wz")

@@ -19,6 +19,7 @@ from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
 from drake_ispace.effects.library import library
+from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots import base, omni, pendulum
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
@@ -48,11 +49,19 @@ class Replay:
     others: list[Filter]
     filter: Callable[[object], dict[str, np.ndarray]] | None = None
 
-    def parameters(self, values: Values) -> np.ndarray:
-        """Run-time numbers of the rollout with these effects in it, besides the known ones."""
+    def combined(self, values: Values) -> dict[str, dict[str, float]]:
+        """These effects and those that the model has: what is found of a known one comes on top of it."""
         together = {name: dict(v) for name, v in self.known.items()}
         for name, changed in values.items():
-            together[name] = {**together.get(name, {}), **changed}
+            known = together.setdefault(name, {})
+            neutral = self.effects[name].neutral(self.body)
+            for key, value in changed.items():
+                known[key] = value + known[key] - neutral[key] if key in known else value
+        return together
+
+    def parameters(self, values: Values) -> np.ndarray:
+        """Run-time numbers of the rollout with these effects in it, besides the known ones."""
+        together = self.combined(values)
         numbers = self.rollout.parameters.copy()
         plant = self.body.plant
         for name, effect in self.effects.items():
@@ -63,7 +72,7 @@ class Replay:
                 plant = effect.change(plant, full)
             if not isinstance(effect, BlockEffect):
                 continue
-            if effect.wire == "fix":
+            if effect.wire == "fix" and "offset_s" in full:
                 self._set(numbers, f"{self.body.name}_view", {"offset_s": full["offset_s"]})
             else:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
@@ -121,6 +130,8 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
     if body.kind == "base" and "command" not in has:  # what lies between command and wheels cannot show
         every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
+    if missing := known.keys() - every.keys():
+        raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     others = other_filters(scenario, robot, has)
     return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))

@@ -1,6 +1,6 @@
 """A recording made ready to be predicted: its channels on the robot's 5 ms clock, fixes at their own instants."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,7 +55,9 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
-    end_s = max(recording.channels[c].t[-1] for c in has)
+    recording = _from_zero(recording, has)
+    dense = [c for c in has if c != "kinect"]  # what ends earlier cannot be predicted from, nor compared with, later on
+    end_s = min(recording.channels[c].t[-1] for c in dense or has)
     ticks = int(np.floor(end_s / TICK_S + 0.5))
     rows = ticks + LEAD_TICKS
     m = 3 if kind == "base" else wheels
@@ -71,6 +73,18 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     way_points = np.empty((0, 4)) if reference is None else np.column_stack([reference.t, reference.values[:, :3]])
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
     return Track(name, ticks, command, np.hstack(parts), fix, fix_ticks, fix_t, missed, has, way_points)
+
+
+def _from_zero(recording, has):
+    """The same run with a clock that starts with it, where it started elsewhere."""
+    first = min(recording.channels[c].t[0] for c in has)
+    if 0.0 <= first < 1.0:
+        return recording
+    shifted = {}
+    for name, channel in recording.channels.items():
+        kept = channel.t >= first
+        shifted[name] = replace(channel, t=channel.t[kept] - first, values=channel.values[kept])
+    return replace(recording, channels=shifted)
 
 
 def _held(channel, rows):

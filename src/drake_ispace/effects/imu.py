@@ -71,7 +71,7 @@ class ImuMisalignment(ImuEffect):
 
     def parameters(self, body):
         names = ("about_x_rad", "about_z_rad")
-        return tuple(Parameter(name, "rad", 0.0, -0.5, 0.5, (0.02, 0.1), tolerance=3e-3) for name in names)
+        return tuple(Parameter(name, "rad", 0.0, -0.5, 0.5, (0.006, 0.05), tolerance=6e-3) for name in names)
 
     def spec(self, body, values):
         axes = rotation([values["about_x_rad"], 0.0, values["about_z_rad"]]).T

@@ -57,7 +57,7 @@ class InertiaError(PlantEffect):
     )
 
     def parameters(self, body):
-        probes, tolerance = ((0.1, 0.5), 0.01) if body.kind == "omni" else ((0.3, 1.5), 0.12)  # I_yy is but a tenth
+        probes, tolerance = ((0.1, 0.5), 0.01) if body.kind == "omni" else ((0.3, 1.5), 0.15)  # I_yy is but a tenth
         return (Parameter("share", "1", 0.0, -0.8, 3.0, probes, tolerance=tolerance),)
 
     def change(self, plant, values):
@@ -77,7 +77,7 @@ class YawInertiaError(PlantEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5), tolerance=5e-3),)
+        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5), tolerance=0.06),)
 
     def change(self, plant, values):
         return _grown(plant, values["share"], "body_inertia_yaw_kg_m2", "body_inertia_roll_kg_m2")
@@ -101,7 +101,7 @@ class CentreOfGravityOffset(PlantEffect):
         if body.kind == "omni":
             return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.15, 0.15, (0.005, 0.03), tolerance=5e-4) for axis in "xy")
         least = -0.8 * body.plant.centre_of_gravity_m
-        return (Parameter("height_m", "m", 0.0, least, 0.3, (0.003, 0.02), tolerance=2e-4),)
+        return (Parameter("height_m", "m", 0.0, least, 0.3, (0.003, 0.02), tolerance=3e-4),)
 
     def change(self, plant, values):
         if "height_m" in values:
