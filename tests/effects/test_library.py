@@ -209,6 +209,9 @@ def test_a_name_that_is_taken_is_refused(registered):
     class Second(Effect):
         card = Card("mass_error", "", "plant", "", "", "", (), "")
 
+        def parameters(self, body):
+            return ()
+
     registered(mine=[Second()])
     with pytest.raises(InputError, match="entry point mine: there is an effect mass_error already"):
         library()

@@ -4,6 +4,7 @@ An effect either puts one new block into a wire (`BlockEffect`), or is a wrong n
 (`PlantEffect`: mass, radius, slip). At its neutral values the Diagram reproduces the base run bit for bit.
 """
 
+import abc
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -32,7 +33,7 @@ class Body:
     seed: int = 0
 
 
-class Effect:
+class Effect(abc.ABC):
     """An effect: `card`, `kinds` (the robots that can have it), and what the subclass adds.
 
     `choices` names whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
@@ -48,9 +49,9 @@ class Effect:
     #: Units and places in which a wheel of a robot is nothing special: any body with a torque wire can have it.
     general = False
 
+    @abc.abstractmethod
     def parameters(self, body: Body) -> tuple[Parameter, ...]:
         """Its continuous parameters for this body."""
-        raise NotImplementedError
 
     def applies_to(self, body: Body) -> bool:
         return body.kind in self.kinds or (self.general and body.kind not in ("omni", "pendulum", "base"))
@@ -69,17 +70,17 @@ class BlockEffect(Effect):
 
     wire: str
 
+    @abc.abstractmethod
     def spec(self, body: Body, values: Mapping[str, float]) -> Spec:
         """Ports, kernels and parameters of the block at these values."""
-        raise NotImplementedError
 
 
 class PlantEffect(Effect):
     """An effect that is another number in the plant, unknown to controller and odometry."""
 
+    @abc.abstractmethod
     def change(self, plant, values: Mapping[str, float]):
         """A copy of the plant's parameter dataclass with the effect in it."""
-        raise NotImplementedError
 
 
 class EffectBlock(Block):
