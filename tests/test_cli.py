@@ -3,10 +3,10 @@
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -233,11 +233,12 @@ def test_help_answers_at_once_and_without_drake():
     program += "print('heavy:', [name for name in ('pydrake', 'numba', 'numpy', 'scipy') if name in sys.modules])"
     took_s = []
     for _ in range(5):
-        started = time.perf_counter()
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         shown = python("-c", program)
-        took_s.append(time.perf_counter() - started)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        took_s.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     assert "heavy: []" in shown.stdout and "simulate" in shown.stdout
-    assert min(took_s) < 0.3
+    assert min(took_s) < 0.3  # of the processor: the clock on the wall depends on what else it is doing
 
 
 LIGHT = {
