@@ -166,6 +166,10 @@ class Explanation:
                 f"  held out, {name}: {gap.before:.4g} -> {gap.after:.4g} {gap.unit} (floor {gap.floor:.4g}), "
                 f"{100 * gap.closed:.0f} % closed"
             )
+        if self.untestable:
+            names = [entry.effect for entry in self.untestable]
+            more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+            lines.append(f"  these runs cannot show: {', '.join(names[:6])}{more}")
         if self.next_experiment:
             lines.append(f"  next: {self.next_experiment}")
         return "\n".join(lines)
