@@ -10,14 +10,13 @@ from drake_ispace.discrepancy.candidates import Candidate
 from drake_ispace.discrepancy.discriminate import Decision
 from drake_ispace.discrepancy.explanation import Gap
 from drake_ispace.discrepancy.likelihood import Fit, fit
-from drake_ispace.discrepancy.localize import channel_rows
+from drake_ispace.discrepancy.localize import channel_rows, labels_of
 from drake_ispace.discrepancy.predict import Prediction
-from drake_ispace.discrepancy.survey import survey
+from drake_ispace.discrepancy.survey import BLOCK_ROWS, survey
 
 _LEAST_GAP = 12.0  # of misfit in a channel, below which there is no gap to speak of
 _REPLICATES = 500
 _WORSE = 1.02  # times the error before, from which on a channel got worse
-_BLOCK_ROWS = {"motion": 200, "room": 10}
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ def confirm(
     likelihood = here.likelihood
     before, after = likelihood.whitened({}), likelihood.whitened(point)
     best = fit(likelihood, point, iterations=6)
-    labels, blocks = channel_rows(prediction, here), likelihood.whitening.instants(here.residuals, _BLOCK_ROWS)
+    labels, blocks = channel_rows(prediction, here), likelihood.whitening.instants(here.residuals, BLOCK_ROWS)
     errors = [likelihood.freed(w) ** 2 for w in (before, after, best.w)]
     generator = np.random.default_rng([seed, 2])
     draws = generator.integers(0, blocks[-1] + 1, size=(_REPLICATES, blocks[-1] + 1))
@@ -71,13 +70,13 @@ def confirm(
     return Confirmation(gaps, closed, ci90, warnings)
 
 
-def drift(decision: Decision, prediction: Prediction) -> list[str]:
+def drift(decision: Decision) -> list[str]:
     """Parameters that differ from run to run by more than chance, in sentences."""
     named, likelihood = decision.named, decision.end.likelihood
     slopes = likelihood.slopes(named.point, named.order, named.w)
-    found = []
+    starts, found = likelihood.whitening.starts(decision.end.residuals), []
     for at, (candidate, i) in enumerate(named.order):
-        estimates, stds = _by_run(prediction, likelihood, slopes[:, at], named.w)
+        estimates, stds = _by_run(starts, slopes[:, at], named.w)
         known = stds < 10.0 * np.min(stds)
         if known.sum() < 2:
             continue
@@ -92,9 +91,7 @@ def drift(decision: Decision, prediction: Prediction) -> list[str]:
     return found
 
 
-def _by_run(prediction, likelihood, slope, w):
-    lengths = [len(likelihood.whitening.one(i, run)) for i, run in enumerate(prediction.residuals({}))]
-    starts = np.cumsum([0, *lengths])
+def _by_run(starts, slope, w):
     estimates, stds = [], []
     for a, b in itertools.pairwise(starts):
         squared = max(float(slope[a:b] @ slope[a:b]), 1e-12)
@@ -131,10 +128,7 @@ def _noise_sizes(prediction, here):
     units = {"wheel": "rad", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2", "wx": "rad/s", "wy": "rad/s", "wz": "rad/s",
              "x": "m", "y": "m", "heading": "rad", "seen": "1"}
     for stream, noise in here.likelihood.whitening.noise.items():
-        root = np.linalg.inv(noise.unit)
-        std = np.sqrt(np.sum(root**2, axis=1))
-        for name, size in zip(prediction.channels[stream], std, strict=True):
-            prefix = {"room": "kinect", "start": "start", "looks": "kinect"}.get(stream)
-            prefix = prefix or ("encoder" if name.startswith("wheel") else "imu")
-            found[f"{prefix}: {name}"] = (float(size), units.get(name.split()[0], ""))
+        std = np.sqrt(np.sum(np.linalg.inv(noise.unit) ** 2, axis=1))
+        for label, name, size in zip(labels_of(prediction, stream), prediction.channels[stream], std, strict=True):
+            found[label] = (float(size), units[name.split()[0]])
     return found

@@ -172,7 +172,7 @@ def _described(case: Case, decision: Decision) -> Explanation:
     elif effects:
         verdict = "set" if any(effect.equivalents for effect in effects) else "named"
     untestable = _untestable(case, decision)
-    warnings = drift(decision, case.prediction) if named is not None else []
+    warnings = drift(decision) if named is not None else []
     for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:

@@ -10,14 +10,14 @@ from drake_ispace.robots import omni, pendulum
 from drake_ispace.robots.slip import GRAVITY
 from drake_ispace.scenario import Scenario
 
-_BANDWIDTH_RAD_S = 15.0  # of the correction
-_CORRELATION_S = 0.05  # assumed of the forces below
+BANDWIDTH_RAD_S = 15.0  # of the correction
+CORRELATION_S = 0.05  # assumed of the forces below
 #: Root mean square of unknown forces, assumed: omni x, y [N], yaw [N m]; pendulum s [N], phi, theta [N m].
 FORCES = {"omni": (0.15, 0.15, 0.02), "pendulum": (0.1, 0.01, 0.003)}
 _UNDRIVEN = 30.0  # times more where the command was not recorded: the motion itself is the unknown force
 _BASE_ACCELERATION = (0.5, 0.5, 1.0)  # m/s^2, m/s^2, rad/s^2 by which a base leaves its command
 _FINEST_COUNT = 2e-3  # rad
-_OTHER_NOISE = 4.0  # times the spectral density: how far off an assumption about noise may well be
+OTHER_NOISE = 4.0  # times the spectral density: how far off an assumption about noise may well be
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def filter_of(scenario: Scenario, robot: str, has: frozenset[str]) -> Filter:
 
 def other_filters(scenario: Scenario, robot: str, has: frozenset[str]) -> list[Filter]:
     """The same for other assumptions about noise, one changed at a time: each kind of force, then the encoder."""
-    return [_filter(scenario, robot, has, which, _OTHER_NOISE) for which in range(4)]
+    return [_filter(scenario, robot, has, which, OTHER_NOISE) for which in range(4)]
 
 
 def adapted(kind: str, plant) -> dict[str, np.ndarray]:
@@ -111,7 +111,7 @@ def _accelerations(robot, plant, has, factors):
     """(3, 3) spectral density of the accelerations that unknown forces cause."""
     rms = _BASE_ACCELERATION if robot == "base" else FORCES[robot]
     undriven = {"omni": "torque", "pendulum": "torque", "base": "command"}[robot] not in has
-    density = np.diag(2.0 * np.square(rms) * _CORRELATION_S * factors) * (_UNDRIVEN**2 if undriven else 1.0)
+    density = np.diag(2.0 * np.square(rms) * CORRELATION_S * factors) * (_UNDRIVEN**2 if undriven else 1.0)
     if robot == "base":
         return density
     inverse = np.linalg.inv(weight_of(robot, plant))
@@ -120,7 +120,7 @@ def _accelerations(robot, plant, has, factors):
 
 def _feedback(robot, system):
     """Poles at the bandwidth, the error system's own dynamics cancelled."""
-    w = _BANDWIDTH_RAD_S
+    w = BANDWIDTH_RAD_S
     if robot == "base":
         return np.hstack([w * np.eye(3), np.eye(3)])
     return np.hstack([w * w * np.eye(3), 2.0 * w * np.eye(3)]) + system.a[3:]

@@ -69,7 +69,7 @@ def motion_of(prediction: Prediction, track: Track) -> Motion:
     t = np.arange(len(angles)) * TICK_S
     place = np.zeros((len(t), 3))
     if len(track.fix_t) > 1:
-        fixes = track.fix[track.fix_ticks + len(track.command) - track.ticks, 1:4].copy()
+        fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
         place = np.column_stack([np.interp(t, track.fix_t, column) for column in fixes.T])
     return Motion(velocity, place, t, angles, track.command)

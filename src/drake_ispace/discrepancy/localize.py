@@ -22,7 +22,7 @@ def localize(prediction: Prediction, here: Survey, better: np.ndarray) -> list[P
     Args:
         here: of the model as given. better: (rows,) whitened residuals of the best explanation under the same noise.
     """
-    labels = _labels(prediction, here)
+    labels = channel_rows(prediction, here)
     gained = here.w**2 - better**2
     total = float(gained.sum())
     if total <= 0.0:
@@ -51,7 +51,7 @@ def onset(prediction: Prediction, here: Survey, better: np.ndarray) -> str:
     times, gained = [], here.w**2 - better**2
     for run in here.residuals:
         for name, noise in here.likelihood.whitening.noise.items():
-            rows, p = max(len(run[name]) - noise.lags, 0), run[name].shape[1]
+            rows, p = noise.rows(run[name]), run[name].shape[1]
             share = np.repeat((np.arange(rows) + 0.5) / max(rows, 1), p)
             times.append(share if name in ("motion", "room") else np.full(rows * p, np.nan))
     times = np.concatenate(times)
@@ -69,28 +69,20 @@ def onset(prediction: Prediction, here: Survey, better: np.ndarray) -> str:
 
 def channel_rows(prediction: Prediction, here: Survey) -> np.ndarray:
     """(rows,) the channel that each whitened number belongs to."""
-    return _labels(prediction, here)
+    return np.concatenate([
+        np.tile(np.array(labels_of(prediction, name), dtype=object), noise.rows(run[name]))
+        for run in here.residuals for name, noise in here.likelihood.whitening.noise.items()
+    ])
 
 
-def _labels(prediction, here):
-    labels = []
-    for run in here.residuals:
-        for name, noise in here.likelihood.whitening.noise.items():
-            rows = max(len(run[name]) - noise.lags, 0)
-            labels.append(np.tile(np.array(_names(prediction, name), dtype=object), rows))
-    return np.concatenate(labels)
+def labels_of(prediction: Prediction, stream: str) -> list[str]:
+    """The channels of a stream, each with where it was measured in front."""
+    def source(name):
+        if stream == "motion":
+            return "encoder" if name.startswith("wheel") else "imu"
+        return "start" if stream == "start" else "kinect"
 
-
-def _names(prediction, stream):
-    return {
-        "motion": [f"{_CHANNEL.get(name[:5], 'imu')}: {name}" for name in prediction.channels["motion"]],
-        "room": [f"kinect: {name}" for name in prediction.channels["room"]],
-        "start": [f"start: {name}" for name in prediction.channels["start"]],
-        "looks": ["kinect: seen"],
-    }[stream]
-
-
-_CHANNEL = {"wheel": "encoder"}
+    return [f"{source(name)}: {name}" for name in prediction.channels[stream]]
 
 
 def _drivers(m: Motion) -> dict[str, np.ndarray]:
@@ -119,7 +111,7 @@ def _driver(prediction, here, motions: Sequence[Motion], label):
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
     if label in ("kinect: seen",) or label.startswith("start"):
         return "every run alike", 1e-9
-    column = _names(prediction, stream).index(label)
+    column = labels_of(prediction, stream).index(label)
     noise = here.likelihood.whitening.noise[stream]
     for i, (run, m) in enumerate(zip(here.residuals, motions, strict=True)):
         e = noise.whiten(run[stream], here.likelihood.whitening.classes[i].get(stream))[:, column]

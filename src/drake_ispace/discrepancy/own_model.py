@@ -17,7 +17,7 @@ from pydrake.systems.primitives import FirstOrderTaylorApproximation
 from scipy.linalg import solve_continuous_are
 
 from drake_ispace.block import Block
-from drake_ispace.discrepancy.filters import _BANDWIDTH_RAD_S, _CORRELATION_S, _OTHER_NOISE
+from drake_ispace.discrepancy.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.discrepancy.follower import Filter, Follower, design
 from drake_ispace.discrepancy.replay import Replay, Values
 from drake_ispace.discrepancy.room_view import LEAD_TICKS
@@ -192,7 +192,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     }
     if missing := set(model.effects) - set(every):
         raise InputError(f"{model.name}: the known effect {missing.pop()} is not among those given")
-    assumed = ((1.0, 1.0), (_OTHER_NOISE, 1.0), (1.0, _OTHER_NOISE))
+    assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
@@ -231,10 +231,10 @@ def _filter(model, tracks, factors, linear) -> Filter:
     n = model.wheels
     torque = np.sqrt(np.mean(np.vstack([t.command[: t.ticks] for t in tracks]) ** 2)) or 1.0
     rms = _UNKNOWN_SHARE * torque if model.unknown_torque is None else model.unknown_torque
-    process = b @ (2.0 * rms**2 * _CORRELATION_S * factors[0] * np.eye(n)) @ b.T
+    process = b @ (2.0 * rms**2 * CORRELATION_S * factors[0] * np.eye(n)) @ b.T
     sensors = np.full(n, _angle_variance(tracks) * factors[1])
     mobility = c @ a @ b
-    effort = mobility.T @ mobility / _BANDWIDTH_RAD_S**4
+    effort = mobility.T @ mobility / BANDWIDTH_RAD_S**4
     value = solve_continuous_are(a, b, c.T @ c + 1e-12 * np.eye(len(a)), effort)
     feedback = np.linalg.solve(effort, b.T @ value)
     return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n))

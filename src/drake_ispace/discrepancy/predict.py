@@ -6,10 +6,9 @@ make a command that followed it look late); `room`, measured wheels -> the camer
 `start`, the first fix against the pose from which the scenario starts; `looks`, captures that bring no fix.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -67,7 +66,7 @@ class Prediction:
         numbers = self.replay.parameters(values)
         share = self._dropouts(values)
         return [
-            self._one(i, _with(track, command=track.command + added), numbers, share)
+            self._one(i, replace(track, command=track.command + added), numbers, share)
             for i, (track, added) in enumerate(zip(self.tracks, commands, strict=True))
         ]
 
@@ -77,9 +76,8 @@ class Prediction:
         share, found = self._dropouts(values), []
         for i, (track, added) in enumerate(zip(self.tracks, displacements, strict=True)):
             fix = track.fix.copy()
-            at = track.fix_ticks + len(track.command) - track.ticks
-            fix[at, 1:4] -= added[track.fix_ticks]
-            found.append(self._one(i, _with(track, fix=fix), numbers, share))
+            fix[track.fix_rows, 1:4] -= added[track.fix_ticks]
+            found.append(self._one(i, replace(track, fix=fix), numbers, share))
         return found
 
     def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray]]]:
@@ -88,10 +86,10 @@ class Prediction:
         for i, track in enumerate(self.tracks):
             at = self._one(i, track, numbers, share)
             for offset in self._offsets(track):
-                moved = self._one(i, _with(track, measured=track.measured + offset), numbers, share)
+                moved = self._one(i, replace(track, measured=track.measured + offset), numbers, share)
                 found.append((i, {name: moved[name] - at[name] for name in at}))
             for pushed in self._slow_forces(track):
-                moved = self._one(i, _with(track, command=track.command + pushed), numbers, share)
+                moved = self._one(i, replace(track, command=track.command + pushed), numbers, share)
                 found.append((i, {name: moved[name] - at[name] for name in at}))
         return found
 
@@ -162,7 +160,6 @@ class Prediction:
         }
 
 
-
 _MOTION_TAKES = {
     "base": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
     "own": {"encoder", "torque"},
@@ -194,7 +191,7 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
 def _start(track):
     if not len(track.fix_ticks):
         return (track.way_points[0, 1:4] if len(track.way_points) else np.zeros(3)), False
-    first = track.fix[track.fix_ticks[0] + _lead(track), 1:4]
+    first = track.poses[0]
     if not len(track.way_points) or track.fix_t[0] > 0.2:
         return first, False
     start = track.way_points[0, 1:4].copy()
@@ -209,11 +206,3 @@ def wheel_speeds(angles: np.ndarray) -> np.ndarray:
     at = np.arange(len(angles))
     after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)
     return (angles[after] - angles[before]) / ((after - before)[:, None] * TICK_S)
-
-
-def _lead(track):
-    return len(track.command) - track.ticks
-
-
-def _with(track, **changes):
-    return dataclasses.replace(track, **changes)

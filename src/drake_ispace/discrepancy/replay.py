@@ -100,7 +100,7 @@ class Replay:
             run.ticks + LEAD_TICKS, numbers, state,
             inputs={"command": self._command(run), "measured": run.measured, "fix": run.fix},
         )
-        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_ticks + LEAD_TICKS + 1]
+        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _command(self, run):
         """The recorded command; of a base without one, the velocity at which its wheels turn as measured."""

@@ -46,7 +46,7 @@ def _misfit(replay, tracks, starts):
     for track, start in zip(tracks, starts, strict=True):
         if len(track.fix_t) < _FEW:
             continue
-        pose = track.fix[track.fix_ticks + len(track.command) - track.ticks, 1:4].copy()
+        pose = track.poses
         pose[:, 2] = np.unwrap(pose[:, 2])
         rows.append(_in_body(replay.run(track, start, numbers)[1][1:], pose[:-1, 2]))
         steps = np.column_stack([_in_body(np.diff(pose, axis=0), pose[:-1, 2]), np.diff(track.fix_t)])

@@ -14,7 +14,7 @@ from drake_ispace.discrepancy.predict import Prediction, Residuals
 from drake_ispace.discrepancy.whitening import Whitening
 
 _ROUNDS = 2
-_BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike
+BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def survey(
     likelihood = Likelihood(prediction, whitening, columns, sizes, pool)
     screen = Screen(likelihood, found)
     noise = _noise(likelihood, screen, w)
-    screen.calibrate(noise, whitening.instants(base, _BLOCK_ROWS))
+    screen.calibrate(noise, whitening.instants(base, BLOCK_ROWS))
     return Survey(point, base, w, likelihood, screen, noise, whitening.instants(base))
 
 
@@ -80,8 +80,7 @@ def _sizes(candidate, scales):
 
 def _own_rows(whitening, base, offsets):
     """Whitened residual changes of every nuisance, each zero but in its own run."""
-    lengths = [len(whitening.one(i, run)) for i, run in enumerate(base)]
-    starts = np.cumsum([0, *lengths])
+    starts = whitening.starts(base)
     for i, change in offsets:
         column = np.zeros(starts[-1])
         column[starts[i] : starts[i + 1]] = whitening.one(i, change)

@@ -39,6 +39,16 @@ class Track:
     has: frozenset[str]
     way_points: np.ndarray
 
+    @property
+    def fix_rows(self) -> np.ndarray:
+        """(k,) rows of `fix` that hold one."""
+        return self.fix_ticks + LEAD_TICKS
+
+    @property
+    def poses(self) -> np.ndarray:
+        """(k, 3) x, y [m], phi [rad] of the fixes."""
+        return self.fix[self.fix_rows, 1:4]
+
 
 def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     """The run of a robot of that kind ("omni", "pendulum", "base", ...) with that many wheels.

@@ -34,6 +34,10 @@ class Noise:
     unit: np.ndarray
     sizes: np.ndarray
 
+    def rows(self, y: np.ndarray) -> int:
+        """How many rows are left of `y` once whitened."""
+        return max(len(y) - self.lags, 0)
+
     def whiten(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows - lags, p) independent numbers of unit variance; also of a signature, as it is linear."""
         if len(y) <= self.lags:
@@ -118,6 +122,11 @@ class Whitening:
             noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
         ])
 
+    def starts(self, residuals: Residuals) -> np.ndarray:
+        """(runs + 1,) where each run begins in the long vector, and its length."""
+        sizes = [sum(n.rows(run[name]) * run[name].shape[1] for name, n in self.noise.items()) for run in residuals]
+        return np.cumsum([0, *sizes])
+
     def instants(self, residuals: Residuals, together: Mapping[str, int] | None = None) -> np.ndarray:
         """(rows,) for each number of the long vector, which instant of which run and stream it belongs to, ascending.
 
@@ -126,7 +135,7 @@ class Whitening:
         found, start = [], 0
         for run in residuals:
             for name, noise in self.noise.items():
-                rows, p = max(len(run[name]) - noise.lags, 0), run[name].shape[1]
+                rows, p = noise.rows(run[name]), run[name].shape[1]
                 number = np.arange(rows) // (together or {}).get(name, 1)
                 found.append(start + np.repeat(number, p))
                 start += int(number[-1]) + 1 if rows else 0
