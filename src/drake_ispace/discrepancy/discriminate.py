@@ -91,7 +91,7 @@ def decide(
     while len(point) < _MOST_EFFECTS:
         limit = trials(here.screen, here.noise, here.instants, seed)
         tell(f"fitting the leaders{' for what is left' if point else ''}")
-        tries = _leaders(here)
+        tries = leaders(here)
         evidence = max([t.evidence for t in tries] + [_generic_evidence(here)])
         found = detect(evidence, limit)
         first = first or found
@@ -121,7 +121,7 @@ def decide(
     decision.end = here
     if decision.named is not None:
         decision = _pruned(prediction, decision, tried, pool)
-        _compare(decision)
+        compare(decision)
     return decision
 
 
@@ -129,10 +129,10 @@ def _gain_of(leader, unknown):
     return max(leader.gain if leader else 0.0, unknown[1] if unknown else 0.0)
 
 
-def _leaders(here: Survey) -> list[_Try]:
+def leaders(here: Survey) -> list[_Try]:
     """The effects that could explain most, fitted together with those that the model has."""
     screen, likelihood = here.screen, here.likelihood
-    evidence = screen.evidence(here.w)
+    evidence = here.evidence
     base = likelihood.misfit(here.w)
     ranked = [i for i in np.argsort(-evidence) if not isinstance(screen.candidates[i].effect, Generic)]
     found = []
@@ -151,19 +151,18 @@ def _evidence(gain, parameters):
     return float(-chi2.logsf(gain, parameters) / np.log(10.0))
 
 
-def _generics(here: Survey) -> list[tuple[float, float, Generic]]:
+def ranked_generics(here: Survey) -> list[tuple[float, float, Generic]]:
     """(gain, evidence, generic) of all of them, the largest gain first."""
     screen = here.screen
-    evidence = screen.evidence(here.w)
     found = [
-        (screen.joint_gain(candidate, here.w), evidence[i], candidate.effect)
+        (screen.joint_gain(candidate, here.w), here.evidence[i], candidate.effect)
         for i, candidate in enumerate(screen.candidates) if isinstance(candidate.effect, Generic)
     ]
     return sorted(found, key=lambda f: -f[0])
 
 
 def _generic_evidence(here):
-    believed = [e for gain, e, generic in _generics(here) if gain - 2.0 * generic.columns > _least(generic)]
+    believed = [e for gain, e, generic in ranked_generics(here) if gain - 2.0 * generic.columns > _least(generic)]
     return max(believed, default=0.0)
 
 
@@ -175,27 +174,31 @@ def _least(generic):
 def _better_unknown(here: Survey, tries: Sequence[_Try]) -> tuple[Generic, float] | None:
     """A generic disagreement that explains more than every effect, if there is one."""
     best = max([t.gain - cost(t.candidate) for t in tries], default=0.0)
-    for gain, _, generic in _generics(here):
+    for gain, _, generic in ranked_generics(here):
         if gain - 2.0 * generic.columns > max(best + max(MARGIN, 0.03 * best), _least(generic)):
             return generic, gain
     return None
+
+
+def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:
+    """Each effect of `named` -> the best fit of all others, under the noise of `here`."""
+    return {
+        candidate: fit(here.likelihood, {c: z for c, z in named.point.items() if c is not candidate})
+        for candidate in named.point
+    }
 
 
 def _pruned(prediction, decision, tried, pool):
     """Backward deletion: effects without which the others do as well are taken away."""
     named = decision.named
     while len(named.point) > 1:
-        likelihood = decision.end.likelihood
-        losses = {}
-        for candidate in named.point:
-            rest = {c: z for c, z in named.point.items() if c is not candidate}
-            losses[candidate] = fit(likelihood, rest), candidate
-        refits = {c: f.misfit - named.misfit for c, (f, _) in losses.items()}
+        rests = without_each(decision.end, named)
+        refits = {c: rest.misfit - named.misfit for c, rest in rests.items()}
         weakest = min(refits, key=refits.get)
         if refits[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
             decision.gains = refits
             return decision
-        point = losses[weakest][0].point
+        point = rests[weakest].point
         here = survey(prediction, point, tried, pool)
         named = fit(here.likelihood, point)
         gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
@@ -207,11 +210,11 @@ def _pruned(prediction, decision, tried, pool):
     return decision
 
 
-def _compare(decision: Decision) -> None:
+def compare(decision: Decision) -> None:
     """Try every look-alike in the place of every named effect, under the noise of the end."""
     likelihood, named = decision.end.likelihood, decision.named
     start = decision.start
-    evidence = start.screen.evidence(start.w)
+    evidence = start.evidence
     margin = max(MARGIN, _RELATIVE_MARGIN * decision.total_gain)
     for effect in named.point:
         rest = {c: z for c, z in named.point.items() if c is not effect}

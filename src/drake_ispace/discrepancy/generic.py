@@ -96,7 +96,7 @@ def generics(prediction: Prediction, point: Point, base: Residuals, pool: Thread
         candidate = candidate or Candidate(generic, (), generic.parameters(None))
         z = [float(i == at) for i in range(generic.columns)]
         change = [{s: before[s] - after[s] for s in before} for before, after in zip(base, raw, strict=True)]
-        found.append(Signature(candidate, z, False, change))
+        found.append(Signature(candidate, z, at, False, change))
     return found
 
 

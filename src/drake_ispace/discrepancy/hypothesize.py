@@ -19,11 +19,13 @@ class Signature:
     """What an effect of size `z` would take away from the residuals.
 
     Attributes:
-        one_sided: only sizes of this sign are possible. change: before minus after.
+        at: the coordinate that is not neutral. one_sided: only sizes of this sign are possible. change: before minus
+            after.
     """
 
     candidate: Candidate
     z: list[float]
+    at: int
     one_sided: bool
     change: Residuals
 
@@ -41,10 +43,10 @@ def signatures(
             if not all(np.isfinite(part).all() for run in raw for part in run.values()):
                 continue
             change = [{s: before[s] - after[s] for s in before} for before, after in zip(base, raw, strict=True)]
-            (at,) = [i for i in range(len(z)) if z[i] != neutral[i]] or [0]
+            at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
             low, high = candidate.bounds[at]
             one_sided = low >= neutral[at] or high <= neutral[at]
-            found.append(Signature(candidate, z, one_sided, change))
+            found.append(Signature(candidate, z, at, one_sided, change))
     return found
 
 
@@ -107,12 +109,11 @@ class Screen:
 
     def _joint(self, own, products):
         """-log10 p of all parameters of a candidate together, each by its first probe."""
-        firsts, seen = [], set()
+        firsts = {}
         for i in own:
-            (at,) = [k for k, z in enumerate(self.signatures[i].z) if z != self.signatures[i].candidate.neutral[k]][:1]
-            if at not in seen and self.length[i] >= _LEAST:
-                firsts.append(i)
-                seen.add(at)
+            if self.length[i] >= _LEAST:
+                firsts.setdefault(self.signatures[i].at, i)
+        firsts = list(firsts.values())
         if len(firsts) < 2:
             return np.zeros(products.shape[1:])
         g = products[firsts]
@@ -123,16 +124,16 @@ class Screen:
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
         """How much all signatures of a candidate together lower the misfit of `w`."""
         own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        g = self.freed[:, own].T @ w
-        if not own:
-            return 0.0
-        return float(g @ (np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ g)) / self.inflation_of(candidate)
+        return float(self.freed[:, own].T @ w @ self._amounts(own, w)) / self.inflation_of(candidate)
+
+    def _amounts(self, own, w):
+        """(own,) how much of each of these signatures together explains most of `w`."""
+        return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[:, own].T @ w)
 
     def without(self, effect, w: np.ndarray) -> np.ndarray:
         """(rows,) what is left of `w` when the signatures of an effect explain what they can."""
         own = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and self.length[i] >= _LEAST]
-        amounts = np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[:, own].T @ w)
-        return w - self.columns[:, own] @ amounts
+        return w - self.columns[:, own] @ self._amounts(own, w)
 
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""

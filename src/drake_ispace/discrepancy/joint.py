@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from drake_ispace.discrepancy.candidates import Candidate
 from drake_ispace.discrepancy.detect import detect, trials
-from drake_ispace.discrepancy.discriminate import MARGIN, Decision, _compare, _generics, _leaders
+from drake_ispace.discrepancy.discriminate import MARGIN, Decision, compare, leaders, ranked_generics, without_each
 from drake_ispace.discrepancy.likelihood import fit
 from drake_ispace.discrepancy.predict import Prediction
 from drake_ispace.discrepancy.survey import Survey, survey
@@ -30,7 +30,7 @@ def decide_jointly(
     first, best = None, None
     while len(here.point) < _MOST_EFFECTS:
         limit = trials(here.screen, here.noise, here.instants, seed)
-        tries = _leaders(here)
+        tries = leaders(here)
         found = detect(max((t.evidence for t in tries), default=0.0), limit)
         first = first or found
         leader = max(tries, key=lambda t: t.merit, default=None)
@@ -56,18 +56,15 @@ def _thinned(prediction, decision, tried, pool, tell):
         here, named = decision.end, decision.named
         likelihood = here.likelihood
         decision.total_gain = likelihood.misfit(likelihood.whitened({})) - named.misfit
-        losses = {}
-        for candidate in named.point:
-            rest = {c: z for c, z in named.point.items() if c is not candidate}
-            losses[candidate] = fit(likelihood, rest) if rest else None
-        costs = {c: decision.total_gain if f is None else f.misfit - named.misfit for c, f in losses.items()}
+        rests = without_each(here, named)
+        costs = {c: rest.misfit - named.misfit for c, rest in rests.items()}
         weakest = min(costs, key=costs.get)
         if len(costs) == 1 or costs[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
             break
         tell(f"taking {weakest.label} away again")
-        decision.end, decision.named = _at(prediction, losses[weakest].point, tried, pool)
+        decision.end, decision.named = _at(prediction, rests[weakest].point, tried, pool)
     decision.gains = costs
-    _compare(decision)
-    left = _generics(decision.end)
+    compare(decision)
+    left = ranked_generics(decision.end)
     decision.left_over = (left[0][2], left[0][0]) if left else None
     return decision

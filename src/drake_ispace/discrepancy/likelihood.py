@@ -106,7 +106,8 @@ def fit(
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
     misfit, damping = likelihood.misfit(w), 1e-3
-    slopes = None
+    if not order:
+        return Fit(point, misfit, np.empty((0, 0)), order, w)
     for _ in range(iterations):
         slopes = likelihood.slopes(point, order, w)
         freed = likelihood.freed(slopes)
@@ -128,8 +129,7 @@ def fit(
             break
     slopes = likelihood.slopes(point, order, w)
     normal = slopes.T @ likelihood.freed(slopes)
-    covariance = np.linalg.pinv(normal, rcond=1e-10) if len(order) else np.empty((0, 0))
-    return Fit(point, misfit, covariance, order, w)
+    return Fit(point, misfit, np.linalg.pinv(normal, rcond=1e-10), order, w)
 
 
 def _free(point, order, gradient):

@@ -23,7 +23,8 @@ class Survey:
 
     Attributes:
         point: effects in the model. residuals: left by it; w: the same, whitened. likelihood: with the noise of here.
-        screen: tests of every candidate. noise: (rows,) what none of them explains. instants: see Whitening.
+        screen: tests of every candidate. evidence: of each of them in w. noise: (rows,) what none of them explains.
+        instants: see Whitening.
     """
 
     point: Point
@@ -31,6 +32,7 @@ class Survey:
     w: np.ndarray
     likelihood: Likelihood
     screen: Screen
+    evidence: np.ndarray
     noise: np.ndarray
     instants: np.ndarray
 
@@ -59,7 +61,7 @@ def survey(
     screen = Screen(likelihood, found)
     noise = _noise(likelihood, screen, w)
     screen.calibrate(noise, whitening.instants(base, BLOCK_ROWS))
-    return Survey(point, base, w, likelihood, screen, noise, whitening.instants(base))
+    return Survey(point, base, w, likelihood, screen, screen.evidence(w), noise, whitening.instants(base))
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -96,8 +98,8 @@ def _tolerated(found, scales):
     changes, seen = [], set()
     for signature in found:
         candidate = signature.candidate
-        at = next((i for i, z in enumerate(signature.z) if z != candidate.neutral[i]), None)
-        if at is None or (candidate, at) in seen or not candidate.parameters[at].tolerance:
+        at = signature.at
+        if signature.z == candidate.neutral or (candidate, at) in seen or not candidate.parameters[at].tolerance:
             continue
         seen.add((candidate, at))
         parameter = candidate.parameters[at]
@@ -120,8 +122,7 @@ def noise_of(
     for _ in range(_ROUNDS):
         columns = [whitening(change) for change in changes]
         columns = np.stack([*columns, *_own_rows(whitening, residuals, offsets)], axis=1)
-        lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-        amounts = _least_squares(columns / lengths, whitening(residuals)) / lengths
+        amounts = _least_squares(columns, whitening(residuals))
         left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
         for amount, change in zip(amounts, changes, strict=False):
             for run, part in zip(left, change, strict=True):
@@ -135,10 +136,12 @@ def noise_of(
 
 
 def _least_squares(columns, y):
-    """By the normal equations, directions that nearly coincide left out; columns of unit length."""
+    """By the normal equations of columns brought to one length, directions that nearly coincide left out."""
+    lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
+    columns = columns / lengths
     values, vectors = np.linalg.eigh(columns.T @ columns)
     kept = values > 1e-9 * values[-1]
-    return vectors[:, kept] @ ((vectors[:, kept].T @ (columns.T @ y)) / values[kept])
+    return vectors[:, kept] @ ((vectors[:, kept].T @ (columns.T @ y)) / values[kept]) / lengths
 
 
 def _noise(likelihood, screen, w):
@@ -146,6 +149,5 @@ def _noise(likelihood, screen, w):
     columns = np.hstack([screen.columns, likelihood.offsets]) if screen.columns.size else likelihood.offsets
     if not columns.shape[1]:
         return w
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
     left = w - columns @ _least_squares(columns, w)
     return left * np.sqrt(len(w) / max(len(w) - columns.shape[1], 1))
