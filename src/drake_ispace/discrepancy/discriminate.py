@@ -17,13 +17,14 @@ from drake_ispace.discrepancy.detect import Detection, detect, trials
 from drake_ispace.discrepancy.generic import Generic
 from drake_ispace.discrepancy.likelihood import Fit, Point, fit
 from drake_ispace.discrepancy.predict import Prediction
-from drake_ispace.discrepancy.survey import Survey, survey
+from drake_ispace.discrepancy.survey import Survey, settled, survey
 
 MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
 _LEAST_SHARE = 0.05  # of what the others explain, below which a further effect is a flaw of these
 _LEAST_UNNAMED_SHARE = 0.3  # the same for a disagreement without a name
 _SHORTLIST = 6
+_NEAR = 0.4  # of the largest merit, from which on a try is followed until its noise has settled
 _UNNAMED = 60.0  # of misfit, that a disagreement without a name must explain to be believed
 _UNNAMED_LOCAL = 120.0  # the same where it is free in every part of the room
 _MOST_EFFECTS = 4
@@ -109,10 +110,10 @@ def decide(
             decision.unknown = unknown
             decision.nearest = (leader.candidate, leader.gain) if leader else None
             break
-        point = leader.fit.point
-        tell(f"looking again with {', '.join(c.label for c in point)}")
-        here = survey(prediction, point, tried, pool)
-        best = fit(here.likelihood, point)
+        best = _settled_leader(here, tries)
+        tell(f"looking again with {', '.join(c.label for c in best.point)}")
+        here = survey(prediction, best.point, tried, pool, near=True)
+        best = fit(here.likelihood, best.point)
         point = best.point
         gain = here.likelihood.misfit(here.likelihood.whitened({})) - best.misfit
         decision = Decision(first, start, here, best, total_gain=gain)
@@ -123,6 +124,16 @@ def decide(
         decision = _pruned(prediction, decision, tried, pool)
         compare(decision)
     return decision
+
+
+def _settled_leader(here: Survey, tries: Sequence[_Try]) -> Fit:
+    """The likeliest of the tries that come near the best, each with the noise that it leaves.
+
+    Under a noise that was found while the effect was missing, one that only looks like it may gain more.
+    """
+    most = max(t.merit for t in tries)
+    settled_tries = [settled(here.view, t.fit.point) for t in tries if t.merit > _NEAR * most]
+    return min(settled_tries, key=lambda s: s[1].misfit + s[0].whitening.volume(here.residuals))[1]
 
 
 def _gain_of(leader, unknown):
@@ -199,7 +210,7 @@ def _pruned(prediction, decision, tried, pool):
             decision.gains = refits
             return decision
         point = rests[weakest].point
-        here = survey(prediction, point, tried, pool)
+        here = survey(prediction, point, tried, pool, near=True)
         named = fit(here.likelihood, point)
         gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
         decision = Decision(

@@ -81,15 +81,16 @@ def generics(prediction: Prediction, point: Point, base: Residuals, pool: Thread
     values, found = merged(point), []
     jobs = []
     if prediction.channels["motion"]:
-        jobs += [(generic, "force", columns) for generic, columns in _forces(prediction, motions)]
+        jobs += [(generic, prediction.pushed, columns) for generic, columns in _forces(prediction, motions)]
+        jobs += [(generic, prediction.injected, columns) for generic, columns in _torques(prediction, motions)]
     if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.kind != "own":
-        jobs += [(generic, "motion", columns) for generic, columns in _losses(motions)]
+        jobs += [(generic, prediction.displaced, columns) for generic, columns in _losses(motions)]
 
     def one(job):
-        _, link, added = job
-        return prediction.injected(added, values) if link == "force" else prediction.displaced(added, values)
+        _, predicted, added = job
+        return predicted(added, values)
 
-    flat = [(generic, link, added) for generic, link, columns in jobs for added in columns]
+    flat = [(generic, predicted, added) for generic, predicted, columns in jobs for added in columns]
     for (generic, _, _), raw in zip(flat, (pool.map if pool else map)(one, flat), strict=True):
         at = sum(s.candidate.effect is generic for s in found)
         candidate = next((s.candidate for s in found if s.candidate.effect is generic), None)
@@ -101,15 +102,16 @@ def generics(prediction: Prediction, point: Point, base: Residuals, pool: Thread
 
 
 def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:
-    """(generic, for each amplitude the command to add to each run), about a tenth of the usual command in size."""
+    """(generic, for each amplitude the force on each run), about a tenth of the usual command in size."""
     body = prediction.replay.body
-    size = 0.1 * np.sqrt(np.mean(np.vstack([m.command for m in motions]) ** 2)) or 0.01
-    pattern = np.eye(3) if body.kind == "base" else body.plant.geometry.forward
-    pattern = pattern / np.maximum(np.abs(pattern).max(axis=1, keepdims=True), 1e-12)
+    size = _usual(motions)
+    largest = np.ones(3)  # that a command of one puts on the body
+    if body.kind in ("omni", "pendulum"):
+        largest = np.abs(body.plant.geometry.inverse).sum(axis=0)
 
     def push(m, x=0.0, y=0.0, yaw=0.0):
-        force = np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
-        return size * force @ pattern
+        force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
+        return force[:, [0, 2, 1]] * [1.0, 1.0, 0.0] if body.kind == "pendulum" else force
 
     def each(force):
         return [force(m) for m in motions]
@@ -134,15 +136,20 @@ def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray
             lambda m: np.exp(-m.t / _WARM_S), lambda m: m.t / 20.0,
         )
     ]
-    yield Generic("command_that_wears_in", "force", "time and command", 1), [
-        [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
-    ]
     if any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
         cells = _cells(motions)
         yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells[0])), [
             [push(m, *(-unit(m) * inside[:, None]).T) for m, inside in zip(motions, inner, strict=True)]
             for inner in zip(*cells, strict=True)
         ]
+
+
+def _torques(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:
+    """(generic, for each amplitude the command to add to each run), about a tenth of the usual command in size."""
+    body, size = prediction.replay.body, _usual(motions)
+    yield Generic("command_that_wears_in", "force", "time and command", 1), [
+        [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
+    ]
     if body.kind == "base":
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [
@@ -150,8 +157,13 @@ def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray
     ]
     for n in _RIPPLES:
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
-            each(lambda m, n=n, f=f: size * f(n * m.angles)) for f in (np.sin, np.cos)
+            [size * f(n * m.angles) for m in motions] for f in (np.sin, np.cos)
         ]
+
+
+def _usual(motions):
+    """A tenth of the usual command."""
+    return 0.1 * np.sqrt(np.mean(np.vstack([m.command for m in motions]) ** 2)) or 0.01
 
 
 def _losses(motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:

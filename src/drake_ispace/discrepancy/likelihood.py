@@ -1,4 +1,10 @@
-"""Misfit of any effects to the runs: whitened residuals, the runs' own offsets fitted under their priors."""
+"""Misfit of any effects to the runs: whitened residuals, the runs' own offsets fitted under their priors.
+
+The noise's coefficients are estimates too, found while an effect was missing or of another size. Where a controller
+reacts to noise, an effect of its command looks much like a noise that remembers; so near the best point what other
+coefficients could explain is taken from residuals and signatures alike, which makes of a fit what a joint fit of both
+would give. Far from it the residuals' past is mostly the effect itself, and this would hide it.
+"""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +32,7 @@ class Likelihood:
 
     Attributes:
         prediction: model and runs. whitening: of their noise. offsets: (rows, q) nuisance directions, whitened, each
-            one prior standard deviation long.
+            one prior standard deviation long. memory: of the noise, see Whitening.memory.
         sizes: candidate -> a natural size of each of its coordinates.
     """
 
@@ -35,11 +41,22 @@ class Likelihood:
     offsets: np.ndarray
     sizes: Mapping[Candidate, Sequence[float]]
     pool: ThreadPoolExecutor | None = None
+    memory: Sequence[tuple[np.ndarray, np.ndarray]] = ()
+    _own: np.ndarray = field(init=False, repr=False)
     _inner: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
         q = self.offsets.shape[1]
-        self._inner = np.linalg.inv(self.offsets.T @ self.offsets + np.eye(q)) if q else np.empty((0, 0))
+        self._own = self.forgotten(self.offsets)
+        self._inner = np.linalg.inv(self._own.T @ self._own + np.eye(q)) if q else np.empty((0, 0))
+
+    def forgotten(self, vectors: np.ndarray) -> np.ndarray:
+        """(rows,) or (rows, k) without what other coefficients of the noise's memory could explain."""
+        left = vectors.copy()
+        for places, basis in self.memory:
+            part = left[places].reshape(len(places), -1)
+            left[places] -= (basis @ (basis.T @ part)).reshape(left[places].shape)
+        return left
 
     def raw(self, point: Point) -> Residuals:
         return self.prediction.residuals(merged(point), self.pool)
@@ -49,9 +66,10 @@ class Likelihood:
 
     def freed(self, vectors: np.ndarray) -> np.ndarray:
         """What offsets cannot explain, by (I - N (N'N + 1)^-1 N') applied to (rows,) or (rows, k)."""
+        left = self.forgotten(vectors)
         if not self.offsets.shape[1]:
-            return vectors
-        return vectors - self.offsets @ (self._inner @ (self.offsets.T @ vectors))
+            return left
+        return left - self._own @ (self._inner @ (self._own.T @ left))
 
     def misfit(self, w: np.ndarray) -> float:
         """Sum of squares of whitened residuals with the best offsets, priors included."""

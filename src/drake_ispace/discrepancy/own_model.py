@@ -129,6 +129,10 @@ class OwnReplay(Replay):
         """((ticks, n) innovations of the angles, (0, 3) for the room that there is not); start: as Replay."""
         return self._logs(run, start[3:], numbers)["innovation"][1 : run.ticks + 1], np.empty((0, 3))
 
+    def pushed(self, run: Track, force: np.ndarray) -> Track:
+        """The run with the first column of `force` (rows, 3) on every wheel besides."""
+        return replace(run, command=run.command + force[:, :1])
+
     def simulated(self, run: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
         """(ticks + 1, n) wheel angles [rad] with the recorded torque replayed open loop: nothing corrects the model.
 

@@ -30,9 +30,11 @@ _SEGMENT_TICKS = 500  # for which a wheel at rest may hide the same part of a co
 _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # of unknown forces: how long they last, and their share
 _WITHIN_COUNT = 0.4  # of a count, standard deviation
 _START_M, _START_RAD = 0.15, 0.3  # farther from the scenario's start than this, where a run starts is unknown
-_IMU_NAMES = ("ax", "ay", "az", "wx", "wy", "wz")
 #: What a consumer IMU may be off without anything being wrong, per run (standard deviations): its mounting tilts too.
-_IMU_OFFSETS = (0.07, 0.1, 0.05, 0.004, 0.004, 0.004)
+_IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
+#: The roll rate of a body that leans, -yaw rate times tilt, mostly shows how far the tilt that nobody measures is off:
+#: with a sign and a size that turn with the robot, for which no noise that stays the same can stand.
+_NOT_PREDICTED = "wx"
 
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
 
@@ -45,6 +47,7 @@ class Prediction:
         replay: the compiled prediction Diagram. tracks: the runs. starts: pose and wheel angles at t = 0 of each,
             (3 + n,).
         anchored: whether the start of each run is that of the scenario. channels: stream -> names.
+        columns: of the replay's outputs, those in the stream "motion".
     """
 
     replay: Replay
@@ -52,6 +55,7 @@ class Prediction:
     starts: list[np.ndarray]
     anchored: list[bool]
     channels: dict[str, list[str]]
+    columns: list[int]
 
     def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
         """Of every run with these effects in the model."""
@@ -63,22 +67,27 @@ class Prediction:
 
     def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
         """With `commands` (ticks + LEAD, m) added to the recorded ones, one per run."""
-        numbers = self.replay.parameters(values)
-        share = self._dropouts(values)
-        return [
-            self._one(i, replace(track, command=track.command + added), numbers, share)
-            for i, (track, added) in enumerate(zip(self.tracks, commands, strict=True))
-        ]
+        return self._changed([
+            replace(track, command=track.command + added) for track, added in zip(self.tracks, commands, strict=True)
+        ], values)
+
+    def pushed(self, forces: Sequence[np.ndarray], values: Values) -> Residuals:
+        """With `forces` (ticks + LEAD, 3), as Replay.pushed takes them, on the body, one per run."""
+        tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
+        return self._changed(tracks, values)
+
+    def _changed(self, tracks, values):
+        numbers, share = self.replay.parameters(values), self._dropouts(values)
+        return [self._one(i, track, numbers, share) for i, track in enumerate(tracks)]
 
     def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
         """Of a model that moves by `displacements` (ticks + LEAD, 3) [m, m, rad] more, one per run."""
-        numbers = self.replay.parameters(values)
-        share, found = self._dropouts(values), []
-        for i, (track, added) in enumerate(zip(self.tracks, displacements, strict=True)):
+        tracks = []
+        for track, added in zip(self.tracks, displacements, strict=True):
             fix = track.fix.copy()
             fix[track.fix_rows, 1:4] -= added[track.fix_ticks]
-            found.append(self._one(i, replace(track, fix=fix), numbers, share))
-        return found
+            tracks.append(replace(track, fix=fix))
+        return self._changed(tracks, values)
 
     def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray]]]:
         """(run, residual change per standard deviation, by stream) of every offset that a run may have."""
@@ -88,24 +97,20 @@ class Prediction:
             for offset in self._offsets(track):
                 moved = self._one(i, replace(track, measured=track.measured + offset), numbers, share)
                 found.append((i, {name: moved[name] - at[name] for name in at}))
-            for pushed in self._slow_forces(track):
-                moved = self._one(i, replace(track, command=track.command + pushed), numbers, share)
+            for force in self._slow_forces(track):
+                moved = self._one(i, self.replay.pushed(track, force), numbers, share)
                 found.append((i, {name: moved[name] - at[name] for name in at}))
         return found
 
     def _slow_forces(self, track):
-        """(rows, m) command that stands for a force of unknown cause, one standard deviation large, over each stretch
-        of a few seconds."""
-        body = self.replay.body
-        if body.kind not in FORCES or not self.channels["motion"]:
+        """(rows, 3) force of unknown cause, one standard deviation large, over each stretch of a few seconds."""
+        if self.replay.body.kind not in FORCES or not self.channels["motion"]:
             return
-        forward = body.plant.geometry.forward
-        for size, row in zip(FORCES[body.kind][:2] if body.wheels == 2 else FORCES[body.kind],
-                             forward[[0, 2]] if body.wheels == 2 else forward, strict=True):
+        for axis, size in enumerate(FORCES[self.replay.body.kind]):
             for start in range(0, track.ticks, _SLOW_TICKS):
-                pushed = np.zeros_like(track.command)
-                pushed[start : start + _SLOW_TICKS] = _SLOW_SHARE * size * row
-                yield pushed
+                force = np.zeros((len(track.command), 3))
+                force[start : start + _SLOW_TICKS, axis] = _SLOW_SHARE * size
+                yield force
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """With the filter's other gains: were the assumptions about noise wrong, residuals would change like this."""
@@ -129,10 +134,11 @@ class Prediction:
                 end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
                 offset[start:end, column] = _WITHIN_COUNT * count
                 yield offset
-        for column in range(wheels, p):
-            offset = np.zeros((1, p))
-            offset[0, column] = _IMU_OFFSETS[column - wheels]
-            yield offset
+        for column, size in enumerate(_IMU_OFFSETS.values() if p > wheels else (), wheels):
+            if column in self.columns:
+                offset = np.zeros((1, p))
+                offset[0, column] = size
+                yield offset
 
     def classes(self) -> list[dict[str, np.ndarray]]:
         """Per run and stream, (rows,) how slow the slowest wheel is: noise differs between rest and motion."""
@@ -152,7 +158,7 @@ class Prediction:
 
     def _one(self, i, track, numbers, dropouts):
         motion, room = self.replay.run(track, self.starts[i], numbers)
-        motion, room = motion[:, : len(self.channels["motion"])], room[:, : len(self.channels["room"])]
+        motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {
             "motion": motion[_SETTLING_TICKS:], "room": room[1:], "start": first,
@@ -176,16 +182,18 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
     if replay.body.kind == "base":
         replay = tuned(replay, tracks, starts)
     wheels = replay.body.wheels
-    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_NAMES) if replay.body.kind == "pendulum" else [])
+    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if replay.body.kind == "pendulum" else [])
+    followed = replay.feeds >= _MOTION_TAKES[replay.body.kind]
+    columns = [i for i, name in enumerate(names) if followed and name != _NOT_PREDICTED]
     pose = ["x", "y", "heading"] if replay.body.kind != "own" else []
     # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts
     # then shows unknown forces, not physics that it lacks
     channels = {
-        "motion": names if replay.feeds >= _MOTION_TAKES[replay.body.kind] else [],
+        "motion": [names[i] for i in columns],
         "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],
         "start": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [], "looks": ["seen"],
     }
-    return Prediction(replay, list(tracks), starts, anchored, channels)
+    return Prediction(replay, list(tracks), starts, anchored, channels, columns)
 
 
 def _start(track):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.systems.framework import Diagram
-from pydrake.systems.primitives import ConstantVectorSource, Multiplexer
+from pydrake.systems.primitives import Multiplexer
 
 from drake_ispace.block import Spec
 from drake_ispace.discrepancy.filters import adapted, filter_of, other_filters
@@ -82,6 +82,13 @@ class Replay:
                 self._set(numbers, f"{self.body.name}_follower", self.filter(plant))
         return numbers
 
+    def pushed(self, run: Track, force: np.ndarray) -> Track:
+        """The run with a further force on the body in it: (rows, 3) along the axes in which the plant takes the
+        ground's [N, N m]; of a base a further velocity along the axes of B."""
+        if self.body.kind == "base":
+            return dataclasses.replace(run, command=run.command + force)
+        return dataclasses.replace(run, force=force)
+
     def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
         """The same numbers with the gain of another filter."""
         changed = numbers.copy()
@@ -96,10 +103,10 @@ class Replay:
         state = self.rollout.continuous_state.copy()
         state[:3] = start[:3]
         state[self._first_wheel : self._first_wheel + self.body.wheels] = start[3:]
-        logs = self.rollout.run(
-            run.ticks + LEAD_TICKS, numbers, state,
-            inputs={"command": self._command(run), "measured": run.measured, "fix": run.fix},
-        )
+        inputs = {"command": self._command(run), "measured": run.measured, "fix": run.fix}
+        if self.body.kind != "base":
+            inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
+        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _command(self, run):
@@ -138,7 +145,8 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
 
 
 def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
-    """The Diagram with every one of `effects` at its neutral value; inputs command, measured, fix."""
+    """The Diagram with every one of `effects` at its neutral value; inputs command, measured,
+    fix, and force (3,) of the ground on a plant."""
     body, section = body_of(scenario, robot), getattr(scenario, robot)
     plant, follower, view = f"{robot}_plant", f"{robot}_follower", f"{robot}_view"
     neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
@@ -164,14 +172,16 @@ def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects:
         bench.wire((f"{robot}_command.torque", f"{follower}.push"), (f"{follower}.push", f"{plant}.velocity"))
     else:
         wires |= {"torque": [f"{plant}.torque"], "ground_force": [f"{follower}.push"]}
-        bench.add(f"{robot}_ground", ConstantVectorSource(np.zeros(3)))
+        bench.add(f"{robot}_ground", TorqueActuator(Actuator(), 3))
         bench.wire(
-            (f"{robot}_command.torque", f"{plant}.torque"), (f"{robot}_ground.y0", f"{follower}.push"),
+            (f"{robot}_command.torque", f"{plant}.torque"), (f"{robot}_ground.torque", f"{follower}.push"),
             (f"{follower}.push", f"{plant}.ground_force"),
         )
     bench.wire((f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"))
     splice_effects(bench, body, neutral, wires)
     bench.let_in(command=f"{robot}_command.command", measured=f"{follower}.measured", fix=f"{view}.fix")
+    if body.kind != "base":
+        bench.let_in(force=f"{robot}_ground.command")
     bench.show(innovation=f"{follower}.innovation", view=f"{view}.innovation")
     return bench.build(f"{robot}_replay")
 

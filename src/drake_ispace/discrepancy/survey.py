@@ -1,6 +1,6 @@
 """All effects looked at from one point: their signatures, the noise that none explains, and a screen of tests."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -8,13 +8,45 @@ import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate, probes
 from drake_ispace.discrepancy.generic import generics
-from drake_ispace.discrepancy.hypothesize import Screen, signatures
-from drake_ispace.discrepancy.likelihood import Likelihood, Point, merged
+from drake_ispace.discrepancy.hypothesize import Screen, Signature, signatures
+from drake_ispace.discrepancy.likelihood import Fit, Likelihood, Point, fit, merged
 from drake_ispace.discrepancy.predict import Prediction, Residuals
 from drake_ispace.discrepancy.whitening import Whitening
 
 _ROUNDS = 2
+_MOST_TURNS, _STAYS = 8, 0.3  # of noise and sizes found in turn; standard deviations by which a size may still move
 BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike
+
+
+@dataclass(frozen=True)
+class View:
+    """All that can be seen from one point before the noise is known: raw changes of the residuals.
+
+    Attributes:
+        found: signature of every effect. changes: of those that the noise is cleaned of. offsets: (run, change) of
+            every nuisance of a run's own; tolerated: changes by whatever a sound robot may be off.
+        sizes: natural size of each coordinate of each candidate.
+    """
+
+    prediction: Prediction
+    found: list[Signature]
+    changes: list[Residuals]
+    offsets: list[tuple[int, dict[str, np.ndarray]]]
+    tolerated: list[Residuals]
+    sizes: Mapping[Candidate, Sequence[float]]
+    pool: ThreadPoolExecutor | None
+
+    def likelihood(self, residuals: Residuals, near: bool, start: Whitening | None = None) -> Likelihood:
+        """Of the runs, with the noise that is in these residuals; start: noise of a point nearby."""
+        return self.with_noise(noise_of(self.prediction, residuals, self.changes, self.offsets, start), residuals, near)
+
+    def with_noise(self, whitening: Whitening, residuals: Residuals, near: bool) -> Likelihood:
+        """near: whether these residuals are nearly those of the best point, and can tell what the noise remembers."""
+        columns = [*_own_rows(whitening, residuals, self.offsets), *map(whitening, self.tolerated)]
+        rows = whitening.starts(residuals)[-1]
+        offsets = np.stack(columns, axis=1) if columns else np.empty((rows, 0))
+        memory = whitening.memory(residuals) if near else ()
+        return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
 
 
 @dataclass(frozen=True)
@@ -22,12 +54,13 @@ class Survey:
     """Where a model with the effects of `point` stands.
 
     Attributes:
-        point: effects in the model. residuals: left by it; w: the same, whitened. likelihood: with the noise of here.
-        screen: tests of every candidate. evidence: of each of them in w. noise: (rows,) what none of them explains.
-        instants: see Whitening.
+        point: effects in the model. view: raw. residuals: left by it; w: the same, whitened. likelihood: with the noise
+            of here. screen: tests of every candidate. evidence: of each of them in w. noise: (rows,) what none of them
+            explains. instants: see Whitening.
     """
 
     point: Point
+    view: View
     residuals: Residuals
     w: np.ndarray
     likelihood: Likelihood
@@ -39,29 +72,62 @@ class Survey:
 
 def survey(
     prediction: Prediction, point: Point, tried: Sequence[Candidate], pool: ThreadPoolExecutor | None = None,
-    whitening: Whitening | None = None,
+    whitening: Whitening | None = None, near: bool = False,
 ) -> Survey:
-    """Look around `point`. whitening: that of another point, default fitted here."""
-    scales = scales_of(prediction)
+    """Look around `point`. whitening: that of another point, default fitted here. near: see View.with_noise."""
     base = prediction.residuals(merged(point), pool)
-    offsets = prediction.nuisances(merged(point))
-    names = {c.name for c in point}
-    others = [c for c in tried if c.name not in names]
-    found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
-    if whitening is None:
-        steady = [s for s in found if not getattr(s.candidate.effect, "is_local", False)]
-        whitening = noise_of(prediction, base, [s.change for s in steady], offsets)
-    sizes = {c: _sizes(c, scales) for c in tried}
+    view = _view(prediction, point, tried, base, pool)
+    likelihood = view.likelihood(base, near) if whitening is None else view.with_noise(whitening, base, near)
+    whitening = likelihood.whitening
     w = whitening(base)
-    tolerated = [whitening(change) for change in _tolerated(found, scales)]
-    tolerated += [whitening(_difference(base, other)) for other in prediction.under_other_noise(merged(point))]
-    columns = np.stack([*_own_rows(whitening, base, offsets), *tolerated], axis=1) if offsets or tolerated \
-        else np.empty((len(w), 0))
-    likelihood = Likelihood(prediction, whitening, columns, sizes, pool)
-    screen = Screen(likelihood, found)
+    screen = Screen(likelihood, view.found)
     noise = _noise(likelihood, screen, w)
     screen.calibrate(noise, whitening.instants(base, BLOCK_ROWS))
-    return Survey(point, base, w, likelihood, screen, screen.evidence(w), noise, whitening.instants(base))
+    return Survey(point, view, base, w, likelihood, screen, screen.evidence(w), noise, whitening.instants(base))
+
+
+def settled(view: View, start: Point) -> tuple[Likelihood, Fit]:
+    """The best sizes of the effects in `start`, and the noise that is left by them, found in turn until they stay.
+
+    What noise is taken for while a size is wrong holds the size back; a single fit would stop half-way.
+    """
+    point, whitening = start, None
+    for _ in range(_MOST_TURNS):
+        likelihood = view.likelihood(view.prediction.residuals(merged(point), view.pool), True, whitening)
+        found = fit(likelihood, point)
+        moves = [
+            abs(found.point[c][i] - point[c][i]) / max(found.std(c, i, view.sizes), 1e-300) for c, i in found.order
+        ]
+        point, whitening = found.point, likelihood.whitening
+        if max(moves, default=0.0) < _STAYS:
+            break
+    return likelihood, found
+
+
+def _view(prediction, point, tried, base, pool) -> View:
+    scales = scales_of(prediction)
+    names = {c.name for c in point}
+    others = [c for c in tried if c.name not in names]
+    sizes = {c: _sizes(c, scales) for c in tried}
+    found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
+    steady = [s.change for s in found if not getattr(s.candidate.effect, "is_local", False)]
+    changes = steady + _own_changes(prediction, point, sizes, base, pool)
+    other_noise = [_difference(base, other) for other in prediction.under_other_noise(merged(point))]
+    offsets = prediction.nuisances(merged(point))
+    return View(prediction, found, changes, offsets, _tolerated(found, scales) + other_noise, sizes, pool)
+
+
+def _own_changes(prediction, point, sizes, base, pool):
+    """What other sizes of the effects in `point` would change."""
+    changes = []
+    for candidate, z in point.items():
+        for i, (low, high) in enumerate(candidate.bounds):
+            step = 0.2 * max(abs(z[i] - candidate.neutral[i]), sizes[candidate][i])
+            moved = [*z[:i], z[i] + step if z[i] + step <= high else max(z[i] - step, low), *z[i + 1 :]]
+            raw = prediction.residuals(merged({**point, candidate: moved}), pool)
+            if all(np.isfinite(part).all() for run in raw for part in run.values()):
+                changes.append(_difference(base, raw))
+    return changes
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -110,16 +176,17 @@ def _tolerated(found, scales):
 
 def noise_of(
     prediction: Prediction, residuals: Residuals, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]], start: Whitening | None = None,
 ) -> Whitening:
-    """The noise of the residuals without what the changes, and the offsets (run, change), explain of them.
+    """The noise of the residuals without what the changes, and the offsets (run, change), explain of them; start: noise
+    that is nearly this already.
 
     Noise and explanation are found in turn. To take the explanation away first, by plain least squares, would let a
     signature pass for physics that only repeats how the noise itself is correlated.
     """
     classes = prediction.classes()
-    whitening = Whitening(residuals, classes)
-    for _ in range(_ROUNDS):
+    whitening = start or Whitening(residuals, classes)
+    for _ in range(1 if start else _ROUNDS):
         columns = [whitening(change) for change in changes]
         columns = np.stack([*columns, *_own_rows(whitening, residuals, offsets)], axis=1)
         amounts = _least_squares(columns, whitening(residuals))

@@ -25,7 +25,8 @@ class Track:
         measured: (ticks + LEAD, p) outputs, zeros where not recorded. fix: (ticks + LEAD, 5) as RoomView takes them.
         fix_ticks: (k,) ticks whose camera fix is known; fix_t: their times [s].
         missed: (v,) 1 for every scheduled look of the camera without a fix, else 0; empty where there is no schedule.
-        has: the channels that it has.
+        has: the channels that it has. way_points: (r, 4) time and pose of the reference.
+        force: (ticks + LEAD, 3) of the ground on the plant, besides the model's; None: none.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Track:
     missed: np.ndarray
     has: frozenset[str]
     way_points: np.ndarray
+    force: np.ndarray | None = None
 
     @property
     def fix_rows(self) -> np.ndarray:

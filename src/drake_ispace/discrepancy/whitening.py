@@ -47,6 +47,13 @@ class Noise:
             e = e / self.sizes[classes[self.lags :]]
         return e @ self.unit.T
 
+    def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
+        """(rows - lags, p (lags + means)) what `whiten` predicts each row from, over the noise's size there."""
+        before = past(y, self.lags, self.means)
+        if classes is None:
+            return before
+        return before / np.exp(np.mean(np.log(self.sizes), axis=1))[classes[self.lags :], None]
+
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
     """(rows - lags, p (lags + means)) the last rows, and exponential means of all rows before."""
@@ -103,6 +110,13 @@ def _sizes(e, classes):
     return sizes
 
 
+def _orthonormal(columns):
+    """(n, q) of the space of `columns`, directions that nearly vanish left out."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > 1e-10 * values[-1]
+    return columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+
+
 class Whitening:
     """The noise of every stream, and residuals of all runs as one long vector."""
 
@@ -121,6 +135,33 @@ class Whitening:
         return np.concatenate([
             noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
         ])
+
+    def memory(self, residuals: Residuals) -> list[tuple[np.ndarray, np.ndarray]]:
+        """For each stream that remembers: (n, p) its places in the long vector, and (n, q) an orthonormal basis of what
+        its past could do to any of its p channels, were the noise's own coefficients a little different."""
+        places, pasts, at = {}, {}, 0
+        for i, run in enumerate(residuals):
+            for name, noise in self.noise.items():
+                rows, p = noise.rows(run[name]), run[name].shape[1]
+                if rows and len(noise.a):
+                    places.setdefault(name, []).append(at + np.arange(rows * p).reshape(rows, p))
+                    pasts.setdefault(name, []).append(noise.past_of(run[name], self.classes[i].get(name)))
+                at += rows * p
+        return [(np.vstack(places[name]), _orthonormal(np.vstack(pasts[name]))) for name in places]
+
+    def volume(self, residuals: Residuals) -> float:
+        """Twice the logarithm by which whitening shrinks residuals: what a misfit lacks of minus twice the log
+        likelihood where noises are compared."""
+        total = 0.0
+        for name, noise in self.noise.items():
+            log_unit = np.linalg.slogdet(noise.unit)[1]
+            for i, run in enumerate(residuals):
+                total -= 2.0 * noise.rows(run[name]) * log_unit
+                classes = self.classes[i].get(name)
+                if classes is not None and noise.rows(run[name]):
+                    sizes = noise.sizes[classes[noise.lags :]]
+                    total += 2.0 * np.sum(np.log(sizes[np.isfinite(sizes).all(axis=1)]))
+        return float(total)
 
     def starts(self, residuals: Residuals) -> np.ndarray:
         """(runs + 1,) where each run begins in the long vector, and its length."""
