@@ -7,14 +7,14 @@ one without a name that does better makes the verdict "unknown".
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from drake_ispace.discrepancy.candidates import Candidate
 from drake_ispace.discrepancy.detect import Detection, detect, trials
 from drake_ispace.discrepancy.generic import Generic
+from drake_ispace.discrepancy.hypothesize import evidence_of_gain
 from drake_ispace.discrepancy.likelihood import Fit, Point, fit
 from drake_ispace.discrepancy.predict import Prediction
 from drake_ispace.discrepancy.survey import Survey, settled, survey
@@ -22,11 +22,15 @@ from drake_ispace.discrepancy.survey import Survey, settled, survey
 MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
 _LEAST_SHARE = 0.05  # of what the others explain, below which a further effect is a flaw of these
-_LEAST_UNNAMED_SHARE = 0.3  # the same for a disagreement without a name
+_LEAST_SHARE_OF_END = 0.01  # the same under the noise that is left by the others
+_LEAST_FURTHER = 24.0  # of misfit, that a further effect must explain
+_LEAST_UNNAMED_SHARE = 0.15  # the same for a disagreement without a name, and how clear it must be (-log10 p)
+_LEAST_UNNAMED_EVIDENCE = 6.0
 _SHORTLIST = 6
-_NEAR = 0.4  # of the largest merit, from which on a try is followed until its noise has settled
+_NEAR, _NEAR_EVIDENCE = 0.4, 0.25  # of the leader's merit and evidence, from which on another try is followed, too
 _UNNAMED = 60.0  # of misfit, that a disagreement without a name must explain to be believed
 _UNNAMED_LOCAL = 120.0  # the same where it is free in every part of the room
+_UNNAMED_LEAD = MARGIN / (2.0 * np.log(10.0))  # of evidence
 _MOST_EFFECTS = 4
 
 
@@ -47,7 +51,9 @@ class Decision:
             those that cannot be ruled out. unknown: a generic disagreement that explains more than any effect.
         gains: effect -> how much the misfit grows without it. start: survey of the model as given; end: with the
             named effects in it. nearest: where unknown, the effect that explains most, and by how much.
-        left_over: a lesser generic disagreement beside the named effects.
+        left_over: a lesser generic disagreement beside the named effects. total_gain, first_gain: of misfit by the
+            named effects, under the noise of the end and of the start. A model without them makes the latter larger,
+            so that it is what little further effects are measured by.
     """
 
     detection: Detection
@@ -60,10 +66,18 @@ class Decision:
     nearest: tuple[Candidate, float] | None = None
     left_over: tuple[Generic, float] | None = None
     total_gain: float = 0.0
+    first_gain: float = 0.0
+
+    @property
+    def least(self) -> float:
+        """Of misfit, that a further effect must explain not to be taken for a flaw of the others' form."""
+        return max(_LEAST_FURTHER, _LEAST_SHARE * self.first_gain, _LEAST_SHARE_OF_END * self.total_gain)
 
 
 @dataclass(frozen=True)
 class _Try:
+    """A candidate, fitted; gain: of misfit, in units in which noise alone gains one a parameter."""
+
     candidate: Candidate
     fit: Fit
     gain: float
@@ -93,16 +107,16 @@ def decide(
         limit = trials(here.screen, here.noise, here.instants, seed)
         tell(f"fitting the leaders{' for what is left' if point else ''}")
         tries = leaders(here)
-        evidence = max([t.evidence for t in tries] + [_generic_evidence(here)])
+        evidence = max([t.evidence for t in tries] + [e for _, e, _ in _believed(here, bool(point))], default=0.0)
         found = detect(evidence, limit)
         first = first or found
         if not found.found:
             break
-        unknown = _better_unknown(here, tries)
+        unknown = _better_unknown(here, tries, bool(point))
         leader = max(tries, key=lambda t: t.merit, default=None)
-        if point and _gain_of(leader, unknown) < _LEAST_SHARE * decision.total_gain:
+        if point and _gain_of(leader, unknown) < decision.least:
             break
-        if point and unknown is not None and unknown[1] < _LEAST_UNNAMED_SHARE * decision.total_gain:
+        if point and unknown is not None and unknown[1] < _LEAST_UNNAMED_SHARE * decision.first_gain:
             decision.left_over = unknown
             break
         if unknown is not None or leader is None:
@@ -110,13 +124,12 @@ def decide(
             decision.unknown = unknown
             decision.nearest = (leader.candidate, leader.gain) if leader else None
             break
-        best = _settled_leader(here, tries)
+        best = _settled_leader(here, tries, leader)
         tell(f"looking again with {', '.join(c.label for c in best.point)}")
         here = survey(prediction, best.point, tried, pool, near=True)
         best = fit(here.likelihood, best.point)
         point = best.point
-        gain = here.likelihood.misfit(here.likelihood.whitened({})) - best.misfit
-        decision = Decision(first, start, here, best, total_gain=gain)
+        decision = Decision(first, start, here, best, total_gain=_gain_at(here, best), first_gain=_gain_at(start, best))
     if decision is None:
         return Decision(first, start, start)
     decision.end = here
@@ -126,14 +139,27 @@ def decide(
     return decision
 
 
-def _settled_leader(here: Survey, tries: Sequence[_Try]) -> Fit:
-    """The likeliest of the tries that come near the best, each with the noise that it leaves.
+def _settled_leader(here: Survey, tries: Sequence[_Try], leader: _Try) -> Fit:
+    """The likeliest of the leader and the tries that come near it, each with the noise that it leaves.
 
     Under a noise that was found while the effect was missing, one that only looks like it may gain more.
     """
-    most = max(t.merit for t in tries)
-    settled_tries = [settled(here.view, t.fit.point) for t in tries if t.merit > _NEAR * most]
-    return min(settled_tries, key=lambda s: s[1].misfit + s[0].whitening.volume(here.residuals))[1]
+    best, least = None, np.inf
+    for one in tries:
+        near = one.merit > _NEAR * leader.merit and one.evidence > _NEAR_EVIDENCE * leader.evidence
+        if not near and one is not leader:
+            continue
+        likelihood, found = settled(here.view, one.fit.point)
+        value = found.misfit + likelihood.whitening.volume(here.residuals) + cost(one.candidate)
+        if value < least:
+            best, least = found, value
+    return best
+
+
+def _gain_at(here: Survey, named: Fit) -> float:
+    """By how much the named effects lower the misfit under the noise of `here`."""
+    likelihood = here.likelihood
+    return likelihood.misfit(likelihood.whitened({})) - likelihood.misfit(likelihood.whitened(named.point))
 
 
 def _gain_of(leader, unknown):
@@ -152,14 +178,9 @@ def leaders(here: Survey) -> list[_Try]:
             break
         candidate = screen.candidates[i]
         fitted = fit(likelihood, {**here.point, candidate: screen.start(candidate, here.w)})
-        gain = max(base - fitted.misfit, 0.0)
-        robust = gain / screen.inflation_of(candidate)
-        found.append(_Try(candidate, fitted, gain, min(evidence[i], _evidence(robust, len(candidate.parameters)))))
+        gain = max(base - fitted.misfit, 0.0) / screen.inflation_of(candidate)
+        found.append(_Try(candidate, fitted, gain, min(evidence[i], evidence_of_gain(gain, len(candidate.parameters)))))
     return found
-
-
-def _evidence(gain, parameters):
-    return float(-chi2.logsf(gain, parameters) / np.log(10.0))
 
 
 def ranked_generics(here: Survey) -> list[tuple[float, float, Generic]]:
@@ -172,9 +193,12 @@ def ranked_generics(here: Survey) -> list[tuple[float, float, Generic]]:
     return sorted(found, key=lambda f: -f[0])
 
 
-def _generic_evidence(here):
-    believed = [e for gain, e, generic in ranked_generics(here) if gain - 2.0 * generic.columns > _least(generic)]
-    return max(believed, default=0.0)
+def _believed(here, further):
+    """Of `ranked_generics`, those that explain enough; further: beside named effects."""
+    return [
+        (gain, evidence, generic) for gain, evidence, generic in ranked_generics(here)
+        if (evidence > _LEAST_UNNAMED_EVIDENCE if further else gain - 2.0 * generic.columns > _least(generic))
+    ]
 
 
 def _least(generic):
@@ -182,13 +206,12 @@ def _least(generic):
     return _UNNAMED_LOCAL if generic.is_local else _UNNAMED
 
 
-def _better_unknown(here: Survey, tries: Sequence[_Try]) -> tuple[Generic, float] | None:
-    """A generic disagreement that explains more than every effect, if there is one."""
-    best = max([t.gain - cost(t.candidate) for t in tries], default=0.0)
-    for gain, _, generic in ranked_generics(here):
-        if gain - 2.0 * generic.columns > max(best + max(MARGIN, 0.03 * best), _least(generic)):
-            return generic, gain
-    return None
+def _better_unknown(here: Survey, tries: Sequence[_Try], further: bool) -> tuple[Generic, float] | None:
+    """A generic disagreement for which there is more evidence than for every effect, if there is one; further: beside
+    named effects."""
+    best = max([t.evidence for t in tries], default=0.0)
+    least = best + max(_UNNAMED_LEAD, 0.03 * best)
+    return next(((generic, gain) for gain, evidence, generic in _believed(here, further) if evidence > least), None)
 
 
 def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:
@@ -206,17 +229,14 @@ def _pruned(prediction, decision, tried, pool):
         rests = without_each(decision.end, named)
         refits = {c: rest.misfit - named.misfit for c, rest in rests.items()}
         weakest = min(refits, key=refits.get)
-        if refits[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
+        if refits[weakest] > max(2.0 * MARGIN, decision.least):
             decision.gains = refits
             return decision
         point = rests[weakest].point
         here = survey(prediction, point, tried, pool, near=True)
         named = fit(here.likelihood, point)
-        gain = here.likelihood.misfit(here.likelihood.whitened({})) - named.misfit
-        decision = Decision(
-            decision.detection, decision.start, here, named, unknown=decision.unknown, nearest=decision.nearest,
-            total_gain=gain, left_over=decision.left_over,
-        )
+        gains = {"total_gain": _gain_at(here, named), "first_gain": _gain_at(decision.start, named)}
+        decision = replace(decision, end=here, named=named, **gains)
     decision.gains = {next(iter(named.point)): decision.total_gain}
     return decision
 

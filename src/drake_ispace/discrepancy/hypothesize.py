@@ -5,13 +5,22 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import gammaln
 from scipy.stats import chi2
 
 from drake_ispace.discrepancy.candidates import Candidate, probes
 from drake_ispace.discrepancy.likelihood import Likelihood, Point, merged
 from drake_ispace.discrepancy.predict import Prediction, Residuals
 
+_FAR = 500.0  # half a gain, beyond which the tail of chi square is taken by its asymptote
 _LEAST = 1.0  # squared length of a signature below which the runs say nothing about the effect at that size
+
+
+def evidence_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
+    """-log10 of the chance that `parameters` numbers fitted to noise gain so much, also where that is below 10^-300."""
+    half, k = np.maximum(np.asarray(gain) / 2.0, _FAR), parameters / 2.0
+    tail = -half + (k - 1.0) * np.log(half) - gammaln(k) + np.log1p((k - 1.0) / half)
+    return -np.where(half > _FAR, tail, chi2.logsf(np.minimum(gain, 2.0 * _FAR), parameters)) / np.log(10.0)
 
 
 @dataclass(frozen=True)
@@ -103,7 +112,7 @@ class Screen:
         best = []
         for candidate in self.candidates:
             own = self._of[candidate]
-            single = -chi2.logsf(gains[own].max(axis=0), 1) / np.log(10.0)
+            single = evidence_of_gain(gains[own].max(axis=0), 1)
             best.append(np.maximum(single, self._joint(own, g)) if len(candidate.parameters) > 1 else single)
         return np.array(best)
 
@@ -119,7 +128,7 @@ class Screen:
         g = products[firsts]
         gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
         gain = gain / self.inflation[firsts].max()
-        return -chi2.logsf(gain, len(firsts)) / np.log(10.0)
+        return evidence_of_gain(gain, len(firsts))
 
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
         """How much all signatures of a candidate together lower the misfit of `w`."""
