@@ -1,55 +1,27 @@
 """Between the commanded torque and what the motor gives: effects in the wire `torque`, all wheels alike or one.
 
-Memory is kept in the sensing phase: at t_k+1 it stores what went through on [t_k, t_k+1), before the next command
-acts. So the output follows the command of its own tick, and nothing is a tick late. Torque is constant over a tick;
-what changes within one enters with its mean.
+Memory is kept as shaping.py says.
 """
 
 import math
 
 import numpy as np
 
-from drake_ispace.block import Output, Phase, Spec, Update
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.shaping import LEAST_LIMIT, delay_spec, keep, lag_spec, mix, scale, shaping_spec, shift
 from drake_ispace.kernels import kernel
 from drake_ispace.rates import TICK_S
-
-_LEAST = 1e-6  # smallest limit that a scenario may set
-
-
-def _torque_spec(body, function, parameters, update=None, state_size=0):
-    """Of a block from torque to torque, with one update of `state_size` numbers in the sensing phase or none."""
-    memory = {"discrete_state": np.zeros(state_size), "updates": (Update(update, Phase.SENSE),)} if update else {}
-    return Spec(
-        inputs={"torque": body.wheels}, outputs={"torque": Output(body.wheels, function)}, parameters=parameters,
-        **memory,
-    )
-
-
-@kernel
-def held_before(xd, torque, age, i):
-    """What was held on wheel i `age` ticks ago; x_d as in `remember_commands`."""
-    return torque[i] if age == 0 else xd[(age - 1) * torque.shape[0] + i]
 
 
 @kernel
 def delayed(xd, torque, delay_ticks, out):
-    whole = int(delay_ticks)
-    share = delay_ticks - whole
-    for i in range(out.shape[0]):
-        newer, older = held_before(xd, torque, whole, i), held_before(xd, torque, whole + 1, i)
-        out[i] = (1.0 - share) * newer + share * older
+    shift(xd, torque, delay_ticks, out)
 
 
 @kernel
 def remember_commands(xd, torque, out):
-    """x_d = the torques held on the last ticks, the newest (n) first."""
-    n = torque.shape[0]
-    for i in range(n):
-        out[i] = torque[i]
-    for i in range(n, out.shape[0]):
-        out[i] = xd[i - n]
+    keep(xd, torque, out)
 
 
 class CommandDelay(BlockEffect):
@@ -71,9 +43,7 @@ class CommandDelay(BlockEffect):
         return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.001, 0.005, 0.02), tolerance=2e-4),)
 
     def spec(self, body, values):
-        rows = math.ceil(self.longest_s / TICK_S) + 1
-        ticks = round(values["delay_s"] / TICK_S, 6)  # 0.005 s is one tick
-        return _torque_spec(body, delayed, {"delay_ticks": ticks}, remember_commands, rows * body.wheels)
+        return delay_spec("torque", body.wheels, delayed, remember_commands, values["delay_s"], self.longest_s)
 
 
 @kernel
@@ -97,10 +67,10 @@ class TorqueSaturation(BlockEffect):
     )
 
     def parameters(self, body):
-        return (Parameter("limit_n_m", "N*m", math.inf, _LEAST, math.inf, (1.0, 2.0), "torque", reciprocal=True),)
+        return (Parameter("limit_n_m", "N*m", math.inf, LEAST_LIMIT, math.inf, (1.0, 2.0), "torque", reciprocal=True),)
 
     def spec(self, body, values):
-        return _torque_spec(body, saturated, {"limit_n_m": values["limit_n_m"]})
+        return shaping_spec("torque", body.wheels, saturated, {"limit_n_m": values["limit_n_m"]})
 
 
 @kernel
@@ -125,11 +95,12 @@ class TorqueSlewLimit(BlockEffect):
 
     def parameters(self, body):
         return (
-            Parameter("rate_n_m_s", "N*m/s", math.inf, _LEAST, math.inf, (10.0, 50.0), "torque", reciprocal=True),
+            Parameter("rate_n_m_s", "N*m/s", math.inf, LEAST_LIMIT, math.inf, (10.0, 50.0), "torque", reciprocal=True),
         )
 
     def spec(self, body, values):
-        return _torque_spec(body, slewed, {"most_n_m": values["rate_n_m_s"] * TICK_S}, slewed, body.wheels)
+        most = values["rate_n_m_s"] * TICK_S
+        return shaping_spec("torque", body.wheels, slewed, {"most_n_m": most}, slewed, body.wheels)
 
 
 @kernel
@@ -156,13 +127,12 @@ class ActuatorDeadZone(BlockEffect):
         return (Parameter("width_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.01),)
 
     def spec(self, body, values):
-        return _torque_spec(body, beyond_dead_zone, {"width_n_m": values["width_n_m"]})
+        return shaping_spec("torque", body.wheels, beyond_dead_zone, {"width_n_m": values["width_n_m"]})
 
 
 @kernel
 def scaled(torque, gain, out):
-    for i in range(out.shape[0]):
-        out[i] = gain[i] * torque[i]
+    scale(torque, gain, out)
 
 
 class TorqueGainError(BlockEffect):
@@ -182,7 +152,7 @@ class TorqueGainError(BlockEffect):
         return (Parameter("share", "1", 0.0, -0.7, 0.7, (0.05,), tolerance=0.005),)
 
     def spec(self, body, values):
-        return _torque_spec(body, scaled, {"gain": np.full(body.wheels, 1.0 + values["share"])})
+        return shaping_spec("torque", body.wheels, scaled, {"gain": np.full(body.wheels, 1.0 + values["share"])})
 
 
 class WeakMotor(BlockEffect):
@@ -211,7 +181,7 @@ class WeakMotor(BlockEffect):
     def spec(self, body, values):
         gain = np.ones(body.wheels)
         gain[int(values["wheel"]) - 1] = 1.0 - values["loss"]
-        return _torque_spec(body, scaled, {"gain": gain})
+        return shaping_spec("torque", body.wheels, scaled, {"gain": gain})
 
 
 @kernel
@@ -243,7 +213,8 @@ class BatterySagTime(BlockEffect):
         return (Parameter("rate_per_s", "1/s", 0.0, -0.03, 0.03, (0.003, 0.01), tolerance=5e-4),)
 
     def spec(self, body, values):
-        return _torque_spec(body, sagged_in_time, {"rate_per_s": values["rate_per_s"]}, remember_time, 1)
+        rate = values["rate_per_s"]
+        return shaping_spec("torque", body.wheels, sagged_in_time, {"rate_per_s": rate}, remember_time, 1)
 
 
 @kernel
@@ -275,29 +246,21 @@ class BatterySagLoad(BlockEffect):
         return (Parameter("share_per_n_m", "1/(N*m)", 0.0, 0.0, math.inf, (0.1, 0.5), tolerance=0.02),)
 
     def spec(self, body, values):
-        return _torque_spec(body, sagged_by_load, {"share_per_n_m": values["share_per_n_m"]})
+        return shaping_spec("torque", body.wheels, sagged_by_load, {"share_per_n_m": values["share_per_n_m"]})
 
 
 @kernel
 def lagged(xd, torque, blend, out):
-    for i in range(out.shape[0]):
-        out[i] = blend * xd[i] + (1.0 - blend) * torque[i]
+    mix(xd, torque, blend, out)
 
 
 @kernel
 def remember_lagged(xd, torque, memory, out):
-    """x_d = [torque of the lag at the end of the tick (n)]."""
-    for i in range(out.shape[0]):
-        out[i] = memory * xd[i] + (1.0 - memory) * torque[i]
+    mix(xd, torque, memory, out)
 
 
 class MotorLag(BlockEffect):
-    """First-order lag of the held command.
-
-    At the end of a tick it has reached y_k = a y_k-1 + (1 - a) tau_k, a = exp(-T/time_constant). Over the tick it
-    gives its mean, b y_k-1 + (1 - b) tau_k with b = (1 - a) time_constant/T. (The value at the end would come half a
-    tick early: a lag of 5 ms would pass for one of 7 ms.)
-    """
+    """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
 
     wire = "torque"
     general = True
@@ -313,10 +276,7 @@ class MotorLag(BlockEffect):
         return (Parameter("time_constant_s", "s", 0.0, 0.0, 0.2, (0.001, 0.005, 0.02), tolerance=2e-4),)
 
     def spec(self, body, values):
-        constant = values["time_constant_s"]
-        memory = math.exp(-TICK_S / constant) if constant > 0.0 else 0.0
-        parameters = {"memory": memory, "blend": (1.0 - memory) * constant / TICK_S}
-        return _torque_spec(body, lagged, parameters, remember_lagged, body.wheels)
+        return lag_spec("torque", body.wheels, lagged, remember_lagged, values["time_constant_s"])
 
 
 EFFECTS = (

@@ -17,14 +17,12 @@ import numpy as np
 from drake_ispace.effects.effect import Body
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import kernel
-from drake_ispace.rates import TICK_S
 from drake_ispace.robots import omni, pendulum
-from drake_ispace.robots.friction import friction_parameters
+from drake_ispace.robots.friction import dry_slope, friction_parameters, stable_slope
 
 #: Smallest w_s [rad/s]: below it nothing that an encoder sees would change.
 LEAST_SPEED_RAD_S = 0.05
 
-_STABLE = 2.51  # slope times step times mobility at which Runge-Kutta 3 goes unstable
 _SHARE = 0.8  # of what is left, for one effect
 _LEAST_SHARE = 0.05  # of it, left for effects by a plant whose friction takes all
 
@@ -42,20 +40,17 @@ def slope_left(body: Body) -> float:
     elif isinstance(body.plant, pendulum.PendulumPlantParameters):
         mobility_of = pendulum.mobility
     elif hasattr(body.plant, "mobility"):  # of a user's own
-        return _STABLE / (TICK_S * max(float(np.abs(np.linalg.eigvals(body.plant.mobility)).max()), 1e-300))
+        return stable_slope(max(float(np.abs(np.linalg.eigvals(body.plant.mobility)).max()), 1e-300))
     else:
         return math.inf
     try:
         with np.errstate(all="ignore"):
             mobility = mobility_of(body.plant)
             own = friction_parameters(body.plant.friction, mobility, f"{body.name}.plant.friction")
-            most = _STABLE / (TICK_S * float(np.linalg.eigvalsh(mobility)[-1]))
+            most = stable_slope(float(np.linalg.eigvalsh(mobility)[-1]))
     except (InputError, ValueError):  # the plant refuses such numbers itself, and says why
         return math.inf
-    dry = 0.0
-    if own["coulomb"] > 0.0:
-        dry = own["damping"] if own["bristle"] > 0.0 else own["coulomb"] / own["speed_scale"]
-    return max(most - dry - own["viscous"], _LEAST_SHARE * most)
+    return max(most - dry_slope(own) - own["viscous"], _LEAST_SHARE * most)
 
 
 def steepest_slope(body: Body) -> float:

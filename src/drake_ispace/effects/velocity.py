@@ -1,50 +1,26 @@
 """Between a commanded body velocity and the one that a robot follows: effects in the wire `velocity`.
 
-Memory is kept in the sensing phase, as in actuator.py, so nothing is a tick late. Velocity is constant over a tick;
-what changes within one enters with its mean.
+Memory is kept as shaping.py says.
 """
 
 import math
 
 import numpy as np
 
-from drake_ispace.block import Output, Phase, Spec, Update
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.shaping import LEAST_LIMIT, delay_spec, keep, lag_spec, mix, scale, shaping_spec, shift
 from drake_ispace.kernels import kernel
-from drake_ispace.rates import TICK_S
-
-_LEAST = 1e-6  # smallest limit that a scenario may set
-
-
-def _velocity_spec(function, parameters, update=None, state_size=0):
-    """Of a block from velocity to velocity, with one update of `state_size` numbers in the sensing phase or none."""
-    memory = {"discrete_state": np.zeros(state_size), "updates": (Update(update, Phase.SENSE),)} if update else {}
-    return Spec(inputs={"velocity": 3}, outputs={"velocity": Output(3, function)}, parameters=parameters, **memory)
-
-
-@kernel
-def held_before(xd, velocity, age, axis):
-    """What was commanded along an axis `age` ticks ago; x_d as in `remember_commands`."""
-    return velocity[axis] if age == 0 else xd[3 * (age - 1) + axis]
 
 
 @kernel
 def delayed(xd, velocity, delay_ticks, out):
-    whole = int(delay_ticks)
-    share = delay_ticks - whole
-    for axis in range(3):
-        newer, older = held_before(xd, velocity, whole, axis), held_before(xd, velocity, whole + 1, axis)
-        out[axis] = (1.0 - share) * newer + share * older
+    shift(xd, velocity, delay_ticks, out)
 
 
 @kernel
 def remember_commands(xd, velocity, out):
-    """x_d = the velocities commanded on the last ticks, the newest (3) first."""
-    for i in range(3):
-        out[i] = velocity[i]
-    for i in range(3, out.shape[0]):
-        out[i] = xd[i - 3]
+    keep(xd, velocity, out)
 
 
 class VelocityDelay(BlockEffect):
@@ -66,9 +42,7 @@ class VelocityDelay(BlockEffect):
         return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.01, 0.05)),)
 
     def spec(self, body, values):
-        rows = math.ceil(self.longest_s / TICK_S) + 1
-        ticks = round(values["delay_s"] / TICK_S, 6)  # 0.005 s is one tick
-        return _velocity_spec(delayed, {"delay_ticks": ticks}, remember_commands, 3 * rows)
+        return delay_spec("velocity", 3, delayed, remember_commands, values["delay_s"], self.longest_s)
 
 
 @kernel
@@ -97,18 +71,17 @@ class VelocitySaturation(BlockEffect):
 
     def parameters(self, body):
         return (
-            Parameter("limit_m_s", "m/s", math.inf, _LEAST, math.inf, (0.15, 0.3), reciprocal=True),
-            Parameter("limit_rad_s", "rad/s", math.inf, _LEAST, math.inf, (0.5, 1.0), reciprocal=True),
+            Parameter("limit_m_s", "m/s", math.inf, LEAST_LIMIT, math.inf, (0.15, 0.3), reciprocal=True),
+            Parameter("limit_rad_s", "rad/s", math.inf, LEAST_LIMIT, math.inf, (0.5, 1.0), reciprocal=True),
         )
 
     def spec(self, body, values):
-        return _velocity_spec(saturated, {name: values[name] for name in ("limit_m_s", "limit_rad_s")})
+        return shaping_spec("velocity", 3, saturated, {name: values[name] for name in ("limit_m_s", "limit_rad_s")})
 
 
 @kernel
 def scaled(velocity, gain, out):
-    for axis in range(3):
-        out[axis] = gain[axis] * velocity[axis]
+    scale(velocity, gain, out)
 
 
 class VelocityGain(BlockEffect):
@@ -131,7 +104,7 @@ class VelocityGain(BlockEffect):
 
     def spec(self, body, values):
         shares = (values["share_x"], values["share_y"], values["share_yaw"])
-        return _velocity_spec(scaled, {"gain": np.array([1.0 + share for share in shares])})
+        return shaping_spec("velocity", 3, scaled, {"gain": np.array([1.0 + share for share in shares])})
 
 
 @kernel
@@ -159,28 +132,21 @@ class VelocityCoupling(BlockEffect):
         return tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
 
     def spec(self, body, values):
-        return _velocity_spec(coupled, {name: values[name] for name in ("yaw_per_x", "yaw_per_y")})
+        return shaping_spec("velocity", 3, coupled, {name: values[name] for name in ("yaw_per_x", "yaw_per_y")})
 
 
 @kernel
 def lagged(xd, velocity, blend, out):
-    for axis in range(3):
-        out[axis] = blend * xd[axis] + (1.0 - blend) * velocity[axis]
+    mix(xd, velocity, blend, out)
 
 
 @kernel
 def remember_lagged(xd, velocity, memory, out):
-    """x_d = [velocity of the lag at the end of the tick (3)]."""
-    for axis in range(3):
-        out[axis] = memory * xd[axis] + (1.0 - memory) * velocity[axis]
+    mix(xd, velocity, memory, out)
 
 
 class VelocityLag(BlockEffect):
-    """First-order lag of the held command.
-
-    At the end of a tick it has reached y_k = a y_k-1 + (1 - a) v_k, a = exp(-T/time_constant). Over the tick it gives
-    its mean, b y_k-1 + (1 - b) v_k with b = (1 - a) time_constant/T.
-    """
+    """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
 
     kinds = ("base",)
     wire = "velocity"
@@ -198,10 +164,7 @@ class VelocityLag(BlockEffect):
         return (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
 
     def spec(self, body, values):
-        constant = values["time_constant_s"]
-        memory = math.exp(-TICK_S / constant) if constant > 0.0 else 0.0
-        parameters = {"memory": memory, "blend": (1.0 - memory) * constant / TICK_S}
-        return _velocity_spec(lagged, parameters, remember_lagged, 3)
+        return lag_spec("velocity", 3, lagged, remember_lagged, values["time_constant_s"])
 
 
 EFFECTS = (VelocityDelay(), VelocitySaturation(), VelocityGain(), VelocityCoupling(), VelocityLag())

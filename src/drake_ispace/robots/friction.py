@@ -9,6 +9,7 @@ friction adds its c to the slope.
 dragged along once per tick. A load below C is held without creep. (LuGre and Karnopp need far smaller steps.)
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,18 @@ _BRISTLE_DAMPING_RATIO = 0.7
 _STABLE_SLOPE = 2.51  # slope times step times mobility at which Runge-Kutta 3 goes unstable
 
 
+def stable_slope(mobility: float) -> float:
+    """Slope of friction [N m s/rad] at which the fixed step goes unstable; `mobility`: its largest eigenvalue."""
+    return _STABLE_SLOPE / (TICK_S * mobility)
+
+
+def dry_slope(parameters: Mapping[str, float]) -> float:
+    """Slope of the dry friction around standstill [N m s/rad] in a plant's parameter group."""
+    if parameters["bristle"] > 0.0 and parameters["coulomb"] > 0.0:
+        return parameters["damping"]
+    return parameters["coulomb"] / parameters["speed_scale"]
+
+
 def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) -> dict[str, float]:
     """The parameter group of a plant.
 
@@ -57,21 +70,20 @@ def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) ->
             f"{where}.speed_scale_rad_s: {scale:g} rad/s is too steep for the 5 ms step with coulomb_n_m = "
             f"{friction.coulomb_n_m:g}, expected at least {smallest_scale:.4g} rad/s (or null to use that)"
         )
-    is_bristle = friction.model == "elastoplastic"
     scale = scale or max(smallest_scale, 1e-6)
     stiffness = (_BRISTLE_FREQUENCY / TICK_S) ** 2 / largest
     damping = 2.0 * _BRISTLE_DAMPING_RATIO * np.sqrt(stiffness / largest)
-    dry_slope = damping if is_bristle and friction.coulomb_n_m > 0.0 else friction.coulomb_n_m / scale
-    most = _STABLE_SLOPE / (TICK_S * largest) - dry_slope
+    parameters = {
+        "coulomb": friction.coulomb_n_m, "viscous": friction.viscous_n_m_s, "speed_scale": scale,
+        "bristle": float(friction.model == "elastoplastic"), "stiffness": stiffness, "damping": damping,
+    }
+    most = stable_slope(largest) - dry_slope(parameters)
     if friction.viscous_n_m_s > most:
         raise InputError(
             f"{where}.viscous_n_m_s: {friction.viscous_n_m_s:g} N*m*s/rad is too much for the 5 ms step, "
             f"expected at most {most:.3g}"
         )
-    return {
-        "coulomb": friction.coulomb_n_m, "viscous": friction.viscous_n_m_s, "speed_scale": scale,
-        "bristle": float(is_bristle), "stiffness": stiffness, "damping": damping,
-    }
+    return parameters
 
 
 @kernel
