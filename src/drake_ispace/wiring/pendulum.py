@@ -13,8 +13,8 @@ from drake_ispace.control.friction_compensator import FrictionCompensator
 from drake_ispace.control.odometry import PendulumOdometry
 from drake_ispace.control.paths import build_path, check_inside
 from drake_ispace.control.position_estimator import PositionEstimator
-from drake_ispace.control.tracker import TRACKING_ERROR, TrajectoryTracker
-from drake_ispace.control.trajectory import WayPoint
+from drake_ispace.control.tracker import TRACKING_ERROR, Tracker, TrajectoryTracker
+from drake_ispace.control.trajectory import WAY_POINT, WayPoint
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.friction import Friction
@@ -41,6 +41,15 @@ from drake_ispace.wiring.room import add_room, oldest_fix_ticks
 
 #: The inputs that take this robot's fix from the room.
 PENDULUM_VIEW = {"pendulum_plant": ["pendulum_tracker.fix", "pendulum_link.fix"]}
+#: The wires from error and tilt to the commanded torque.
+FEEDBACK = (
+    ("pendulum_error.error", "pendulum_controller.error"),
+    ("pendulum_tilt_filter.tilt", "pendulum_controller.tilt"),
+    ("pendulum_odometry.velocity", "pendulum_controller.velocity"),
+    ("pendulum_controller.torque", "pendulum_compensator.torque"),
+    ("pendulum_encoder.message", "pendulum_compensator.encoder"),
+    ("pendulum_compensator.torque", "pendulum_actuator.command"),
+)
 
 
 def pendulum_multirate(scenario: Scenario) -> Diagram:
@@ -73,27 +82,58 @@ def pendulum_jacobian_tracking(scenario: Scenario) -> Diagram:
 
 def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) -> None:
     """The whole robot and its part of the room."""
+    robot, control = scenario.pendulum, scenario.pendulum.control
+    body_share = float(MOTIONS.index(robot.plant.motion))
+    add_pendulum_body(bench, scenario, body_share, control.tracker, control.estimator_as_printed)
+    oldest = oldest_fix_ticks(scenario, TRACKING_ERROR)
+    bench.add("pendulum_error", HeldError() if vision_only else ErrorEstimator(oldest))
+    bench.add("pendulum_controller", BalanceController(pendulum_gain(robot)))
+    bench.add("pendulum_compensator", FrictionCompensator(control.friction_compensation, 2))
+    bench.wire(
+        ("pendulum_link.order", "pendulum_error.error"),
+        *FEEDBACK,
+        ("pendulum_actuator.torque", "pendulum_plant.torque"),
+    )
+    if not vision_only:
+        bench.wire(("pendulum_odometry.path", "pendulum_error.path"))
+    bench.show(pendulum_error="pendulum_error.error")
+
+
+def add_pendulum_body(
+    bench: Bench, scenario: Scenario, body_share: float, tracker: Tracker | None = None,
+    estimator_as_printed: bool = False,
+) -> list[float]:
+    """Plant, actuator, sensors, odometry, estimate, way point and link: everything but the feedback law.
+
+    Args:
+        body_share: of odometry. estimator_as_printed: of the position estimator.
+        tracker: settings of the tracker whose error the link carries; without one it carries the way point.
+
+    Returns:
+        Where the robot starts.
+    """
     robot, seed = scenario.pendulum, scenario.seed
     path = build_path(robot.trajectory, "pendulum.trajectory")
     check_inside(path, scenario.space.width_m, scenario.space.depth_m, "pendulum.trajectory")
     start = robot.initial_pose or start_pose(robot.trajectory, path)
-    plant, control = robot.plant, robot.control
-    oldest = oldest_fix_ticks(scenario, TRACKING_ERROR)
-    body_share = float(MOTIONS.index(plant.motion))
+    radius_m, half_track_m = robot.plant.wheel_radius_m, robot.plant.half_track_m
+    order_size = TRACKING_ERROR if tracker else WAY_POINT
+    oldest = oldest_fix_ticks(scenario, order_size)
 
     bench.add("pendulum_plant", pendulum_plant(scenario, start))
     bench.add("pendulum_actuator", TorqueActuator(robot.actuator, 2, seed, "pendulum.actuator"))
     bench.add("pendulum_encoder", WheelEncoder(robot.encoder, 2))
     bench.add("pendulum_imu", InertialSensor(robot.imu, seed, "pendulum.imu"))
     bench.add("pendulum_tilt_filter", TiltKalmanFilter(robot.tilt_filter, robot.initial_tilt_rad))
-    bench.add("pendulum_odometry", PendulumOdometry(plant.wheel_radius_m, plant.half_track_m, start, body_share))
-    bench.add("pendulum_estimator", PositionEstimator(oldest, control.estimator_as_printed))
+    bench.add("pendulum_odometry", PendulumOdometry(radius_m, half_track_m, start, body_share))
+    bench.add("pendulum_estimator", PositionEstimator(oldest, estimator_as_printed))
     bench.add("pendulum_way_point", WayPoint(robot.trajectory, path, start[:2]))
-    bench.add("pendulum_tracker", TrajectoryTracker(control.tracker))
-    bench.add("pendulum_link", RoomLink(scenario.space.link, TRACKING_ERROR, seed, "pendulum.link"))
-    bench.add("pendulum_error", HeldError() if vision_only else ErrorEstimator(oldest))
-    bench.add("pendulum_controller", BalanceController(pendulum_gain(robot)))
-    bench.add("pendulum_compensator", FrictionCompensator(control.friction_compensation, 2))
+    order = "pendulum_way_point.way_point"
+    if tracker:
+        bench.add("pendulum_tracker", TrajectoryTracker(tracker))
+        bench.wire((order, "pendulum_tracker.way_point"))
+        order = "pendulum_tracker.error"
+    bench.add("pendulum_link", RoomLink(scenario.space.link, order_size, seed, "pendulum.link"))
     bench.wire(
         ("pendulum_plant.wheel_angle", "pendulum_encoder.wheel_angle"),
         ("pendulum_plant.wheel_rate", "pendulum_encoder.wheel_rate"),
@@ -101,30 +141,19 @@ def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) ->
         ("pendulum_imu.message", "pendulum_tilt_filter.imu"),
         ("pendulum_encoder.message", "pendulum_odometry.encoder"),
         ("pendulum_tilt_filter.tilt", "pendulum_odometry.tilt"),
-        ("pendulum_way_point.way_point", "pendulum_tracker.way_point"),
-        ("pendulum_tracker.error", "pendulum_link.order"),
+        (order, "pendulum_link.order"),
         ("pendulum_encoder.tick", "pendulum_link.robot_tick"),
         ("pendulum_link.fix", "pendulum_estimator.fix"),
         ("pendulum_odometry.pose", "pendulum_estimator.odometry"),
-        ("pendulum_link.order", "pendulum_error.error"),
-        ("pendulum_error.error", "pendulum_controller.error"),
-        ("pendulum_tilt_filter.tilt", "pendulum_controller.tilt"),
-        ("pendulum_odometry.velocity", "pendulum_controller.velocity"),
-        ("pendulum_controller.torque", "pendulum_compensator.torque"),
-        ("pendulum_encoder.message", "pendulum_compensator.encoder"),
-        ("pendulum_compensator.torque", "pendulum_actuator.command"),
-        ("pendulum_actuator.torque", "pendulum_plant.torque"),
     )
-    if not vision_only:
-        bench.wire(("pendulum_odometry.path", "pendulum_error.path"))
     bench.show(
         pendulum_pose="pendulum_plant.pose", pendulum_balance="pendulum_plant.balance",
         pendulum_encoder="pendulum_encoder.message", pendulum_imu="pendulum_imu.message",
         pendulum_torque="pendulum_actuator.held_command", pendulum_fix="pendulum_link.fix",
         pendulum_odometry="pendulum_odometry.pose", pendulum_estimate="pendulum_estimator.pose",
         pendulum_way_point="pendulum_way_point.way_point", pendulum_tilt="pendulum_tilt_filter.tilt",
-        pendulum_error="pendulum_error.error",
     )
+    return start
 
 
 def pendulum_plant(scenario: Scenario, start) -> LeafSystem:

@@ -8,26 +8,16 @@ from pydrake.systems.framework import Diagram
 from drake_ispace.control.adaptive_compensator import AdaptiveCompensator
 from drake_ispace.control.balance_controller import BalanceController
 from drake_ispace.control.friction_compensator import FrictionCompensator
-from drake_ispace.control.odometry import PendulumOdometry
 from drake_ispace.control.online_identifier import OnlineIdentifier
-from drake_ispace.control.paths import build_path, check_inside
-from drake_ispace.control.position_estimator import PositionEstimator
 from drake_ispace.control.servo import ServoController
 from drake_ispace.control.straight_error import StraightError
-from drake_ispace.control.trajectory import WAY_POINT, WayPoint
-from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.impulse import TorqueImpulse
 from drake_ispace.robots.pendulum import MOTIONS
 from drake_ispace.scenario import Scenario
-from drake_ispace.sensing.encoder import WheelEncoder
-from drake_ispace.sensing.imu import InertialSensor
 from drake_ispace.sensing.sinusoid_noise import NoisyState
-from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
-from drake_ispace.space.link import RoomLink
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.omni import start_pose
-from drake_ispace.wiring.pendulum import linear_model, pendulum_gain, pendulum_plant
-from drake_ispace.wiring.room import add_room, oldest_fix_ticks
+from drake_ispace.wiring.pendulum import FEEDBACK, add_pendulum_body, linear_model, pendulum_gain
+from drake_ispace.wiring.room import add_room
 
 _VIEW = {"pendulum_plant": ["pendulum_link.fix"]}
 
@@ -80,12 +70,7 @@ def pendulum_friction_compensation(scenario: Scenario) -> Diagram:
     bench.wire(
         ("pendulum_odometry.path", "pendulum_error.path"),
         ("pendulum_link.order", "pendulum_error.way_point"),
-        ("pendulum_error.error", "pendulum_controller.error"),
-        ("pendulum_tilt_filter.tilt", "pendulum_controller.tilt"),
-        ("pendulum_odometry.velocity", "pendulum_controller.velocity"),
-        ("pendulum_controller.torque", "pendulum_compensator.torque"),
-        ("pendulum_encoder.message", "pendulum_compensator.encoder"),
-        ("pendulum_compensator.torque", "pendulum_actuator.command"),
+        *FEEDBACK,
         ("pendulum_actuator.torque", "pendulum_impulse.torque"),
         ("pendulum_impulse.torque", "pendulum_plant.torque"),
         ("pendulum_encoder.message", "pendulum_identifier.encoder"),
@@ -102,40 +87,7 @@ def pendulum_friction_compensation(scenario: Scenario) -> Diagram:
 
 
 def add_straight_robot(bench: Bench, scenario: Scenario) -> list[float]:
-    """Plant, actuator, sensors, odometry, estimate and way point of a robot on a straight line; where it starts."""
-    robot, seed = scenario.pendulum, scenario.seed
-    path = build_path(robot.trajectory, "pendulum.trajectory")
-    check_inside(path, scenario.space.width_m, scenario.space.depth_m, "pendulum.trajectory")
-    start = robot.initial_pose or start_pose(robot.trajectory, path)
+    """The body of a robot on a straight line; where it starts."""
+    robot = scenario.pendulum
     body_share = float(MOTIONS.index(robot.plant.motion)) if robot.model == "nonlinear" else 1.0
-    radius_m, half_track_m = robot.plant.wheel_radius_m, robot.plant.half_track_m
-
-    bench.add("pendulum_plant", pendulum_plant(scenario, start))
-    bench.add("pendulum_actuator", TorqueActuator(robot.actuator, 2, seed, "pendulum.actuator"))
-    bench.add("pendulum_encoder", WheelEncoder(robot.encoder, 2))
-    bench.add("pendulum_imu", InertialSensor(robot.imu, seed, "pendulum.imu"))
-    bench.add("pendulum_tilt_filter", TiltKalmanFilter(robot.tilt_filter, robot.initial_tilt_rad))
-    bench.add("pendulum_odometry", PendulumOdometry(radius_m, half_track_m, start, body_share))
-    bench.add("pendulum_estimator", PositionEstimator(oldest_fix_ticks(scenario, WAY_POINT)))
-    bench.add("pendulum_way_point", WayPoint(robot.trajectory, path, start[:2]))
-    bench.add("pendulum_link", RoomLink(scenario.space.link, WAY_POINT, seed, "pendulum.link"))
-    bench.wire(
-        ("pendulum_plant.wheel_angle", "pendulum_encoder.wheel_angle"),
-        ("pendulum_plant.wheel_rate", "pendulum_encoder.wheel_rate"),
-        ("pendulum_plant.body_motion", "pendulum_imu.body_motion"),
-        ("pendulum_imu.message", "pendulum_tilt_filter.imu"),
-        ("pendulum_encoder.message", "pendulum_odometry.encoder"),
-        ("pendulum_tilt_filter.tilt", "pendulum_odometry.tilt"),
-        ("pendulum_way_point.way_point", "pendulum_link.order"),
-        ("pendulum_encoder.tick", "pendulum_link.robot_tick"),
-        ("pendulum_link.fix", "pendulum_estimator.fix"),
-        ("pendulum_odometry.pose", "pendulum_estimator.odometry"),
-    )
-    bench.show(
-        pendulum_pose="pendulum_plant.pose", pendulum_balance="pendulum_plant.balance",
-        pendulum_encoder="pendulum_encoder.message", pendulum_imu="pendulum_imu.message",
-        pendulum_torque="pendulum_actuator.held_command", pendulum_fix="pendulum_link.fix",
-        pendulum_odometry="pendulum_odometry.pose", pendulum_estimate="pendulum_estimator.pose",
-        pendulum_way_point="pendulum_way_point.way_point", pendulum_tilt="pendulum_tilt_filter.tilt",
-    )
-    return start
+    return add_pendulum_body(bench, scenario, body_share)
