@@ -72,25 +72,28 @@ def test_other_robots_stay_in_the_room_on_every_motion(diagram, robot):
         assert recording.robot == robot and np.abs(recording.channels["kinect"].values[:, :2]).max() < 1.1
 
 
-def refused(call, *parts):
+def refusal(*arguments):
     with pytest.raises(InputError) as error:
-        call()
-    assert all(part in str(error.value) for part in parts)
+        hide(*arguments)
+    return str(error.value)
 
 
-def test_what_cannot_be_hidden_is_refused(model):
-    refused(lambda: hide(model, "omni", {"coulomb": {}}), "effects.coulomb", "no such effect")
-    refused(lambda: hide(model, "omni", {"coulomb_friction": {"torque": 1.0}}), "coulomb_friction.torque", "unknown")
-    refused(lambda: hide(model, "omni", {"gyro_bias": {}}), "gyro_bias", "omni cannot have it")
-    refused(lambda: hide(model, "omni", {}, ["spiral"]), "no motion 'spiral'", "square")
-    refused(lambda: hide(model, "omnni", {}), "no robot 'omnni'", "did you mean 'omni'?")
-    refused(lambda: hide(model, "pendulum", {}, ["square"], seconds=0.1), "omni_multirate has no robot pendulum")
+@pytest.mark.parametrize("arguments, parts", [
+    (["omni", {"coulomb": {}}], ["effects.coulomb", "no such effect"]),
+    (["omni", {"coulomb_friction": {"torque": 1.0}}], ["coulomb_friction.torque", "unknown"]),
+    (["omni", {"gyro_bias": {}}], ["gyro_bias", "omni cannot have it"]),
+    (["omni", {}, ["spiral"]], ["no motion 'spiral'", "square"]),
+    (["omnni", {}], ["no robot 'omnni'", "did you mean 'omni'?"]),
+    (["pendulum", {}, ["square"]], ["omni_multirate has no robot pendulum"]),
+])
+def test_what_cannot_be_hidden_is_refused(model, arguments, parts):
+    message = refusal(model, *arguments)
+    assert [part for part in parts if part not in message] == []
 
 
 def test_a_robot_that_gets_lost_is_no_data():
-    model = load_scenario("pendulum_multirate")
-    weak = {"weak_motor": {"loss": 0.9}}
-    refused(lambda: hide(model, "pendulum", weak, ["square"]), "weak_motor", "falls or is lost after", "smaller")
+    message = refusal(load_scenario("pendulum_multirate"), "pendulum", {"weak_motor": {"loss": 0.9}}, ["square"])
+    assert "weak_motor" in message and "falls or is lost after" in message and "smaller" in message
 
 
 def test_an_effect_without_a_wire_in_the_diagram_is_refused():

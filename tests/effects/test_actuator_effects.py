@@ -1,29 +1,16 @@
-"""Effects between command and motor: numbers by hand, neutral values, parity with Drake, bad values."""
+"""Effects between command and motor: numbers by hand."""
 
 import math
 
 import numpy as np
 import pytest
 
-from drake_ispace.effects import transmission
 from drake_ispace.effects.actuator import EFFECTS
 from drake_ispace.effects.effect import Body, EffectBlock
-from drake_ispace.errors import InputError
 from drake_ispace.kernels import arguments
 from drake_ispace.rates import TICK_S
-from drake_ispace.rollout.engine import parity, simulate_compiled
-from drake_ispace.scenario import load_scenario
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
-#: One scenario has them all, the transmission's too: it is compiled once for both files of tests.
-LISTED = [f"omni.effects.{effect.card.name}={{}}" for effect in (*EFFECTS, *transmission.EFFECTS)]
-STRONG = {
-    "command_delay": "{delay_s: 0.012}", "torque_saturation": "{limit_n_m: 0.02}",
-    "torque_slew_limit": "{rate_n_m_s: 1.5}", "actuator_dead_zone": "{width_n_m: 0.002}",
-    "torque_gain_error": "{share: -0.1}", "weak_motor": "{wheel: 2, loss: 0.3}",
-    "battery_sag_time": "{rate_per_s: 0.03}", "battery_sag_load": "{share_per_n_m: 1.0}",
-    "motor_lag": "{time_constant_s: 0.02}",
-}
 
 
 def body(wheels=1):
@@ -65,9 +52,6 @@ def test_a_block_has_its_output_on_a_bare_context():
     context = block.CreateDefaultContext()
     block.GetInputPort("torque").FixValue(context, [2.0, 0.3, -2.0])
     assert list(block.GetOutputPort("torque").Eval(context)) == [1.5, 0.0, -1.5]
-
-
-# ------------------------------------------------------------------------------------------------------ by hand
 
 
 def test_a_delay_of_whole_ticks_shifts():
@@ -119,43 +103,3 @@ def test_a_lag_gives_the_mean_over_each_tick():
     assert given("motor_lag", np.ones(4), time_constant_s=TICK_S) == pytest.approx(means)
     # what is missing of a long step is its time constant, as of a delay
     assert TICK_S * np.sum(1.0 - given("motor_lag", np.ones(400), time_constant_s=0.03)) == pytest.approx(0.03)
-
-
-# ------------------------------------------------------------------------------------------------ in a scenario
-
-
-def run(*overrides):
-    return simulate_compiled(load_scenario("omni_multirate", ["seconds=2", *overrides])).signals
-
-
-@pytest.fixture(scope="module")
-def neutral():
-    return run(*LISTED)
-
-
-def test_neutral_values_change_no_bit(neutral):
-    for name, rows in run().items():
-        assert np.array_equal(rows, neutral[name]), name
-
-
-@pytest.mark.parametrize("name", STRONG)
-def test_other_values_change_the_run(name, neutral):
-    assert not np.array_equal(run(*LISTED, f"omni.effects.{name}={STRONG[name]}")["omni_pose"], neutral["omni_pose"])
-
-
-def test_parity_with_drake_with_all_of_them():
-    strong = [f"omni.effects.{name}={values}" for name, values in STRONG.items()]
-    found = parity(load_scenario("omni_multirate", ["seconds=2", *LISTED, *strong]))
-    assert found["ticks"] == 400 and found["max_abs_difference"] == 0.0
-
-
-@pytest.mark.parametrize("bad", [
-    "command_delay.delay_s=0.061", "command_delay.delay_s=-0.001", "torque_saturation.limit_n_m=0",
-    "torque_saturation.limit_n_m=.inf", "torque_slew_limit.rate_n_m_s=-1", "actuator_dead_zone.width_n_m=-0.1",
-    "torque_gain_error.share=0.8", "weak_motor.wheel=5", "weak_motor.wheel=1.5", "weak_motor.loss=1",
-    "battery_sag_time.rate_per_s=0.1", "battery_sag_load.share_per_n_m=-1", "motor_lag.time_constant_s=0.3",
-    "motor_lag.time_s=0.1",
-])
-def test_bad_values_are_refused_by_name(bad):
-    with pytest.raises(InputError, match=bad.partition("=")[0].replace(".", r"\.")):
-        load_scenario("omni_multirate", [f"omni.effects.{bad}"])

@@ -105,10 +105,17 @@ def test_values_change_numbers_and_nothing_else(effect, body):
 
 @pytest.mark.parametrize("effect, body", EVERY)
 def test_a_fit_may_put_any_value_within_bounds(effect, body):
+    neutral = effect.neutral(body)
+    at_neutral = numbers(effect, body, neutral)
     for p in effect.parameters(body):
-        ends = [value for value in (p.low, p.high) if math.isfinite(value)]
-        for value in ends:
-            numbers(effect, body, effect.neutral(body) | {p.name: value})
+        for value in filter(math.isfinite, (p.low, p.high)):
+            found = numbers(effect, body, neutral | {p.name: value})
+            if isinstance(effect, BlockEffect):
+                assert found.parameter_names == at_neutral.parameter_names
+                assert not np.isnan(found.parameter_values).any()
+            else:
+                assert type(found) is type(body.plant) and not re.search(r"\bnan\b", repr(found))
+                assert (found == at_neutral) == (value == p.neutral)
 
 
 # The page

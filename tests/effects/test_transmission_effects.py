@@ -1,31 +1,16 @@
-"""Effects between motor and wheel: numbers by hand, neutral values, parity with Drake, bad values."""
+"""Effects between motor and wheel: numbers by hand."""
 
 import math
 
 import numpy as np
 import pytest
 
-from drake_ispace.effects import actuator
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
-from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
-from drake_ispace.rollout.engine import parity, simulate_compiled
-from drake_ispace.scenario import body_of, load_scenario
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
-STRONG = {
-    "viscous_friction": "{coefficient_n_m_s: 0.0005}", "coulomb_friction": "{torque_n_m: 0.003}",
-    "stribeck_friction": "{bump_n_m: 0.002, speed_rad_s: 2.0}", "load_dependent_friction": "{share: 0.1}",
-    "transmission_backlash": "{gap_rad: 0.05}",
-}
-#: One scenario has them all, the actuator's too: it is compiled once for both files of tests.
-LISTED = [f"omni.effects.{effect.card.name}={{}}" for effect in (*actuator.EFFECTS, *EFFECTS)]
 RAIL = Body("rail", "rail", None, 3)
-
-
-def robot_body(robot, *overrides):
-    return body_of(load_scenario(f"{robot}_multirate", list(overrides)), robot)
 
 
 def given(name, torque, wheel_rate, body=RAIL, **values):
@@ -35,9 +20,6 @@ def given(name, torque, wheel_rate, body=RAIL, **values):
     block.GetInputPort("torque").FixValue(context, torque)
     block.GetInputPort("wheel_rate").FixValue(context, wheel_rate)
     return block.GetOutputPort("torque").Eval(context)
-
-
-# ------------------------------------------------------------------------------------------------------ by hand
 
 
 def test_viscous_friction_grows_with_speed():
@@ -69,50 +51,3 @@ def test_backlash_leads_by_half_a_gap_and_crosses_it_as_the_torque_drives():
         leads.append(after[0])
         xd = after
     assert leads == pytest.approx([0.0, 0.04, 0.05, 0.05, 0.01, -0.03, -0.05])
-
-
-# ------------------------------------------------------------------------------------------------ in a scenario
-
-
-def run(*overrides):
-    return simulate_compiled(load_scenario("omni_multirate", ["seconds=2", *overrides])).signals
-
-
-@pytest.fixture(scope="module")
-def neutral():
-    return run(*LISTED)
-
-
-def test_neutral_values_change_no_bit(neutral):
-    for name, rows in run().items():
-        assert np.array_equal(rows, neutral[name]), name
-
-
-@pytest.mark.parametrize("name", STRONG)
-def test_other_values_change_the_run(name, neutral):
-    assert not np.array_equal(run(*LISTED, f"omni.effects.{name}={STRONG[name]}")["omni_pose"], neutral["omni_pose"])
-
-
-def test_strong_dry_friction_does_not_rattle(neutral):
-    strong = run(*LISTED, "omni.effects.coulomb_friction.torque_n_m=0.05")["omni_velocity"]
-    jumps, before = (np.abs(np.diff(rows, axis=0)).max(axis=0) for rows in (strong, neutral["omni_velocity"]))
-    assert (jumps < 2.0 * before).all()
-
-
-def test_parity_with_drake_with_all_of_them():
-    strong = [f"omni.effects.{name}={values}" for name, values in STRONG.items()]
-    found = parity(load_scenario("omni_multirate", ["seconds=2", *LISTED, *strong]))
-    assert found["ticks"] == 400 and found["max_abs_difference"] == 0.0
-
-
-@pytest.mark.parametrize(("robot", "bad"), [
-    ("omni", "viscous_friction.coefficient_n_m_s=0.17"),  # the 5 ms step allows 0.163
-    ("omni", "viscous_friction.coefficient_n_m_s=-0.001"), ("pendulum", "viscous_friction.coefficient_n_m_s=-0.011"),
-    ("omni", "coulomb_friction.torque_n_m=-0.001"), ("pendulum", "coulomb_friction.torque_n_m=-0.0062"),
-    ("omni", "stribeck_friction.bump_n_m=-1"), ("omni", "stribeck_friction.speed_rad_s=0"),
-    ("omni", "load_dependent_friction.share=1"), ("omni", "transmission_backlash.gap_rad=-0.1"),
-    ("omni", "transmission_backlash.gap_m=0.1"),
-])
-def test_bad_values_are_refused_by_name(robot, bad):
-    with pytest.raises(InputError, match=bad.partition("=")[0].replace(".", r"\.")):
-        load_scenario(f"{robot}_multirate", [f"{robot}.effects.{bad}"])
