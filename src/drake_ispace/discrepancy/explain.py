@@ -14,6 +14,7 @@ import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate, candidates, value_of
 from drake_ispace.discrepancy.confirm import Confirmation, confirm, drift, on_bound
+from drake_ispace.discrepancy.controller import ControllerCheck, check_controller
 from drake_ispace.discrepancy.discriminate import Decision, decide
 from drake_ispace.discrepancy.explanation import (
     DetectionResult,
@@ -39,6 +40,7 @@ _VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise
 _FORM_SHARE = 0.04  # of a parameter: how far its estimate is off because no model has exactly the robot's form
 _ROBOT_OF = {"velocity_base": "base", "odometry_replay": "base"}
 _THREADS = 2
+_FOREIGN_CONTROL = 0.12  # share of the torque that the model's controller may leave (its own one leaves 0 to 0.09)
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Case:
 
     scenario: Scenario | None
     robot: str
+    runs: list[Recording]
     replay: Replay
     prediction: Prediction
     held_out: Prediction | None
@@ -80,6 +83,9 @@ def explain(
         if case.held_out is not None and decision.named is not None:
             tell("confirming on the held-out runs")
             _confirmed(answer, confirm(case.held_out, decision, seed, pool))
+    if case.scenario is not None:
+        tell("checking the controller")
+        _controlled(answer, [check_controller(case.scenario, case.robot, run) for run in case.runs])
     answer.runs = [track.name for track in case.prediction.tracks]
     answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
     answer.seconds = time.perf_counter() - started
@@ -103,7 +109,8 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
         tracks = [own_track(recording, model, name) for name, recording in recordings]
         proof = [own_track(recording, model, name) for name, recording in others]
         replay = own_replay(model, tracks + proof, effects)
-        return Case(None, model.name, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+        runs = [recording for _, recording in recordings]
+        return Case(None, model.name, runs, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     robot = _robot(scenario, recordings + others)
     wheels = len(getattr(scenario, robot).plant.geometry.wheels)
     tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
@@ -114,7 +121,10 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     if robot == "base" and "command" not in has:
         tracks, proof = ([replace(t, command=np.zeros_like(t.command)) for t in part] for part in (tracks, proof))
     replay = replay_of(scenario, robot, has, effects)
-    case = Case(scenario, robot, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+    case = Case(
+        scenario, robot, [recording for _, recording in recordings], replay, predict(replay, tracks),
+        predict(replay, proof) if proof else None,
+    )
     for prediction in (case.prediction, *([case.held_out] if proof else [])):
         if not any(rows.size for run in prediction.residuals({}) for rows in run.values()):
             raise InputError(
@@ -252,6 +262,20 @@ def _add(case: Case, decision: Decision, answer: Explanation) -> None:
                   for name, value in together.items() if np.isfinite(value)}
         section.effects = {**section.effects, candidate.name: values}
     answer.model, answer.difference = scenario, difference(scenario)
+
+
+def _controlled(answer: Explanation, checks: Sequence[ControllerCheck | None]) -> None:
+    known = [check for check in checks if check is not None]
+    if not known:
+        return
+    left, gain = (float(np.median([getattr(check, name) for check in known])) for name in ("unexplained", "gain"))
+    answer.controller = ControllerCheck(left, gain)
+    if left > _FOREIGN_CONTROL:
+        answer.warnings.append(
+            f"the controller is not the model's: {100.0 * left:.0f} % of the recorded torque is not what it makes of "
+            f"the measured sensors (it fits best {gain:.2f} times as large); effects are found from the recorded "
+            "torque all the same, but closed-loop simulations of the model will differ"
+        )
 
 
 def _confirmed(answer: Explanation, confirmation: Confirmation) -> None:

@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from drake_ispace.discrepancy.controller import ControllerCheck
 from drake_ispace.places import whole_file
 from drake_ispace.scenario import Scenario
 
@@ -106,6 +107,9 @@ class Explanation:
         verdict: "named", "set", "none" or "unknown". warnings: what a reader must know first.
         model: the scenario with the named effects in it, None where there is none; difference: as plain data.
         gap: channel -> Gap on the held-out runs. seconds: it took.
+        controller: how much of the recorded torque the model's controller leaves, median of the runs; None: not known.
+        closed_loop: "run", "before_m", "after_m": rms distance from where the camera saw the robot to where the model
+            goes along the same reference, its own controller in the loop; only a written report has it.
     """
 
     verdict: str
@@ -120,6 +124,8 @@ class Explanation:
     next_experiment: str = ""
     model: Scenario | None = None
     model_path: str | None = None
+    controller: ControllerCheck | None = None
+    closed_loop: dict | None = None
     difference: dict = field(default_factory=dict)
     runs: list[str] = field(default_factory=list)
     held_out: list[str] = field(default_factory=list)
@@ -135,6 +141,8 @@ class Explanation:
             "untestable": [dataclasses.asdict(entry) for entry in self.untestable],
             "unknown": None if self.unknown is None else dataclasses.asdict(self.unknown),
             "gap": {"held_out": {name: dataclasses.asdict(g) for name, g in self.gap.items()}, "closed": self.closed},
+            "controller": None if self.controller is None else dataclasses.asdict(self.controller),
+            "closed_loop": self.closed_loop,
             "warnings": self.warnings, "next_experiment": self.next_experiment, "difference": self.difference,
             "runs": self.runs, "held_out": self.held_out, "model": self.model_path, "seconds": self.seconds,
         }

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.discrepancy.reference import direction_of, turn_of
 from drake_ispace.errors import InputError
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S, ticks_in
@@ -15,9 +16,8 @@ from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.wiring.catalog import build_diagram
 
 _COLUMNS = 6  # of a way point's table: time, x, y, velocity (2), rate of turn
-_SAME_RAD, _SAME_M_S = 0.02, 1e-3
+_SAME_RAD = 0.02
 _AT_REST_M_S = 1e-200  # a way point at rest still has a heading; too slow to matter for anything else
-_CORNER_RAD = 0.25  # from one sample of the reference to the next
 
 
 def closed_loop(model: Scenario, robot: str, recording: Recording) -> Channel | None:
@@ -68,37 +68,19 @@ def _followed(scenario, diagram, robot, table):
 
 def _heading(reference):
     """"fixed", "tangent", or None for anything else."""
-    phi, direction, speed = np.unwrap(reference.column("phi")), *_direction(reference)
+    phi, direction, speed = np.unwrap(reference.column("phi")), *direction_of(reference)
     if np.ptp(phi) < _SAME_RAD:
         return "fixed"
     off = np.abs(wrap(phi - direction))[speed > 0.5 * speed.max()]
     return "tangent" if np.quantile(off, 0.9) < 0.1 else None
 
 
-def _direction(reference):
-    """Direction [rad] and speed [m/s] at every sample of the reference: the mean of both steps beside it on a smooth
-    path, at a corner and where it starts and stops that of the steps which goes on as it is."""
-    steps = np.diff(reference.values[:, :2], axis=0) / np.diff(reference.t)[:, None]
-    steps = np.vstack([steps[:1], steps[:1], steps, steps[-1:], steps[-1:]])
-    behind, ahead = steps[1:-2], steps[2:-1]
-    change_behind, change_ahead = _size(behind - steps[:-3]), _size(steps[3:] - ahead)
-    smooth = np.abs(change_ahead - change_behind) < 0.5 * np.maximum(change_ahead, change_behind) + _SAME_M_S
-    kept = np.where((change_ahead < change_behind)[:, None], ahead, behind)
-    velocity = np.where(smooth[:, None], 0.5 * (ahead + behind), kept)
-    return np.arctan2(velocity[:, 1], velocity[:, 0]), _size(velocity)
-
-
-def _size(vectors):
-    return np.linalg.norm(vectors, axis=1)
-
-
 def _table(reference, tangent):
     """(an even number, 6) rows as `control.trajectory.slide` reads them, with time in the place of arc length."""
-    direction, speed = _direction(reference)
+    direction, speed = direction_of(reference)
     if tangent:
         direction = np.unwrap(reference.column("phi"))
-    turn = np.gradient(np.unwrap(direction), reference.t) * (speed > 1e-6)
-    corner = np.abs(turn) * np.median(np.diff(reference.t)) > _CORNER_RAD
+    turn, corner = turn_of(reference, direction, speed)
     speed = np.maximum(speed, _AT_REST_M_S)
     ticks = np.floor(reference.t / TICK_S + 0.5)
     table = np.column_stack([

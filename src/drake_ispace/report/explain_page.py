@@ -64,7 +64,7 @@ def write_files(
     if explanation.gap:
         plot_residuals(explanation.gap, folder / "residuals.png")
     tell("simulating the closed loop")
-    path = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
+    path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
     if explanation.model is not None:
         write_text(folder / "model.yaml", dump_yaml(explanation.difference))
     explanation.save(folder / MARK)

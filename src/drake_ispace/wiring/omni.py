@@ -32,17 +32,17 @@ from drake_ispace.wiring.room import add_room, oldest_fix_ticks
 OMNI_VIEW = {"omni_plant": ["omni_link.fix"]}
 
 
-def omni_multirate(scenario: Scenario) -> Diagram:
+def omni_multirate(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Fig. 6.5: pose estimated and fed back every 5 ms, corrected by the room every 95 ms."""
-    bench = Bench()
+    bench = bench or Bench()
     add_omni_multirate(bench, scenario)
     add_room(bench, scenario, OMNI_VIEW)
     return bench.build("omni_multirate")
 
 
-def omni_conventional_multirate(scenario: Scenario) -> Diagram:
+def omni_conventional_multirate(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Section 6.7.2: the room's pose when it arrives, raw odometry in between."""
-    bench = Bench()
+    bench = bench or Bench()
     add_omni_body(bench, scenario)
     bench.add("omni_estimator", ConventionalMerge())
     _close_multirate_loop(bench, scenario)
@@ -50,9 +50,9 @@ def omni_conventional_multirate(scenario: Scenario) -> Diagram:
     return bench.build("omni_conventional_multirate")
 
 
-def omni_vision_feedback(scenario: Scenario) -> Diagram:
+def omni_vision_feedback(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Fig. 6.9: PID on the room's pose, renewed every 95 ms only; odometry runs along as an observer."""
-    bench = Bench()
+    bench = bench or Bench()
     add_omni_body(bench, scenario)
     k_p, k_d = omni_gains(scenario.omni, VISION_S)
     control = scenario.omni.control

@@ -52,29 +52,29 @@ FEEDBACK = (
 )
 
 
-def pendulum_multirate(scenario: Scenario) -> Diagram:
+def pendulum_multirate(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Fig. 6.6: balance and tracking error at 5 ms, way point and tracker at 95 ms."""
-    bench = Bench()
+    bench = bench or Bench()
     add_pendulum(bench, scenario)
     add_room(bench, scenario, PENDULUM_VIEW)
     return bench.build("pendulum_multirate")
 
 
-def pendulum_vision_feedback(scenario: Scenario) -> Diagram:
+def pendulum_vision_feedback(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Balance at 5 ms from encoder and IMU, position from vision at 95 ms only."""
-    bench = Bench()
+    bench = bench or Bench()
     add_pendulum(bench, scenario, vision_only=True)
     add_room(bench, scenario, PENDULUM_VIEW)
     return bench.build("pendulum_vision_feedback")
 
 
-def pendulum_jacobian_tracking(scenario: Scenario) -> Diagram:
+def pendulum_jacobian_tracking(scenario: Scenario, bench: Bench | None = None) -> Diagram:
     """Fig. 6.2's blue line: the same loop without trajectory tracker, s_e = d."""
     scenario = dataclasses.replace(scenario)
     tracker = dataclasses.replace(scenario.pendulum.control.tracker, mode="jacobian")
     control = dataclasses.replace(scenario.pendulum.control, tracker=tracker)
     scenario.pendulum = dataclasses.replace(scenario.pendulum, control=control)
-    bench = Bench()
+    bench = bench or Bench()
     add_pendulum(bench, scenario)
     add_room(bench, scenario, PENDULUM_VIEW)
     return bench.build("pendulum_jacobian_tracking")
