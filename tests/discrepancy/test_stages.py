@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from drake_ispace.discrepancy.candidates import Candidate, candidates, coordinate, probes, value_of
 from drake_ispace.discrepancy.detect import detect
 from drake_ispace.discrepancy.explanation import DetectionResult, Explanation
+from drake_ispace.discrepancy.hypothesize import evidence_of_gain
 from drake_ispace.effects.library import library
 from drake_ispace.scenario import body_of, load_scenario
 
@@ -49,6 +51,16 @@ def test_the_threshold_is_where_the_p_value_is_the_false_alarm_rate():
     largest = np.random.default_rng(1).exponential(0.5, 400)
     threshold = detect(1.0, largest).threshold
     assert detect(threshold, largest).p_value == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("parameters", [1, 2, 9])
+def test_evidence_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
+    gains = np.array([0.0, 1.0, 40.0, 900.0])
+    exact = -chi2.logsf(gains, parameters) / np.log(10.0)
+    assert evidence_of_gain(gains, parameters) == pytest.approx(exact)
+    nearer, farther = evidence_of_gain(np.array([999.999, 1000.001]), parameters)
+    assert farther == pytest.approx(nearer, abs=2e-3)
+    assert 1070.0 < evidence_of_gain(5000.0, parameters) < 1088.0
 
 
 def test_an_explanation_without_effects_says_so_and_is_plain_data():

@@ -6,8 +6,10 @@ import pytest
 from drake_ispace.discrepancy.candidates import candidates
 from drake_ispace.discrepancy.detect import trials
 from drake_ispace.discrepancy.explain import explain, prepare
+from drake_ispace.discrepancy.hide import hide
 from drake_ispace.discrepancy.predict import RESTING
 from drake_ispace.discrepancy.survey import survey
+from drake_ispace.scenario import load_scenario
 from hidden.effects_truth import ROBOTS
 from hidden.generator import generate
 
@@ -62,6 +64,13 @@ def test_evidence_on_noise_alone_is_that_of_some_independent_effects(surveyed):
     tenth, half = np.quantile(largest, [0.9, 0.5])
     assert 0.5 < tenth - half < 1.5
     assert 10.0**tenth * -np.log(0.9) < 2.0 * len(surveyed.screen.candidates)
+
+
+def test_noise_of_another_kind_is_no_wrong_inertia():
+    """Torque and slip that are white instead of coloured, on a robot that is exactly the model."""
+    model = load_scenario("pendulum_multirate")
+    runs = hide(model, "pendulum", {}, ["square", "circle", "figure_eight", "trapezium"], seed=6, seconds=5.0)
+    assert explain(model, list(runs.values())).verdict == "none"
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -6,15 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drake_ispace.discrepancy.explain import explain
 from hidden.campaign import Case, cases, diagnose, key, load, run
 from hidden.effects_truth import ROBOTS, UNKNOWN
+from hidden.generator import generate
 from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is_wrong, judged, likeness_of, returned
 
 # ------------------------------------------------------------------------------------------------- a few, every time
 
 NAMED = [
     ("omni", "coulomb_friction", 0.5), ("omni", "wheel_radius_error", 1.0), ("pendulum", "viscous_friction", 1.0),
-    ("pendulum", "motor_lag", 1.0),
+    ("pendulum", "motor_lag", 1.0), ("pendulum", "mass_error", 0.5),
 ]
 
 
@@ -35,6 +37,14 @@ def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
     assert record["p_value"] < 0.01
     assert all(p["error"] < 0.1 for p in record["parameters"].values()), record["parameters"]
     assert record["closed"] > 0.8
+
+
+def test_two_effects_at_once_are_both_named_and_measured():
+    effects = {"mass_error": {"share": 0.2}, "wheel_radius_error": {"share": 0.03}}
+    runs = [generate("omni", motion, effects, 20.0, 60 + i) for i, motion in enumerate(MOTIONS)]
+    found = explain("omni_multirate", runs)
+    sizes = {e.name: p.estimate for e in found.effects for p in e.parameters.values()}
+    assert sizes == {"mass_error": pytest.approx(0.2, rel=0.1), "wheel_radius_error": pytest.approx(0.03, rel=0.1)}
 
 
 def test_effects_that_look_alike_are_returned_together():
