@@ -28,6 +28,7 @@ _LEAST_UNNAMED_SHARE = 0.15  # the same for a disagreement without a name, and h
 _LEAST_UNNAMED_EVIDENCE = 6.0
 _SHORTLIST = 6
 _NEAR, _NEAR_EVIDENCE = 0.4, 0.25  # of the leader's merit and evidence, from which on another try is followed, too
+_MOST_NEAR = 2
 _UNNAMED = 60.0  # of misfit, that a disagreement without a name must explain to be believed
 _UNNAMED_LOCAL = 120.0  # the same where it is free in every part of the room
 _UNNAMED_LEAD = MARGIN / (2.0 * np.log(10.0))  # of evidence
@@ -144,11 +145,12 @@ def _settled_leader(here: Survey, tries: Sequence[_Try], leader: _Try) -> Fit:
 
     Under a noise that was found while the effect was missing, one that only looks like it may gain more.
     """
+    near = [
+        t for t in sorted(tries, key=lambda t: -t.merit)
+        if t.merit > _NEAR * leader.merit and t.evidence > _NEAR_EVIDENCE * leader.evidence and t is not leader
+    ]
     best, least = None, np.inf
-    for one in tries:
-        near = one.merit > _NEAR * leader.merit and one.evidence > _NEAR_EVIDENCE * leader.evidence
-        if not near and one is not leader:
-            continue
+    for one in [leader, *near[:_MOST_NEAR]]:
         likelihood, found = settled(here.view, one.fit.point)
         value = found.misfit + likelihood.whitening.volume(here.residuals) + cost(one.candidate)
         if value < least:
