@@ -83,8 +83,7 @@ def pendulum_jacobian_tracking(scenario: Scenario, bench: Bench | None = None) -
 def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) -> None:
     """The whole robot and its part of the room."""
     robot, control = scenario.pendulum, scenario.pendulum.control
-    body_share = float(MOTIONS.index(robot.plant.motion))
-    add_pendulum_body(bench, scenario, body_share, control.tracker, control.estimator_as_printed)
+    add_pendulum_body(bench, scenario, control.tracker)
     oldest = oldest_fix_ticks(scenario, TRACKING_ERROR)
     bench.add("pendulum_error", HeldError() if vision_only else ErrorEstimator(oldest))
     bench.add("pendulum_controller", BalanceController(pendulum_gain(robot)))
@@ -99,20 +98,18 @@ def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) ->
     bench.show(pendulum_error="pendulum_error.error")
 
 
-def add_pendulum_body(
-    bench: Bench, scenario: Scenario, body_share: float, tracker: Tracker | None = None,
-    estimator_as_printed: bool = False,
-) -> list[float]:
+def add_pendulum_body(bench: Bench, scenario: Scenario, tracker: Tracker | None = None) -> list[float]:
     """Plant, actuator, sensors, odometry, estimate, way point and link: everything but the feedback law.
 
     Args:
-        body_share: of odometry. estimator_as_printed: of the position estimator.
         tracker: settings of the tracker whose error the link carries; without one it carries the way point.
 
     Returns:
         Where the robot starts.
     """
     robot, seed = scenario.pendulum, scenario.seed
+    # the linear plant's wheels turn with the body
+    body_share = float(MOTIONS.index(robot.plant.motion)) if robot.model == "nonlinear" else 1.0
     path = build_path(robot.trajectory, "pendulum.trajectory")
     check_inside(path, scenario.space.width_m, scenario.space.depth_m, "pendulum.trajectory")
     start = robot.initial_pose or start_pose(robot.trajectory, path)
@@ -126,7 +123,7 @@ def add_pendulum_body(
     bench.add("pendulum_imu", InertialSensor(robot.imu, seed, "pendulum.imu"))
     bench.add("pendulum_tilt_filter", TiltKalmanFilter(robot.tilt_filter, robot.initial_tilt_rad))
     bench.add("pendulum_odometry", PendulumOdometry(radius_m, half_track_m, start, body_share))
-    bench.add("pendulum_estimator", PositionEstimator(oldest, estimator_as_printed))
+    bench.add("pendulum_estimator", PositionEstimator(oldest, robot.control.estimator_as_printed))
     bench.add("pendulum_way_point", WayPoint(robot.trajectory, path, start[:2]))
     order = "pendulum_way_point.way_point"
     if tracker:

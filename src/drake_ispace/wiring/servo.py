@@ -12,7 +12,6 @@ from drake_ispace.control.online_identifier import OnlineIdentifier
 from drake_ispace.control.servo import ServoController
 from drake_ispace.control.straight_error import StraightError
 from drake_ispace.robots.impulse import TorqueImpulse
-from drake_ispace.robots.pendulum import MOTIONS
 from drake_ispace.scenario import Scenario
 from drake_ispace.sensing.sinusoid_noise import NoisyState
 from drake_ispace.wiring.bench import Bench
@@ -26,7 +25,7 @@ def pendulum_servo(scenario: Scenario) -> Diagram:
     """Fig. 3.9: servo control of position with noise on position and tilt, the experiment of section 3.4."""
     robot = scenario.pendulum
     bench = Bench()
-    start = add_straight_robot(bench, scenario)
+    start = add_pendulum_body(bench, scenario)
     printed = robot.model == "linear_as_printed"
     bench.add("pendulum_state", NoisyState(robot.sensor_noise, start, scenario.seed, "pendulum.sensor_noise"))
     bench.add("pendulum_controller", ServoController(robot.servo, start, 1.0 if printed else -1.0))
@@ -47,7 +46,7 @@ def pendulum_friction_compensation(scenario: Scenario) -> Diagram:
     """Fig. 4.1: state feedback with friction compensation, an impulse on both wheels, an identifier listening."""
     robot, control = scenario.pendulum, scenario.pendulum.control
     bench = Bench()
-    start = add_straight_robot(bench, scenario)
+    start = add_pendulum_body(bench, scenario)
     gain = pendulum_gain(robot)
     bench.add("pendulum_error", StraightError(start))
     bench.add("pendulum_controller", BalanceController(gain))
@@ -84,10 +83,3 @@ def pendulum_friction_compensation(scenario: Scenario) -> Diagram:
     )
     add_room(bench, scenario, _VIEW)
     return bench.build("pendulum_friction_compensation")
-
-
-def add_straight_robot(bench: Bench, scenario: Scenario) -> list[float]:
-    """The body of a robot on a straight line; where it starts."""
-    robot = scenario.pendulum
-    body_share = float(MOTIONS.index(robot.plant.motion)) if robot.model == "nonlinear" else 1.0
-    return add_pendulum_body(bench, scenario, body_share)
