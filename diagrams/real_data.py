@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.discrepancy.candidates import candidates
+from drake_ispace.discrepancy.explanation import plain
 from drake_ispace.discrepancy.joint import decide_jointly
 from drake_ispace.discrepancy.likelihood import merged
 from drake_ispace.discrepancy.predict import predict
@@ -58,14 +59,14 @@ def print_answer(options, decision, names, held_out, further) -> None:
     said = decision if isinstance(decision, str) else verdict(decision)
     answer = {"named": names, "verdict": said, "held_out": held_out, **further}
     if options.json:
-        print(json.dumps(answer, indent=2, default=float))
+        print(json.dumps(plain(answer), indent=2, allow_nan=False))
         return
     print(f"{answer['verdict']}: {', '.join(names) or 'nothing'}")
     for kind, error in held_out.items():
         smaller = 100.0 * (1.0 - error["after"] / error["before"])
         print(f"  {kind}: {error['before']:.4g} -> {error['after']:.4g} {error['unit']}, {smaller:.0f} % smaller")
     for key, value in further.items():
-        print(f"  {key}: {json.dumps(value, default=float)}")
+        print(f"  {key}: {json.dumps(plain(value))}")
 
 
 def spread(runs: list, count: int | None) -> list:

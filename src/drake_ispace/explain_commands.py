@@ -12,6 +12,8 @@ from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.places import check_folder, check_own_folder
 from drake_ispace.terminal import print_json, progress, stages
 
+_SECONDS = 20.0  # of a run that is made, where nothing else is said
+
 
 def register(app: App) -> None:
     """Add the commands of this module."""
@@ -62,7 +64,7 @@ def hide(
     out: Annotated[Path, Parameter(help="folder of the recordings and the answer")],
     runs: Annotated[int, Parameter(help="how many; kinds of motion take turns", converter=whole)] = 4,
     robot: Annotated[str | None, Parameter(help="of a Diagram with two")] = None,
-    seconds: Seconds = 20.0, seed: Seed = None, set_: Sets = None, as_json: Json = False,
+    seconds: Seconds = None, seed: Seed = None, set_: Sets = None, as_json: Json = False,
 ) -> None:
     """Make recordings with effects inside that nothing in them gives away, and the answer in a file of its own."""
     seed = _checked_seed(seed)
@@ -73,7 +75,9 @@ def hide(
         raise InputError(f"{out}: is there already, expected a new or an empty folder")
     from drake_ispace.scenario import load_scenario, with_option
 
-    given = with_option(load_scenario(scenario, set_ or []), "seconds", seconds)
+    given = load_scenario(scenario, [f"seconds={_SECONDS}", *(set_ or [])])
+    if seconds is not None:
+        given = with_option(given, "seconds", seconds)
     robots = _robots(given, scenario)
     if robot is not None and robot not in robots:
         raise InputError(f"--robot: {scenario} has no {shown(robot)}, {expected_one_of(robot, robots)}")
@@ -88,7 +92,7 @@ def hide(
     robot = robot or robots[0]
     motions = [list(MOTIONS)[i % len(MOTIONS)] for i in range(runs)]
     with progress(None, "hiding"):
-        hidden = hide_effects(given, robot, effects, motions, seed, seconds)
+        hidden = hide_effects(given, robot, effects, motions, seed, given.seconds)
     digest = save_hidden(hidden, robot, effects, seed, out)
     recordings = {name: str(out / name) for name in hidden}
     if as_json:

@@ -146,7 +146,7 @@ class Explanation:
             "warnings": self.warnings, "next_experiment": self.next_experiment, "difference": self.difference,
             "runs": self.runs, "held_out": self.held_out, "model": self.model_path, "seconds": self.seconds,
         }
-        return _plain(data)
+        return plain(data)
 
     def save(self, path: str | Path) -> None:
         """Write it as JSON, whole or not at all.
@@ -189,12 +189,12 @@ _VERDICTS = {
 }
 
 
-def _plain(value):
+def plain(value):
     """Numbers of NumPy as Python's, infinite ones as None."""
     if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
+        return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
+        return [plain(inner) for inner in value]
     if hasattr(value, "item"):
         value = value.item()
     if isinstance(value, float) and not abs(value) < float("inf"):
