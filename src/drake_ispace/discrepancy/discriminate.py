@@ -31,7 +31,6 @@ _NEAR, _NEAR_EVIDENCE = 0.4, 0.25  # of the leader's merit and evidence, from wh
 _MOST_NEAR = 2
 _UNNAMED = 60.0  # of misfit, that a disagreement without a name must explain to be believed
 _UNNAMED_LOCAL = 120.0  # the same where it is free in every part of the room
-_UNNAMED_LEAD = MARGIN / (2.0 * np.log(10.0))  # of evidence
 _MOST_EFFECTS = 4
 
 
@@ -77,17 +76,29 @@ class Decision:
 
 @dataclass(frozen=True)
 class _Try:
-    """A candidate, fitted; gain: of misfit, in units in which noise alone gains one a parameter."""
+    """A candidate, fitted; gain: of misfit, in units in which noise alone gains one a parameter; alone: what its
+    signatures lower the misfit by, less its cost, to be compared with that of the nameless."""
 
     candidate: Candidate
     fit: Fit
     gain: float
+    alone: float
     evidence: float
 
     @property
     def merit(self) -> float:
         """Gain less what free parameters and a free choice of wheel gain by chance."""
         return self.gain - cost(self.candidate)
+
+
+@dataclass(frozen=True)
+class Nameless:
+    """A generic disagreement; gain, alone, evidence: as of an effect that is tried."""
+
+    generic: Generic
+    gain: float
+    alone: float
+    evidence: float
 
 
 def cost(candidate: Candidate) -> float:
@@ -108,8 +119,8 @@ def decide(
         limit = trials(here.screen, here.noise, here.instants, seed)
         tell(f"fitting the leaders{' for what is left' if point else ''}")
         tries = leaders(here)
-        evidence = max([t.evidence for t in tries] + [e for _, e, _ in _believed(here, bool(point))], default=0.0)
-        found = detect(evidence, limit)
+        tested = [*tries, *_believed(here, bool(point))]
+        found = detect(max([one.evidence for one in tested], default=0.0), limit)
         first = first or found
         if not found.found:
             break
@@ -129,7 +140,7 @@ def decide(
         tell(f"looking again with {', '.join(c.label for c in best.point)}")
         here = survey(prediction, best.point, tried, pool, near=True)
         best = fit(here.likelihood, best.point)
-        point = best.point
+        here, point = here.moved(best), best.point
         decision = Decision(first, start, here, best, total_gain=_gain_at(here, best), first_gain=_gain_at(start, best))
     if decision is None:
         return Decision(first, start, start)
@@ -180,40 +191,41 @@ def leaders(here: Survey) -> list[_Try]:
             break
         candidate = screen.candidates[i]
         fitted = fit(likelihood, {**here.point, candidate: screen.start(candidate, here.w)})
-        gain = max(base - fitted.misfit, 0.0) / screen.inflation_of(candidate)
-        found.append(_Try(candidate, fitted, gain, min(evidence[i], evidence_of_gain(gain, len(candidate.parameters)))))
+        whole = max(base - fitted.misfit, 0.0)
+        gain = whole / screen.inflation_of(candidate)
+        clear = min(evidence[i], evidence_of_gain(gain, len(candidate.parameters)))
+        alone = min(whole, screen.joint_gain(candidate, here.w)) - cost(candidate)
+        found.append(_Try(candidate, fitted, gain, alone, clear))
     return found
 
 
-def ranked_generics(here: Survey) -> list[tuple[float, float, Generic]]:
-    """(gain, evidence, generic) of all of them, the largest gain first."""
+def ranked_generics(here: Survey) -> list[Nameless]:
+    """All of them, the largest gain first."""
     screen = here.screen
-    found = [
-        (screen.joint_gain(candidate, here.w), here.evidence[i], candidate.effect)
-        for i, candidate in enumerate(screen.candidates) if isinstance(candidate.effect, Generic)
-    ]
-    return sorted(found, key=lambda f: -f[0])
+    found = []
+    for i, candidate in enumerate(screen.candidates):
+        if isinstance(candidate.effect, Generic):
+            alone = screen.joint_gain(candidate, here.w)
+            gain = alone / screen.inflation_of(candidate)
+            found.append(Nameless(candidate.effect, gain, alone - 2.0 * candidate.effect.columns, here.evidence[i]))
+    return sorted(found, key=lambda f: -f.gain)
 
 
 def _believed(here, further):
     """Of `ranked_generics`, those that explain enough; further: beside named effects."""
-    return [
-        (gain, evidence, generic) for gain, evidence, generic in ranked_generics(here)
-        if (evidence > _LEAST_UNNAMED_EVIDENCE if further else gain - 2.0 * generic.columns > _least(generic))
-    ]
+    def enough(one):
+        if further:
+            return one.evidence > _LEAST_UNNAMED_EVIDENCE
+        return one.gain - 2.0 * one.generic.columns > (_UNNAMED_LOCAL if one.generic.is_local else _UNNAMED)
 
-
-def _least(generic):
-    """The gain from which on a disagreement without a name is believed."""
-    return _UNNAMED_LOCAL if generic.is_local else _UNNAMED
+    return [one for one in ranked_generics(here) if enough(one)]
 
 
 def _better_unknown(here: Survey, tries: Sequence[_Try], further: bool) -> tuple[Generic, float] | None:
-    """A generic disagreement for which there is more evidence than for every effect, if there is one; further: beside
-    named effects."""
-    best = max([t.evidence for t in tries], default=0.0)
-    least = best + max(_UNNAMED_LEAD, 0.03 * best)
-    return next(((generic, gain) for gain, evidence, generic in _believed(here, further) if evidence > least), None)
+    """A generic disagreement that explains more than every effect, if there is one; further: beside named effects."""
+    best = max([t.alone for t in tries], default=0.0)
+    least = best + max(MARGIN, 0.03 * best)
+    return next(((one.generic, one.gain) for one in _believed(here, further) if one.alone > least), None)
 
 
 def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:

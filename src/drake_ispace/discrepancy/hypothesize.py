@@ -133,7 +133,7 @@ class Screen:
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
         """How much all signatures of a candidate together lower the misfit of `w`."""
         own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        return float(self.freed[:, own].T @ w @ self._amounts(own, w)) / self.inflation_of(candidate)
+        return float(self.freed[:, own].T @ w @ self._amounts(own, w))
 
     def _amounts(self, own, w):
         """(own,) how much of each of these signatures together explains most of `w`."""

@@ -66,5 +66,5 @@ def _thinned(prediction, decision, tried, pool, tell):
     decision.gains = costs
     compare(decision)
     left = ranked_generics(decision.end)
-    decision.left_over = (left[0][2], left[0][0]) if left else None
+    decision.left_over = (left[0].generic, left[0].gain) if left else None
     return decision

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,6 +68,10 @@ class Survey:
     evidence: np.ndarray
     noise: np.ndarray
     instants: np.ndarray
+
+    def moved(self, found: Fit) -> "Survey":
+        """At a fit near by, under the same noise and with the same signatures."""
+        return replace(self, point=found.point, w=found.w, evidence=self.screen.evidence(found.w))
 
 
 def survey(
