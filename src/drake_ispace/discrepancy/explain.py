@@ -29,6 +29,7 @@ from drake_ispace.discrepancy.localize import localize, onset
 from drake_ispace.discrepancy.next_experiment import needs, next_experiment
 from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
 from drake_ispace.discrepancy.predict import Prediction, predict
+from drake_ispace.discrepancy.profile import profile_interval
 from drake_ispace.discrepancy.replay import Replay, replay_of
 from drake_ispace.discrepancy.tracks import track
 from drake_ispace.effects.effect import Effect
@@ -209,14 +210,15 @@ def _without_generic(decision):
 
 def _named(case, decision, candidate: Candidate) -> NamedEffect:
     named, card = decision.named, candidate.effect.card
-    sizes = decision.end.likelihood.sizes
+    likelihood = decision.end.likelihood
     parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
-    inflation = np.sqrt(decision.start.screen.inflation_of(candidate))
+    inflation = decision.start.screen.inflation_of(candidate)
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
-        form = _FORM_SHARE * abs(z - candidate.neutral[i])
-        half = 1.645 * np.hypot(inflation * named.std(candidate, i, sizes), form)
+        form = 1.645 * _FORM_SHARE * abs(z - candidate.neutral[i])
         low, high = candidate.bounds[i]
-        ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (z - half, z + half))
+        lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * inflation)
+        lower, upper = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
+        ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (lower, upper))
         known = case.replay.known.get(card.name, {}).get(parameter.name, parameter.neutral)
         more = known - parameter.neutral if np.isfinite(known) else 0.0  # what was found comes on top of it
         interval = (float(ends[0] + more), float(ends[1] + more))

@@ -86,9 +86,12 @@ class Likelihood:
                 step = -step
             if z + step < low:
                 step = high - z or low - z
-            z_new = list(point[candidate])
-            z_new[i] = z + step
-            columns.append((self.whitened({**point, candidate: z_new}) - w) * (size / step))
+            for to in (step, -step):  # backwards where the model runs away
+                z_new = [*point[candidate][:i], z + to, *point[candidate][i + 1 :]]
+                change = (self.whitened({**point, candidate: z_new}) - w) * (size / to)
+                if np.isfinite(change).all():
+                    break
+            columns.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
         return np.stack(columns, axis=1) if columns else np.empty((len(w), 0))
 
 
@@ -113,13 +116,15 @@ class Fit:
 
 def fit(
     likelihood: Likelihood, start: Point, iterations: int = 12, tolerance: float = 0.02,
+    held: tuple[Candidate, int] | None = None,
 ) -> Fit:
-    """Levenberg and Marquardt from `start`, within bounds, until the misfit falls by less than `tolerance`."""
+    """Levenberg and Marquardt from `start`, within bounds, until the misfit falls by less than `tolerance`; held: a
+    coordinate that stays."""
     point = {candidate: list(z) for candidate, z in start.items()}
-    order = [(candidate, i) for candidate in point for i in range(len(candidate.parameters))]
+    order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
     w = likelihood.whitened(point)
     for _ in range(_HALVINGS):  # a start at which the model runs away
-        if np.isfinite(w).all():
+        if np.isfinite(w).all() or held is not None:
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
