@@ -73,7 +73,11 @@ class Likelihood:
 
     def misfit(self, w: np.ndarray) -> float:
         """Sum of squares of whitened residuals with the best offsets, priors included."""
-        return float(w @ self.freed(w))
+        return float(self.parts(w).sum())
+
+    def parts(self, w: np.ndarray) -> np.ndarray:
+        """(rows,) what each row adds to the misfit."""
+        return w * self.freed(w)
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
         """(rows, len(moved)) change of the whitened residuals per natural size of a coordinate."""

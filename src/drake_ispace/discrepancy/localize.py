@@ -23,7 +23,7 @@ def localize(prediction: Prediction, here: Survey, better: np.ndarray) -> list[P
         here: of the model as given. better: (rows,) whitened residuals of the best explanation under the same noise.
     """
     labels = channel_rows(prediction, here)
-    gained = here.w**2 - better**2
+    gained = here.likelihood.parts(here.w) - here.likelihood.parts(better)
     total = float(gained.sum())
     if total <= 0.0:
         return []
@@ -48,7 +48,7 @@ def localize(prediction: Prediction, here: Survey, better: np.ndarray) -> list[P
 
 def onset(prediction: Prediction, here: Survey, better: np.ndarray) -> str:
     """Since when the disagreement is there, in words."""
-    times, gained = [], here.w**2 - better**2
+    times, gained = [], here.likelihood.parts(here.w) - here.likelihood.parts(better)
     for run in here.residuals:
         for name, noise in here.likelihood.whitening.noise.items():
             rows, p = noise.rows(run[name]), run[name].shape[1]
