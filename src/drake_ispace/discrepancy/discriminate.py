@@ -237,8 +237,12 @@ def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:
 
 
 def _pruned(prediction, decision, tried, pool):
-    """Backward deletion: effects without which the others do as well are taken away."""
+    """Backward deletion: effects without which the others do as well are taken away, all but one if it does as well."""
     named = decision.named
+    one = _one_for_all(decision) if len(named.point) > 1 else None
+    if one is not None:
+        decision = _renamed(prediction, decision, one, tried, pool)
+        named = decision.named
     while len(named.point) > 1:
         rests = without_each(decision.end, named)
         refits = {c: rest.misfit - named.misfit for c, rest in rests.items()}
@@ -246,13 +250,31 @@ def _pruned(prediction, decision, tried, pool):
         if refits[weakest] > max(2.0 * MARGIN, decision.least):
             decision.gains = refits
             return decision
-        point = rests[weakest].point
-        here = survey(prediction, point, tried, pool, near=True)
-        named = fit(here.likelihood, point)
-        gains = {"total_gain": _gain_at(here, named), "first_gain": _gain_at(decision.start, named)}
-        decision = replace(decision, end=here, named=named, **gains)
+        decision = _renamed(prediction, decision, rests[weakest].point, tried, pool)
+        named = decision.named
     decision.gains = {next(iter(named.point)): decision.total_gain}
     return decision
+
+
+def _one_for_all(decision) -> Point | None:
+    """A single effect that does as well as all named ones: of two wheels one is larger, or both are and the other is
+    smaller."""
+    start, likelihood = decision.start, decision.end.likelihood
+    singles = [i for i in np.argsort(-start.evidence) if not isinstance(start.screen.candidates[i].effect, Generic)]
+    fits = []
+    for i in singles[: 2 * _SHORTLIST]:
+        candidate = start.screen.candidates[i]
+        fits.append(fit(likelihood, {candidate: start.screen.start(candidate, start.w)}, iterations=6))
+    best = min(fits, key=lambda f: f.misfit)
+    return best.point if best.misfit - decision.named.misfit < max(2.0 * MARGIN, decision.least) else None
+
+
+def _renamed(prediction, decision, point, tried, pool) -> Decision:
+    """The Decision for other effects."""
+    here = survey(prediction, point, tried, pool, near=True)
+    named = fit(here.likelihood, point)
+    gains = {"total_gain": _gain_at(here, named), "first_gain": _gain_at(decision.start, named)}
+    return replace(decision, end=here, named=named, **gains)
 
 
 def compare(decision: Decision) -> None:
