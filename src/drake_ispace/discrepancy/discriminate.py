@@ -17,7 +17,7 @@ from drake_ispace.discrepancy.generic import Generic
 from drake_ispace.discrepancy.hypothesize import evidence_of_gain
 from drake_ispace.discrepancy.likelihood import Fit, Point, fit
 from drake_ispace.discrepancy.predict import Prediction
-from drake_ispace.discrepancy.survey import Survey, settled, survey
+from drake_ispace.discrepancy.survey import Survey, doubted, settled, survey
 
 MARGIN = 7.0  # of misfit, by which the best must lead for a rival to be ruled out: a wrong name in about 0.4 % then
 _RELATIVE_MARGIN = 0.01  # and of what was gained: no model is better than that
@@ -26,6 +26,7 @@ _LEAST_SHARE_OF_END = 0.01  # the same under the noise that is left by the other
 _LEAST_FURTHER = 24.0  # of misfit, that a further effect must explain
 _LEAST_UNNAMED_SHARE = 0.15  # the same for a disagreement without a name, and how clear it must be (-log10 p)
 _LEAST_UNNAMED_EVIDENCE = 6.0
+_BEYOND_DOUBT = 25.0  # evidence, below which an alarm must hold whatever the noise remembers
 _SHORTLIST = 6
 _NEAR, _NEAR_EVIDENCE = 0.4, 0.25  # of the leader's merit and evidence, from which on another try is followed, too
 _MOST_NEAR = 2
@@ -121,6 +122,8 @@ def decide(
         tries = leaders(here)
         tested = [*tries, *_believed(here, bool(point))]
         found = detect(max([one.evidence for one in tested], default=0.0), limit)
+        if not point and found.found and found.evidence < _BEYOND_DOUBT:
+            found = _doubted(here, tested, seed)
         first = first or found
         if not found.found:
             break
@@ -149,6 +152,18 @@ def decide(
         decision = _pruned(prediction, decision, tried, pool)
         compare(decision)
     return decision
+
+
+def _doubted(here, tested, seed) -> Detection:
+    """The Detection, given that the noise may remember in another way than it was found to.
+
+    Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect.
+    """
+    again = doubted(here)
+    evidence = dict(zip([c.effect for c in again.screen.candidates], again.evidence, strict=True))
+    effects = [one.generic if isinstance(one, Nameless) else one.candidate.effect for one in tested]
+    held = max(min(one.evidence, evidence[effect]) for one, effect in zip(tested, effects, strict=True))
+    return detect(held, trials(again.screen, again.noise, again.instants, seed))
 
 
 def _settled_leader(here: Survey, tries: Sequence[_Try], leader: _Try) -> Fit:

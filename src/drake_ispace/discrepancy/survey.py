@@ -82,12 +82,23 @@ def survey(
     base = prediction.residuals(merged(point), pool)
     view = _view(prediction, point, tried, base, pool)
     likelihood = view.likelihood(base, near) if whitening is None else view.with_noise(whitening, base, near)
+    return _survey(point, view, base, likelihood)
+
+
+def doubted(here: Survey) -> Survey:
+    """The same with the noise's own coefficients marginalised."""
+    likelihood = here.view.with_noise(here.likelihood.whitening, here.residuals, near=True)
+    return _survey(here.point, here.view, here.residuals, likelihood)
+
+
+def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
-    w = whitening(base)
+    w = whitening(residuals)
     screen = Screen(likelihood, view.found)
     noise = _noise(likelihood, screen, w)
-    screen.calibrate(noise, whitening.instants(base, BLOCK_ROWS))
-    return Survey(point, view, base, w, likelihood, screen, screen.evidence(w), noise, whitening.instants(base))
+    screen.calibrate(noise, whitening.instants(residuals, BLOCK_ROWS))
+    instants = whitening.instants(residuals)
+    return Survey(point, view, residuals, w, likelihood, screen, screen.evidence(w), noise, instants)
 
 
 def settled(view: View, start: Point) -> tuple[Likelihood, Fit]:
