@@ -15,12 +15,12 @@ import numpy as np
 from drake_ispace.control.tracker import TRACKING_ERROR
 from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.discrepancy.reference import direction_of, turn_of
+from drake_ispace.discrepancy.tracks import in_force, nearest_ticks
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Channel, Recording
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.space.link import delay_ticks
-from drake_ispace.space.localizer import FIX
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.catalog import CATALOG
 
@@ -89,7 +89,7 @@ def check_controller(model: Scenario, robot: str, recording: Recording) -> Contr
         return None
     told = predicted_torque(model, robot, recording)
     measured = recording.channels["torque"]
-    ticks = np.floor(measured.t / TICK_S + 0.5).astype(int)
+    ticks = nearest_ticks(measured.t).astype(int)
     scored = (ticks < len(told)) & (ticks > _SETTLING_TICKS) & ~_near_corner(recording.channels["reference"], ticks)
     if scored.sum() < _SETTLING_TICKS:
         return None
@@ -105,7 +105,7 @@ def predicted_torque(model: Scenario, robot: str, recording: Recording) -> np.nd
     scenario = _listening(model, robot, recording)
     bench = Playback((f"{robot}_plant", "kinect", f"{robot}_way_point"))
     rollout = compile_diagram(CATALOG[model.diagram](scenario, bench))
-    ticks = int(np.floor(recording.channels["encoder"].t[-1] / TICK_S + 0.5)) + 1
+    ticks = int(nearest_ticks(recording.channels["encoder"].t[-1])) + 1
     said = _said(scenario, robot, recording, ticks)
     inputs = {name: said[source.rpartition(".")[2]] for name, source in bench.inputs.items()}
     return rollout.run(ticks, inputs=inputs)[f"{robot}_torque"][1:]
@@ -143,8 +143,15 @@ _NONE = Channel(np.empty(0), (), np.empty((0, 0)), {}, None)
 
 
 def _each_tick(channel, ticks):
-    at = np.searchsorted(np.floor(channel.t / TICK_S + 0.5), np.arange(ticks), side="right") - 1
-    return channel.values[np.maximum(at, 0)]
+    return channel.values[np.maximum(in_force(nearest_ticks(channel.t), ticks), 0)]
+
+
+def _messages(rows, since, ticks):
+    """(ticks, m) the message in force at every tick, each of `rows` from its tick `since` on; before them that of tick
+    -1, which every block takes for none."""
+    before = np.zeros((1, rows.shape[1]))
+    before[0, 0] = -1.0
+    return np.vstack([before, rows])[in_force(since, ticks) + 1]
 
 
 def way_points(reference: Channel, ticks: int) -> np.ndarray:
@@ -154,27 +161,21 @@ def way_points(reference: Channel, ticks: int) -> np.ndarray:
     velocity = np.column_stack([speed * np.cos(direction), speed * np.sin(direction), np.gradient(phi, reference.t)])
     acceleration = np.gradient(velocity, reference.t, axis=0)
     acceleration[turn_of(reference, direction, speed)[1]] = 0.0
-    stamp = np.floor(reference.t / TICK_S + 0.5)
-    rows = np.column_stack([stamp, reference.values[:, :2], phi, velocity, acceleration])
-    before = np.concatenate([[-1.0], np.zeros(WAY_POINT - 1)])
-    at = np.searchsorted(stamp, np.arange(ticks), side="right") - 1
-    return np.vstack([before, rows])[at + 1]
+    stamp = nearest_ticks(reference.t)
+    return _messages(np.column_stack([stamp, reference.values[:, :2], phi, velocity, acceleration]), stamp, ticks)
 
 
 def _fixes(kinect, delay, ticks):
     """(ticks, 5) messages of the camera as the room's computer has them, `delay` before the robot received them."""
-    capture = np.floor(kinect.t / TICK_S + 0.5)
+    capture = nearest_ticks(kinect.t)
     received = kinect.column("t_received") if "t_received" in kinect.columns else kinect.t + delay * TICK_S
-    known = np.maximum(np.floor(received / TICK_S + 0.5) - delay, capture)
-    rows = np.column_stack([capture, np.ones(len(capture)), kinect.values[:, :3]])
-    before = np.concatenate([[-1.0], np.zeros(FIX - 1)])
-    at = np.searchsorted(known, np.arange(ticks), side="right") - 1
-    return np.vstack([before, rows])[at + 1]
+    known = np.maximum(nearest_ticks(received) - delay, capture)
+    return _messages(np.column_stack([capture, np.ones(len(capture)), kinect.values[:, :3]]), known, ticks)
 
 
 def _near_corner(reference, ticks):
     direction, speed = direction_of(reference)
-    corners = np.floor(reference.t[turn_of(reference, direction, speed)[1]] / TICK_S + 0.5)
+    corners = nearest_ticks(reference.t[turn_of(reference, direction, speed)[1]])
     if not len(corners):
         return np.zeros(len(ticks), bool)
     nearest = np.clip(np.searchsorted(corners, ticks), 0, len(corners) - 1)

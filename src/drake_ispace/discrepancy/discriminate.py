@@ -120,14 +120,15 @@ def decide(
         limit = trials(here.screen, here.noise, here.instants, seed)
         tell(f"fitting the leaders{' for what is left' if point else ''}")
         tries = leaders(here)
-        tested = [*tries, *_believed(here, bool(point))]
+        nameless = _believed(here, bool(point))
+        tested = [*tries, *nameless]
         found = detect(max([one.evidence for one in tested], default=0.0), limit)
         if not point and found.found and found.evidence < _BEYOND_DOUBT:
             found = _doubted(here, tested, seed)
         first = first or found
         if not found.found:
             break
-        unknown = _better_unknown(here, tries, bool(point))
+        unknown = _better_unknown(tries, nameless)
         leader = max(tries, key=lambda t: t.merit, default=None)
         if point and _gain_of(leader, unknown) < decision.least:
             break
@@ -236,11 +237,11 @@ def _believed(here, further):
     return [one for one in ranked_generics(here) if enough(one)]
 
 
-def _better_unknown(here: Survey, tries: Sequence[_Try], further: bool) -> tuple[Generic, float] | None:
-    """A generic disagreement that explains more than every effect, if there is one; further: beside named effects."""
+def _better_unknown(tries: Sequence[_Try], nameless: Sequence[Nameless]) -> tuple[Generic, float] | None:
+    """The first of the nameless that explains more than every effect, if there is one."""
     best = max([t.alone for t in tries], default=0.0)
     least = best + max(MARGIN, 0.03 * best)
-    return next(((one.generic, one.gain) for one in _believed(here, further) if one.alone > least), None)
+    return next(((one.generic, one.gain) for one in nameless if one.alone > least), None)
 
 
 def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:

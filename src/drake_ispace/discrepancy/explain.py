@@ -103,6 +103,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     if not runs:
         raise InputError("explain: there is no run, expected at least one")
     recordings = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(runs)]
+    given = [recording for _, recording in recordings]
     others = [
         (_name(run, i + len(runs)), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(held_out)
     ]
@@ -110,8 +111,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
         tracks = [own_track(recording, model, name) for name, recording in recordings]
         proof = [own_track(recording, model, name) for name, recording in others]
         replay = own_replay(model, tracks + proof, effects)
-        runs = [recording for _, recording in recordings]
-        return Case(None, model.name, runs, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+        return Case(None, model.name, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     robot = _robot(scenario, recordings + others)
     wheels = len(getattr(scenario, robot).plant.geometry.wheels)
     tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
@@ -122,10 +122,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     if robot == "base" and "command" not in has:
         tracks, proof = ([replace(t, command=np.zeros_like(t.command)) for t in part] for part in (tracks, proof))
     replay = replay_of(scenario, robot, has, effects)
-    case = Case(
-        scenario, robot, [recording for _, recording in recordings], replay, predict(replay, tracks),
-        predict(replay, proof) if proof else None,
-    )
+    case = Case(scenario, robot, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     for prediction in (case.prediction, *([case.held_out] if proof else [])):
         if not any(rows.size for run in prediction.residuals({}) for rows in run.values()):
             raise InputError(

@@ -111,7 +111,9 @@ def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray
 
     def push(m, x=0.0, y=0.0, yaw=0.0):
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
-        return force[:, [0, 2, 1]] * [1.0, 1.0, 0.0] if body.kind == "pendulum" else force
+        if body.kind == "pendulum":  # takes (s, phi, theta); nothing pushes it sideways
+            return force[:, [0, 2, 1]] * [1.0, 1.0, 0.0]
+        return force
 
     def each(force):
         return [force(m) for m in motions]

@@ -54,8 +54,9 @@ class Likelihood:
         """(rows,) or (rows, k) without what other coefficients of the noise's memory could explain."""
         left = vectors.copy()
         for places, basis in self.memory:
-            part = left[places].reshape(len(places), -1)
-            left[places] -= (basis @ (basis.T @ part)).reshape(left[places].shape)
+            part = left[places]
+            flat = part.reshape(len(places), -1)
+            left[places] = (flat - basis @ (basis.T @ flat)).reshape(part.shape)
         return left
 
     def raw(self, point: Point) -> Residuals:

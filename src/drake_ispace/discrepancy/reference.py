@@ -14,15 +14,14 @@ def direction_of(reference: Channel) -> tuple[np.ndarray, np.ndarray]:
     steps = np.diff(reference.values[:, :2], axis=0) / np.diff(reference.t)[:, None]
     steps = np.vstack([steps[:1], steps[:1], steps, steps[-1:], steps[-1:]])
     behind, ahead = steps[1:-2], steps[2:-1]
-    change_behind, change_ahead = size_of(behind - steps[:-3]), size_of(steps[3:] - ahead)
+    change_behind, change_ahead = _size(behind - steps[:-3]), _size(steps[3:] - ahead)
     smooth = np.abs(change_ahead - change_behind) < 0.5 * np.maximum(change_ahead, change_behind) + _SAME_M_S
     kept = np.where((change_ahead < change_behind)[:, None], ahead, behind)
     velocity = np.where(smooth[:, None], 0.5 * (ahead + behind), kept)
-    return np.arctan2(velocity[:, 1], velocity[:, 0]), size_of(velocity)
+    return np.arctan2(velocity[:, 1], velocity[:, 0]), _size(velocity)
 
 
-def size_of(vectors: np.ndarray) -> np.ndarray:
-    """(k,) lengths of (k, 2)."""
+def _size(vectors):
     return np.linalg.norm(vectors, axis=1)
 
 

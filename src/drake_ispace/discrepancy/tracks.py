@@ -70,7 +70,7 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     recording = _from_zero(recording, has)
     dense = [c for c in has if c != "kinect"]  # what ends earlier cannot be predicted from, nor compared with, later on
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
-    ticks = int(np.floor(end_s / TICK_S + 0.5))
+    ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
     m = 3 if kind == "base" else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
@@ -99,17 +99,26 @@ def _from_zero(recording, has):
     return replace(recording, channels=shifted)
 
 
+def nearest_ticks(times_s: np.ndarray) -> np.ndarray:
+    """(k,) whole numbers: the tick nearest to each of `times_s` [s]."""
+    return np.floor(times_s / TICK_S + 0.5)
+
+
+def in_force(since: np.ndarray, rows: int) -> np.ndarray:
+    """(rows,) which sample is in force at every tick from 0 on, each from its tick `since` on; -1 before the first."""
+    return np.searchsorted(since, np.arange(rows), side="right") - 1
+
+
 def _held(channel, rows):
     """Values in force at each tick: each held from its time on."""
-    ticks = np.floor(channel.t / TICK_S + 0.5)
-    at = np.searchsorted(ticks, np.arange(rows), side="right") - 1
+    at = in_force(nearest_ticks(channel.t), rows)
     values = channel.values[np.maximum(at, 0)].copy()
     values[at < 0] = 0.0
     return values
 
 
 def _on_ticks(channel, rows):
-    ticks = np.floor(channel.t / TICK_S + 0.5)
+    ticks = nearest_ticks(channel.t)
     if np.array_equal(ticks, np.arange(ticks[0], ticks[0] + len(ticks))) and ticks[0] >= 0.0:
         return channel.values[np.clip(np.arange(rows) - int(ticks[0]), 0, len(ticks) - 1)]
     t = np.arange(rows) * TICK_S
@@ -117,7 +126,7 @@ def _on_ticks(channel, rows):
 
 
 def _fixes(channel, rows, apart_s):
-    ticks = np.floor(channel.t / TICK_S + 0.5).astype(int)
+    ticks = nearest_ticks(channel.t).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
     if apart_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_S:

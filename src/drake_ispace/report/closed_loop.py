@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.alignment import to_recording
 from drake_ispace.discrepancy.reference import direction_of, turn_of
+from drake_ispace.discrepancy.tracks import nearest_ticks
 from drake_ispace.errors import InputError
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S, ticks_in
@@ -82,7 +83,7 @@ def _table(reference, tangent):
         direction = np.unwrap(reference.column("phi"))
     turn, corner = turn_of(reference, direction, speed)
     speed = np.maximum(speed, _AT_REST_M_S)
-    ticks = np.floor(reference.t / TICK_S + 0.5)
+    ticks = nearest_ticks(reference.t)
     table = np.column_stack([
         ticks * TICK_S, reference.values[:, :2], speed * np.cos(direction), speed * np.sin(direction),
         np.where(corner, 0.0, turn),
