@@ -39,6 +39,15 @@ def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
     assert record["closed"] > 0.8
 
 
+def test_an_alarm_in_doubt_is_that_of_the_wheel_it_is_about():
+    """Not of another wheel, whose motor leaves nothing like it."""
+    runs = [generate("omni", motion, {"weak_motor": {"wheel": 1, "loss": 0.1}}, 20.0, 40 + i)
+            for i, motion in enumerate(MOTIONS)]
+    found = explain("omni_multirate", runs)
+    assert 10.0 < found.detection.evidence < 25.0
+    assert [e.name for e in found.effects] == ["weak_motor"] and found.effects[0].parameters["wheel"].estimate == 1
+
+
 def test_two_effects_at_once_are_both_named_and_measured():
     effects = {"mass_error": {"share": 0.2}, "wheel_radius_error": {"share": 0.03}}
     runs = [generate("omni", motion, effects, 20.0, 60 + i) for i, motion in enumerate(MOTIONS)]

@@ -96,10 +96,14 @@ class _Try:
 class Nameless:
     """A generic disagreement; gain, alone, evidence: as of an effect that is tried."""
 
-    generic: Generic
+    candidate: Candidate
     gain: float
     alone: float
     evidence: float
+
+    @property
+    def generic(self) -> Generic:
+        return self.candidate.effect
 
 
 def cost(candidate: Candidate) -> float:
@@ -161,9 +165,8 @@ def _doubted(here, tested, seed) -> Detection:
     Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect.
     """
     again = doubted(here)
-    evidence = dict(zip([c.effect for c in again.screen.candidates], again.evidence, strict=True))
-    effects = [one.generic if isinstance(one, Nameless) else one.candidate.effect for one in tested]
-    held = max(min(one.evidence, evidence[effect]) for one, effect in zip(tested, effects, strict=True))
+    evidence = dict(zip(again.screen.candidates, again.evidence, strict=True))
+    held = max(min(one.evidence, evidence[one.candidate]) for one in tested)
     return detect(held, trials(again.screen, again.noise, again.instants, seed))
 
 
@@ -223,7 +226,7 @@ def ranked_generics(here: Survey) -> list[Nameless]:
         if isinstance(candidate.effect, Generic):
             alone = screen.joint_gain(candidate, here.w)
             gain = alone / screen.inflation_of(candidate)
-            found.append(Nameless(candidate.effect, gain, alone - 2.0 * candidate.effect.columns, here.evidence[i]))
+            found.append(Nameless(candidate, gain, alone - 2.0 * candidate.effect.columns, here.evidence[i]))
     return sorted(found, key=lambda f: -f.gain)
 
 
