@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.discrepancy.candidates import candidates
+from drake_ispace.discrepancy.directions import Directions
 from drake_ispace.discrepancy.likelihood import Likelihood, fit
 from drake_ispace.discrepancy.profile import profile_interval
 from drake_ispace.effects.library import library
@@ -17,7 +18,7 @@ class Toy(Likelihood):
     """Residuals that are a given function of all coordinates together."""
 
     def __init__(self, candidate, residuals):
-        super().__init__(None, None, np.empty((3, 0)), {candidate: [1.0] * len(candidate.parameters)})
+        super().__init__(None, None, Directions(np.empty((0, 3))), {candidate: [1.0] * len(candidate.parameters)})
         self.of = residuals
 
     def whitened(self, point):

@@ -76,7 +76,7 @@ def drift(decision: Decision) -> list[str]:
     slopes = likelihood.slopes(named.point, named.order, named.w)
     starts, found = likelihood.whitening.starts(decision.end.residuals), []
     for at, (candidate, i) in enumerate(named.order):
-        estimates, stds = _by_run(starts, slopes[:, at], named.w)
+        estimates, stds = _by_run(starts, slopes[at], named.w)
         known = stds < 10.0 * np.min(stds)
         if known.sum() < 2:
             continue

@@ -38,11 +38,11 @@ def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int, r
     each row belongs to; rows of one instant keep their signs together."""
     generator = np.random.default_rng([seed, 1])
     starts = np.flatnonzero(np.diff(instants, prepend=-1))
-    products = np.add.reduceat(screen.freed * noise[:, None], starts, axis=0)
+    products = np.add.reduceat(screen.freed * noise, starts, axis=1)
     largest = []
     for _ in range(0, replicates, _BATCH):
         signs = 2.0 * generator.integers(0, 2, size=(len(starts), _BATCH), dtype=np.int8) - 1.0
-        largest.append(screen.evidence_of(products.T @ signs).max(axis=0))
+        largest.append(screen.evidence_of(products @ signs).max(axis=0))
     return np.concatenate(largest)
 
 

@@ -63,15 +63,15 @@ class Screen:
     """Score tests of many effects at once.
 
     Args:
-        likelihood: for the offsets; found: signatures at the point where the residuals were taken.
+        likelihood: for the offsets. found: signatures at the point where the residuals were taken. changes: (k, rows)
+            of each of them, whitened.
     """
 
-    def __init__(self, likelihood: Likelihood, found: Sequence[Signature]):
+    def __init__(self, likelihood: Likelihood, found: Sequence[Signature], changes: np.ndarray):
         self.signatures = list(found)
-        columns = [likelihood.whitening(s.change) for s in found]
-        self.columns = np.stack(columns, axis=1) if columns else np.empty((0, 0))
-        self.freed = likelihood.freed(self.columns) if columns else self.columns
-        self.inner = self.columns.T @ self.freed
+        self.changes = changes
+        self.freed = likelihood.freed(changes)
+        self.inner = changes @ self.freed.T
         self.length = np.diag(self.inner).copy()
         self.inflation = np.ones(len(found))
         self.one_sided = np.array([s.one_sided for s in found])
@@ -85,16 +85,16 @@ class Screen:
         `blocks` ((rows,), ascending numbers), and these sums count as the independent ones.
         """
         starts = np.flatnonzero(np.diff(blocks, prepend=-1))
-        sums = np.add.reduceat(self.freed * noise[:, None], starts, axis=0)
-        self.inflation = np.maximum(np.sum(sums**2, axis=0) / np.maximum(self.length, _LEAST), 1.0)
+        sums = np.add.reduceat(self.freed * noise, starts, axis=1)
+        self.inflation = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
 
     def inflation_of(self, candidate: Candidate) -> float:
         """The largest over a candidate's signatures."""
         return float(self.inflation[self._of[candidate]].max()) if candidate in self._of else 1.0
 
     def gains(self, w: np.ndarray) -> np.ndarray:
-        """(columns,) how much each signature alone lowers the misfit of `w` (rows,)."""
-        return self._gains(self.freed.T @ w)
+        """(k,) how much each signature alone lowers the misfit of `w` (rows,)."""
+        return self._gains(self.freed @ w)
 
     def _gains(self, g):
         shape = (-1,) + (1,) * (g.ndim - 1)
@@ -104,10 +104,10 @@ class Screen:
 
     def evidence(self, w: np.ndarray) -> np.ndarray:
         """(candidates,) -log10 of the p-value of the best use of each candidate, not corrected for trying many."""
-        return self.evidence_of(self.freed.T @ w)
+        return self.evidence_of(self.freed @ w)
 
     def evidence_of(self, g: np.ndarray) -> np.ndarray:
-        """The same from products of all signatures with residuals, (columns,) or (columns, k)."""
+        """The same from products of all signatures with residuals, (k,) or (k, trials)."""
         gains = self._gains(g)
         best = []
         for candidate in self.candidates:
@@ -133,16 +133,16 @@ class Screen:
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
         """How much all signatures of a candidate together lower the misfit of `w`."""
         own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        return float(self.freed[:, own].T @ w @ self._amounts(own, w))
+        return float(self.freed[own] @ w @ self._amounts(own, w))
 
     def _amounts(self, own, w):
         """(own,) how much of each of these signatures together explains most of `w`."""
-        return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[:, own].T @ w)
+        return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[own] @ w)
 
     def without(self, effect, w: np.ndarray) -> np.ndarray:
         """(rows,) what is left of `w` when the signatures of an effect explain what they can."""
         own = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and self.length[i] >= _LEAST]
-        return w - self.columns[:, own] @ self._amounts(own, w)
+        return w - self._amounts(own, w) @ self.changes[own]
 
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""
@@ -150,7 +150,7 @@ class Screen:
         gains = self.gains(w)
         best = own[int(np.argmax(gains[own]))]
         found = self.signatures[best]
-        amount = float(self.freed[:, best] @ w / max(self.length[best], _LEAST))
+        amount = float(self.freed[best] @ w / max(self.length[best], _LEAST))
         neutral, z = candidate.neutral, list(found.z)
         for i, (low, high) in enumerate(candidate.bounds):
             share = min(max(amount, -3.0), 3.0)

@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate
+from drake_ispace.discrepancy.directions import Directions
+from drake_ispace.discrepancy.memory import Memory, gram
 from drake_ispace.discrepancy.predict import Prediction, Residuals
 from drake_ispace.discrepancy.whitening import Whitening
 
@@ -31,33 +33,21 @@ class Likelihood:
     """Minus twice the log likelihood of the runs, but for a constant, as a sum of squares.
 
     Attributes:
-        prediction: model and runs. whitening: of their noise. offsets: (rows, q) nuisance directions, whitened, each
+        prediction: model and runs. whitening: of their noise. offsets: nuisance directions, whitened, each
             one prior standard deviation long. memory: of the noise, see Whitening.memory.
         sizes: candidate -> a natural size of each of its coordinates.
     """
 
     prediction: Prediction
     whitening: Whitening
-    offsets: np.ndarray
+    offsets: Directions
     sizes: Mapping[Candidate, Sequence[float]]
     pool: ThreadPoolExecutor | None = None
-    memory: Sequence[tuple[np.ndarray, np.ndarray]] = ()
-    _own: np.ndarray = field(init=False, repr=False)
+    memory: Sequence[Memory] = ()
     _inner: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
-        q = self.offsets.shape[1]
-        self._own = self.forgotten(self.offsets)
-        self._inner = np.linalg.inv(self._own.T @ self._own + np.eye(q)) if q else np.empty((0, 0))
-
-    def forgotten(self, vectors: np.ndarray) -> np.ndarray:
-        """(rows,) or (rows, k) without what other coefficients of the noise's memory could explain."""
-        left = vectors.copy()
-        for places, basis in self.memory:
-            part = left[places]
-            flat = part.reshape(len(places), -1)
-            left[places] = (flat - basis @ (basis.T @ flat)).reshape(part.shape)
-        return left
+        self._inner = np.linalg.inv(gram(self.memory, self.offsets) + np.eye(len(self.offsets)))
 
     def raw(self, point: Point) -> Residuals:
         return self.prediction.residuals(merged(point), self.pool)
@@ -66,11 +56,17 @@ class Likelihood:
         return self.whitening(self.raw(point))
 
     def freed(self, vectors: np.ndarray) -> np.ndarray:
-        """What offsets cannot explain, by (I - N (N'N + 1)^-1 N') applied to (rows,) or (rows, k)."""
-        left = self.forgotten(vectors)
-        if not self.offsets.shape[1]:
-            return left
-        return left - self._own @ (self._inner @ (self._own.T @ left))
+        """What neither the noise's memory nor offsets can explain of (rows,) or (k, rows): M (I - N (N'MN + 1)^-1 N' M)
+        with M what memory leaves and N the offsets."""
+        left = np.array(vectors, ndmin=2)
+        self._forget(left)
+        left -= self.offsets.combined(self.offsets.dot(left) @ self._inner)
+        self._forget(left)
+        return left.reshape(vectors.shape)
+
+    def _forget(self, vectors):
+        for memory in self.memory:
+            memory.take(vectors)
 
     def misfit(self, w: np.ndarray) -> float:
         """Sum of squares of whitened residuals with the best offsets, priors included."""
@@ -81,8 +77,8 @@ class Likelihood:
         return w * self.freed(w)
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
-        """(rows, len(moved)) change of the whitened residuals per natural size of a coordinate."""
-        columns = []
+        """(len(moved), rows) change of the whitened residuals per natural size of a coordinate."""
+        found = []
         for candidate, i in moved:
             low, high = candidate.bounds[i]
             z, size = point[candidate][i], self.sizes[candidate][i]
@@ -96,8 +92,8 @@ class Likelihood:
                 change = (self.whitened({**point, candidate: z_new}) - w) * (size / to)
                 if np.isfinite(change).all():
                     break
-            columns.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
-        return np.stack(columns, axis=1) if columns else np.empty((len(w), 0))
+            found.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
+        return np.stack(found) if found else np.empty((0, len(w)))
 
 
 @dataclass(frozen=True)
@@ -139,7 +135,7 @@ def fit(
     for _ in range(iterations):
         slopes = likelihood.slopes(point, order, w)
         freed = likelihood.freed(slopes)
-        normal, gradient = slopes.T @ freed, freed.T @ w
+        normal, gradient = slopes @ freed.T, freed @ w
         free = _free(point, order, gradient)
         gained = 0.0
         for _ in range(6):
@@ -156,7 +152,7 @@ def fit(
         if gained < tolerance:
             break
     slopes = likelihood.slopes(point, order, w)
-    normal = slopes.T @ likelihood.freed(slopes)
+    normal = slopes @ likelihood.freed(slopes).T
     return Fit(point, misfit, np.linalg.pinv(normal, rcond=1e-10), order, w)
 
 

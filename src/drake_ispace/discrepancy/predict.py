@@ -89,18 +89,21 @@ class Prediction:
             tracks.append(replace(track, fix=fix))
         return self._changed(tracks, values)
 
-    def nuisances(self, values: Values) -> list[tuple[int, dict[str, np.ndarray]]]:
-        """(run, residual change per standard deviation, by stream) of every offset that a run may have."""
-        numbers, share, found = self.replay.parameters(values), self._dropouts(values), []
+    def nuisances(
+        self, values: Values, pool: ThreadPoolExecutor | None = None
+    ) -> list[tuple[int, dict[str, np.ndarray]]]:
+        """(run, residual change per standard deviation, by stream) of every offset that a run may have, run by run."""
+        numbers, share = self.replay.parameters(values), self._dropouts(values)
+        at, jobs = self.residuals(values, pool), []
         for i, track in enumerate(self.tracks):
-            at = self._one(i, track, numbers, share)
-            for offset in self._offsets(track):
-                moved = self._one(i, replace(track, measured=track.measured + offset), numbers, share)
-                found.append((i, {name: moved[name] - at[name] for name in at}))
-            for force in self._slow_forces(track):
-                moved = self._one(i, self.replay.pushed(track, force), numbers, share)
-                found.append((i, {name: moved[name] - at[name] for name in at}))
-        return found
+            jobs += [(i, lambda t=track, o=offset: replace(t, measured=t.measured + o)) for offset in self._offsets(track)]
+            jobs += [(i, lambda t=track, f=force: self.replay.pushed(t, f)) for force in self._slow_forces(track)]
+
+        def one(job):
+            i, moved = job
+            return i, {name: rows - at[i][name] for name, rows in self._one(i, moved(), numbers, share).items()}
+
+        return list((pool.map if pool else map)(one, jobs))
 
     def _slow_forces(self, track):
         """(rows, 3) force of unknown cause, one standard deviation large, over each stretch of a few seconds."""

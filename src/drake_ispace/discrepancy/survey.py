@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.discrepancy.candidates import Candidate, probes
+from drake_ispace.discrepancy.directions import Directions
 from drake_ispace.discrepancy.generic import generics
 from drake_ispace.discrepancy.hypothesize import Screen, Signature, signatures
 from drake_ispace.discrepancy.likelihood import Fit, Likelihood, Point, fit, merged
@@ -38,13 +39,11 @@ class View:
 
     def likelihood(self, residuals: Residuals, near: bool, start: Whitening | None = None) -> Likelihood:
         """Of the runs, with the noise that is in these residuals; start: noise of a point nearby."""
-        return self.with_noise(noise_of(self.prediction, residuals, self.changes, self.offsets, start), residuals, near)
+        return self.with_noise(noise_of(self, residuals, start), residuals, near)
 
     def with_noise(self, whitening: Whitening, residuals: Residuals, near: bool) -> Likelihood:
         """near: whether these residuals are nearly those of the best point, and can tell what the noise remembers."""
-        columns = [*_own_rows(whitening, residuals, self.offsets), *map(whitening, self.tolerated)]
-        rows = whitening.starts(residuals)[-1]
-        offsets = np.stack(columns, axis=1) if columns else np.empty((rows, 0))
+        offsets = whitening.directions(residuals, self.tolerated, self.offsets, self.pool)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
 
@@ -94,7 +93,8 @@ def doubted(here: Survey) -> Survey:
 def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
-    screen = Screen(likelihood, view.found)
+    changes = whitening.directions(residuals, [s.change for s in view.found], pool=view.pool).everywhere
+    screen = Screen(likelihood, view.found, changes)
     noise = _noise(likelihood, screen, w)
     screen.calibrate(noise, whitening.instants(residuals, BLOCK_ROWS))
     instants = whitening.instants(residuals)
@@ -128,7 +128,7 @@ def _view(prediction, point, tried, base, pool) -> View:
     steady = [s.change for s in found if not getattr(s.candidate.effect, "is_local", False)]
     changes = steady + _own_changes(prediction, point, sizes, base, pool)
     other_noise = [_difference(base, other) for other in prediction.under_other_noise(merged(point))]
-    offsets = prediction.nuisances(merged(point))
+    offsets = prediction.nuisances(merged(point), pool)
     return View(prediction, found, changes, offsets, _tolerated(found, scales) + other_noise, sizes, pool)
 
 
@@ -161,15 +161,6 @@ def _sizes(candidate, scales):
     return [min(sizes) if sizes else 1.0 for sizes in moved]
 
 
-def _own_rows(whitening, base, offsets):
-    """Whitened residual changes of every nuisance, each zero but in its own run."""
-    starts = whitening.starts(base)
-    for i, change in offsets:
-        column = np.zeros(starts[-1])
-        column[starts[i] : starts[i + 1]] = whitening.one(i, change)
-        yield column
-
-
 def _difference(base, other):
     return [{name: run[name] - rows for name, rows in before.items()} for before, run in zip(base, other, strict=True)]
 
@@ -189,47 +180,38 @@ def _tolerated(found, scales):
     return changes
 
 
-def noise_of(
-    prediction: Prediction, residuals: Residuals, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]], start: Whitening | None = None,
-) -> Whitening:
-    """The noise of the residuals without what the changes, and the offsets (run, change), explain of them; start: noise
-    that is nearly this already.
+def noise_of(view: View, residuals: Residuals, start: Whitening | None = None) -> Whitening:
+    """The noise of the residuals without what the changes and the offsets of `view` explain of them; start: noise that
+    is nearly this already.
 
     Noise and explanation are found in turn. To take the explanation away first, by plain least squares, would let a
     signature pass for physics that only repeats how the noise itself is correlated.
     """
-    classes = prediction.classes()
+    classes = view.prediction.classes()
     whitening = start or Whitening(residuals, classes)
     for _ in range(1 if start else _ROUNDS):
-        columns = [whitening(change) for change in changes]
-        columns = np.stack([*columns, *_own_rows(whitening, residuals, offsets)], axis=1)
-        amounts = _least_squares(columns, whitening(residuals))
-        left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
-        for amount, change in zip(amounts, changes, strict=False):
-            for run, part in zip(left, change, strict=True):
-                for name in run:
-                    run[name] -= amount * part[name]
-        for amount, (i, change) in zip(amounts[len(changes) :], offsets, strict=True):
-            for name in left[i]:
-                left[i][name] -= amount * change[name]
-        whitening = Whitening(left, classes, len(amounts))
+        directions = whitening.directions(residuals, view.changes, view.offsets, view.pool)
+        amounts = directions.least_squares(whitening(residuals))
+        whitening = Whitening(_without(residuals, view, amounts), classes, len(amounts))
     return whitening
 
 
-def _least_squares(columns, y):
-    """By the normal equations of columns brought to one length, directions that nearly coincide left out."""
-    lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-9)
-    columns = columns / lengths
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > 1e-9 * values[-1]
-    return vectors[:, kept] @ ((vectors[:, kept].T @ (columns.T @ y)) / values[kept]) / lengths
+def _without(residuals, view, amounts):
+    """Residuals less so much of every change and offset of `view`."""
+    left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
+    for amount, change in zip(amounts, view.changes, strict=False):
+        for run, part in zip(left, change, strict=True):
+            for name in run:
+                run[name] -= amount * part[name]
+    for amount, (i, change) in zip(amounts[len(view.changes) :], view.offsets, strict=True):
+        for name in left[i]:
+            left[i][name] -= amount * change[name]
+    return left
 
 
 def _noise(likelihood, screen, w):
     """What no signature and no offset explains of `w`, of unit variance again."""
-    columns = np.hstack([screen.columns, likelihood.offsets]) if screen.columns.size else likelihood.offsets
-    if not columns.shape[1]:
-        return w
-    left = w - columns @ _least_squares(columns, w)
-    return left * np.sqrt(len(w) / max(len(w) - columns.shape[1], 1))
+    offsets = likelihood.offsets
+    every = Directions(np.vstack([screen.changes, offsets.everywhere]), offsets.own)
+    left = w - every.combined(every.least_squares(w))
+    return left * np.sqrt(len(w) / max(len(w) - len(every), 1))

@@ -1,11 +1,15 @@
 """Noise of residuals: per stream a vector autoregression with a long memory, by which they become independent."""
 
+import itertools
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
+from drake_ispace.discrepancy.directions import Directions
+from drake_ispace.discrepancy.memory import Memory
 from drake_ispace.discrepancy.predict import RESTING, Residuals
 
 _FEW = 100
@@ -136,18 +140,36 @@ class Whitening:
             noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
         ])
 
-    def memory(self, residuals: Residuals) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For each stream that remembers: (n, p) its places in the long vector, and (n, q) an orthonormal basis of what
-        its past could do to any of its p channels, were the noise's own coefficients a little different."""
+    def directions(
+        self, residuals: Residuals, changes: Sequence[Residuals],
+        offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (), pool: ThreadPoolExecutor | None = None,
+    ) -> Directions:
+        """Changes of all residuals, and offsets (run, change of its own) with the runs in order, whitened."""
+        starts = self.starts(residuals)
+        everywhere = np.empty((len(changes), starts[-1]))
+        for row, whitened in zip(everywhere, (pool.map if pool else map)(self, changes), strict=True):
+            row[:] = whitened
+        grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
+        parts = (pool.map if pool else map)(lambda group: np.stack([self.one(group[0], c) for c in group[1]]), grouped)
+        return Directions(everywhere, [(starts[i], part) for (i, _), part in zip(grouped, parts, strict=True)])
+
+    def memory(self, residuals: Residuals) -> list[Memory]:
+        """What the past of each stream that remembers could do to any of its channels, were the noise's own
+        coefficients a little different."""
         places, pasts, at = {}, {}, 0
         for i, run in enumerate(residuals):
             for name, noise in self.noise.items():
                 rows, p = noise.rows(run[name]), run[name].shape[1]
                 if rows and len(noise.a):
-                    places.setdefault(name, []).append(at + np.arange(rows * p).reshape(rows, p))
+                    places.setdefault(name, []).append((at, at + rows * p))
                     pasts.setdefault(name, []).append(noise.past_of(run[name], self.classes[i].get(name)))
                 at += rows * p
-        return [(np.vstack(places[name]), _orthonormal(np.vstack(pasts[name]))) for name in places]
+        found = []
+        for name in places:
+            ends = np.cumsum([len(part) for part in pasts[name]])
+            bases = np.split(_orthonormal(np.vstack(pasts[name])), ends[:-1])
+            found.append(Memory(residuals[0][name].shape[1], places[name], bases))
+        return found
 
     def volume(self, residuals: Residuals) -> float:
         """Twice the logarithm by which whitening shrinks residuals: what a misfit lacks of minus twice the log
