@@ -171,7 +171,7 @@ def _doubted(here, tested, seed) -> Detection:
 
 
 def _settled_leader(here: Survey, tries: Sequence[_Try], leader: _Try) -> Fit:
-    """The likeliest of the leader and the tries that come near it, each with the noise that it leaves.
+    """Of the leader and the tries that come near it the one that does best under the noises that they leave.
 
     Under a noise that was found while the effect was missing, one that only looks like it may gain more.
     """
@@ -179,10 +179,14 @@ def _settled_leader(here: Survey, tries: Sequence[_Try], leader: _Try) -> Fit:
         t for t in sorted(tries, key=lambda t: -t.merit)
         if t.merit > _NEAR * leader.merit and t.evidence > _NEAR_EVIDENCE * leader.evidence and t is not leader
     ]
+    followed = [leader, *near[:_MOST_NEAR]]
+    settlements = [settled(here.view, one.fit.point) for one in followed]
+    if len(followed) == 1:
+        return settlements[0][1]
     best, least = None, np.inf
-    for one in [leader, *near[:_MOST_NEAR]]:
-        likelihood, found = settled(here.view, one.fit.point)
-        value = found.misfit + likelihood.whitening.volume(here.residuals) + cost(one.candidate)
+    for one, (_, found) in zip(followed, settlements, strict=True):
+        misfits = [fit(likelihood, found.point, iterations=4).misfit for likelihood, _ in settlements]
+        value = np.mean(misfits) + cost(one.candidate)
         if value < least:
             best, least = found, value
     return best

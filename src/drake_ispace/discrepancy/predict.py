@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
+from scipy.signal import lfilter
 
 from drake_ispace.discrepancy.filters import FORCES
 from drake_ispace.discrepancy.replay import Replay, Values
@@ -19,6 +20,8 @@ from drake_ispace.discrepancy.room_gain import tuned
 from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.pendulum import linear_terms
+from drake_ispace.robots.slip import GRAVITY
 
 _SETTLING_TICKS = 60  # of the filter
 _SPEED_TICKS = 20  # over which a wheel's speed is taken
@@ -35,6 +38,8 @@ _IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz
 #: The roll rate of a body that leans, -yaw rate times tilt, mostly shows how far the tilt that nobody measures is off:
 #: with a sign and a size that turn with the robot, for which no noise that stays the same can stand.
 _NOT_PREDICTED = "wx"
+_LATE_TICKS = 3  # within which an accelerometer shows a jump of the torque
+_TILT_S = 0.5  # over which the direction of gravity is averaged
 
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
 
@@ -96,8 +101,8 @@ class Prediction:
         numbers, share = self.replay.parameters(values), self._dropouts(values)
         at, jobs = self.residuals(values, pool), []
         for i, track in enumerate(self.tracks):
-            jobs += [(i, lambda t=track, o=offset: replace(t, measured=t.measured + o)) for offset in self._offsets(track)]
-            jobs += [(i, lambda t=track, f=force: self.replay.pushed(t, f)) for force in self._slow_forces(track)]
+            jobs += [(i, lambda t=track, o=o: replace(t, measured=t.measured + o)) for o in self._offsets(track)]
+            jobs += [(i, lambda t=track, f=f: self.replay.pushed(t, f)) for f in self._slow_forces(track)]
 
         def one(job):
             i, moved = job
@@ -122,6 +127,32 @@ class Prediction:
             [self._one(i, track, changed, share) for i, track in enumerate(self.tracks)]
             for changed in (self.replay.under_noise(numbers, other) for other in self.replay.others)
         ]
+
+    def under_other_timing(self, values: Values) -> list[Residuals]:
+        """With torque's jumps felt by the accelerometer at another moment of the tick, and up to two ticks later.
+
+        It shows what acts at the very instant of its sample, or behind a low pass of its own; to the model a torque is
+        its mean over the tick, which says all about where the robot goes, but nothing about that instant.
+        """
+        if self.replay.body.kind != "pendulum" or not self.channels["motion"]:
+            return []
+        return [
+            self._changed([replace(t, measured=t.measured + self._felt(t, ticks)) for t in self.tracks], values)
+            for ticks in range(_LATE_TICKS)
+        ]
+
+    def _felt(self, track, ticks):
+        """(rows, p) how much of the last jump of the torque, `ticks` ago, IMUs show by half a tick of other timing."""
+        imu = self.replay.body.wheels
+        mass, _, effort = linear_terms(self.replay.body.plant)
+        acceleration = (track.command @ np.linalg.solve(mass, effort).T)[:, 0]
+        jump, felt = 0.5 * np.diff(acceleration), np.zeros(track.measured.shape)
+        keep = 1.0 - TICK_S / _TILT_S
+        ax, pitching = track.measured[:, imu], track.measured[:, imu + 4]
+        tilt = lfilter([1.0], [1.0, -keep], keep * TICK_S * pitching - (1.0 - keep) * ax / GRAVITY)
+        felt[2 + ticks :, imu] = jump[: len(jump) - 1 - ticks]
+        felt[:, imu + 2] = np.sin(tilt) * felt[:, imu]
+        return felt
 
     def _offsets(self, track):
         """(rows or 1, p) to add to `measured`, one standard deviation long: a wheel is somewhere within its count, and

@@ -126,10 +126,13 @@ def _view(prediction, point, tried, base, pool) -> View:
     sizes = {c: _sizes(c, scales) for c in tried}
     found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
     steady = [s.change for s in found if not getattr(s.candidate.effect, "is_local", False)]
-    changes = steady + _own_changes(prediction, point, sizes, base, pool)
-    other_noise = [_difference(base, other) for other in prediction.under_other_noise(merged(point))]
+    noise, timing = (
+        [_difference(base, other) for other in assumed(merged(point))]
+        for assumed in (prediction.under_other_noise, prediction.under_other_timing)
+    )
+    changes = steady + _own_changes(prediction, point, sizes, base, pool) + timing
     offsets = prediction.nuisances(merged(point), pool)
-    return View(prediction, found, changes, offsets, _tolerated(found, scales) + other_noise, sizes, pool)
+    return View(prediction, found, changes, offsets, _tolerated(found, scales) + noise + timing, sizes, pool)
 
 
 def _own_changes(prediction, point, sizes, base, pool):

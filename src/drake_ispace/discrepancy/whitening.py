@@ -171,20 +171,6 @@ class Whitening:
             found.append(Memory(residuals[0][name].shape[1], places[name], bases))
         return found
 
-    def volume(self, residuals: Residuals) -> float:
-        """Twice the logarithm by which whitening shrinks residuals: what a misfit lacks of minus twice the log
-        likelihood where noises are compared."""
-        total = 0.0
-        for name, noise in self.noise.items():
-            log_unit = np.linalg.slogdet(noise.unit)[1]
-            for i, run in enumerate(residuals):
-                total -= 2.0 * noise.rows(run[name]) * log_unit
-                classes = self.classes[i].get(name)
-                if classes is not None and noise.rows(run[name]):
-                    sizes = noise.sizes[classes[noise.lags :]]
-                    total += 2.0 * np.sum(np.log(sizes[np.isfinite(sizes).all(axis=1)]))
-        return float(total)
-
     def starts(self, residuals: Residuals) -> np.ndarray:
         """(runs + 1,) where each run begins in the long vector, and its length."""
         sizes = [sum(n.rows(run[name]) * run[name].shape[1] for name, n in self.noise.items()) for run in residuals]
