@@ -48,6 +48,17 @@ def test_an_alarm_in_doubt_is_that_of_the_wheel_it_is_about():
     assert [e.name for e in found.effects] == ["weak_motor"] and found.effects[0].parameters["wheel"].estimate == 1
 
 
+def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
+    """Which feels the torque of the very instant of its sample, not the mean over the tick."""
+    runs = [
+        generate("pendulum", motion, {"command_delay": {"delay_s": 0.003}}, 12.0, 70 + i)
+        for i, motion in enumerate(["square", "back_and_forth"])
+    ]
+    found = explain("pendulum_multirate", runs)
+    assert [(e.name, e.equivalents) for e in found.effects] == [("command_delay", [])]
+    assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
+
+
 def test_two_effects_at_once_are_both_named_and_measured():
     effects = {"mass_error": {"share": 0.2}, "wheel_radius_error": {"share": 0.03}}
     runs = [generate("omni", motion, effects, 20.0, 60 + i) for i, motion in enumerate(MOTIONS)]
