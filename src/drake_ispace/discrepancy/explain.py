@@ -33,6 +33,7 @@ from drake_ispace.discrepancy.profile import profile_interval
 from drake_ispace.discrepancy.replay import Replay, replay_of
 from drake_ispace.discrepancy.tracks import track
 from drake_ispace.effects.effect import Effect
+from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.recording import Recording, load
 from drake_ispace.scenario import Scenario, difference, load_scenario
@@ -252,7 +253,12 @@ def _untestable(case, decision) -> list[Untestable]:
 
 
 def _add(case: Case, decision: Decision, answer: Explanation) -> None:
-    """Stage 5, add: the scenario with the named effects in it."""
+    """Stage 5, add: the scenario with the named effects in it, if a scenario can list them."""
+    if foreign := [candidate.name for candidate in decision.named.point if candidate.name not in library()]:
+        answer.warnings.append(
+            f"{', '.join(foreign)}: no entry point drake_ispace.effects, so there is no model with the effect in it"
+        )
+        return
     scenario = copy.deepcopy(case.scenario)
     section = getattr(scenario, case.robot)
     for candidate, z in decision.named.point.items():
