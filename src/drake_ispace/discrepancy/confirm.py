@@ -10,13 +10,18 @@ from drake_ispace.discrepancy.candidates import Candidate
 from drake_ispace.discrepancy.discriminate import Decision
 from drake_ispace.discrepancy.explanation import Gap
 from drake_ispace.discrepancy.likelihood import Fit, fit
-from drake_ispace.discrepancy.localize import channel_rows, labels_of
+from drake_ispace.discrepancy.localize import channel_rows
 from drake_ispace.discrepancy.predict import Prediction
-from drake_ispace.discrepancy.survey import BLOCK_ROWS, survey
+from drake_ispace.discrepancy.survey import BLOCK_ROWS, survey, without
 
-_LEAST_GAP = 12.0  # of misfit in a channel, below which there is no gap to speak of
+_LEAST_GAP = 12.0  # of misfit, below which there is no gap to speak of
 _REPLICATES = 500
 _WORSE = 1.02  # times the error before, from which on a channel got worse
+_CLEAR = 0.01  # share of the draws of a bootstrap that may say the contrary
+_UNITS = {
+    "wheel": "rad", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2", "wx": "rad/s", "wy": "rad/s", "wz": "rad/s", "x": "m",
+    "y": "m", "heading": "rad", "seen": "1",
+}
 
 
 @dataclass(frozen=True)
@@ -41,33 +46,41 @@ def confirm(
     point = decision.named.point
     here = survey(prediction, point, list(point), pool)
     likelihood = here.likelihood
-    before, after = likelihood.whitened({}), likelihood.whitened(point)
-    best = fit(likelihood, point, iterations=6)
-    labels, blocks = channel_rows(prediction, here), likelihood.whitening.instants(here.residuals, BLOCK_ROWS)
-    errors = [likelihood.freed(w) ** 2 for w in (before, after, best.w)]
+    raw = [likelihood.raw({}), likelihood.raw(point), likelihood.raw(fit(likelihood, point, iterations=6).point)]
+    blocks = likelihood.whitening.instants(here.residuals, BLOCK_ROWS)
+    sums = lambda e, rows=slice(None): np.bincount(blocks[rows], e[rows] ** 2, minlength=blocks[-1] + 1)  # noqa: E731
     generator = np.random.default_rng([seed, 2])
     draws = generator.integers(0, blocks[-1] + 1, size=(_REPLICATES, blocks[-1] + 1))
-    sizes = _noise_sizes(prediction, here)
     gaps, warnings = {}, []
+    left, labels = _left(here, raw), channel_rows(prediction, here)
     for label in dict.fromkeys(labels):
         rows = labels == label
-        sums = [np.bincount(blocks[rows], e[rows], minlength=blocks[-1] + 1) for e in errors]
-        totals = [part.sum() for part in sums]
-        scale = sizes.get(label, (1.0, ""))
-        rms = [float(np.sqrt(total / rows.sum()) * scale[0]) for total in totals]
-        if rms[1] > _WORSE * rms[0] and totals[1] - totals[0] > _LEAST_GAP:
-            warnings.append(f"{label} got worse on the held-out runs: {rms[0]:.3g} -> {rms[1]:.3g} {scale[1]}")
-        if totals[0] - totals[2] < _LEAST_GAP:
-            continue
-        gaps[label] = Gap(rms[0], rms[1], rms[2], _closed(rms), _interval(sums, draws), scale[1])
-    everything = [np.bincount(blocks, e, minlength=blocks[-1] + 1) for e in errors]
-    totals = [part.sum() for part in everything]
+        own, unit = [sums(e, rows) for e in left], _UNITS[label.split()[1]]
+        before, after, floor = (float(np.sqrt(part.sum() / rows.sum())) for part in own)
+        if after > _WORSE * before and _is_clear(own[1] - own[0], draws):
+            warnings.append(f"{label} got worse on the held-out runs: {before:.3g} -> {after:.3g} {unit}")
+        if _is_clear(own[0] - own[2], draws):
+            gaps[label] = Gap(before, after, floor, _closed(own), _interval(own, draws), unit)
+    everything = [sums(likelihood.freed(likelihood.whitening(residuals))) for residuals in raw]
     closed, ci90 = None, None
-    if totals[0] - totals[2] > _LEAST_GAP:
-        closed, ci90 = _closed(np.sqrt(totals)), _interval(everything, draws)
+    if everything[0].sum() - everything[2].sum() > _LEAST_GAP:
+        closed, ci90 = _closed(everything), _interval(everything, draws)
         if closed < 0.5:
             warnings.append(f"only {100 * closed:.0f} % of the gap is closed on the held-out runs")
     return Confirmation(gaps, closed, ci90, warnings)
+
+
+def _left(here, raw):
+    """(rows,) of each, residuals in the channels' own units, less the runs' offsets as the last one shows them. (Those
+    of a model without the effect stand in for it, and spoil the channels that it leaves alone.)"""
+    whitening, view = here.likelihood.whitening, here.view
+    amounts = here.likelihood.offsets_in(whitening(raw[-1]))
+    return [whitening.plain(without(residuals, amounts, view.tolerated, view.offsets)) for residuals in raw]
+
+
+def _is_clear(difference, draws):
+    """Whether a sum over blocks is positive beyond what the choice of blocks can do."""
+    return np.quantile(difference[draws].sum(axis=1), _CLEAR) > 0.0
 
 
 def drift(decision: Decision) -> list[str]:
@@ -107,8 +120,8 @@ def on_bound(named: Fit, candidate: Candidate, i: int) -> bool:
     return z != candidate.neutral[i] and (z <= low or z >= high)
 
 
-def _closed(e):
-    before, after, floor = (float(value) ** 2 for value in e)
+def _closed(sums):
+    before, after, floor = (float(part.sum()) for part in sums)
     return 1.0 - (after - floor) / max(before - floor, 1e-300)
 
 
@@ -120,15 +133,3 @@ def _interval(sums, draws):
         return 0.0, 1.0
     low, high = np.quantile(1.0 - (totals[1] - totals[2])[known] / gap[known], [0.05, 0.95])
     return float(low), float(high)
-
-
-def _noise_sizes(prediction, here):
-    """Channel -> (standard deviation of its one-step prediction error, unit)."""
-    found = {}
-    units = {"wheel": "rad", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2", "wx": "rad/s", "wy": "rad/s", "wz": "rad/s",
-             "x": "m", "y": "m", "heading": "rad", "seen": "1"}
-    for stream, noise in here.likelihood.whitening.noise.items():
-        std = np.sqrt(np.sum(np.linalg.inv(noise.unit) ** 2, axis=1))
-        for label, name, size in zip(labels_of(prediction, stream), prediction.channels[stream], std, strict=True):
-            found[label] = (float(size), units[name.split()[0]])
-    return found

@@ -59,9 +59,9 @@ class Place:
 
 @dataclass(frozen=True)
 class Gap:
-    """Root mean square one-step prediction error of a channel on held-out runs, of whitened residuals in units of the
-    channel: with the model as given, with the effects, and with their sizes fitted to these very runs (the floor); the
-    share of the gap that is closed, with a 90 % bootstrap interval over blocks of a second."""
+    """Root mean square prediction error of a channel on held-out runs, less the runs' own offsets (of their IMU, say):
+    with the model as given, with the effects, and with their sizes fitted to these very runs (the floor); the share of
+    the gap between their squares that is closed, with a 90 % bootstrap interval over blocks of a second."""
 
     before: float
     after: float

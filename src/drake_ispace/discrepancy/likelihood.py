@@ -64,6 +64,12 @@ class Likelihood:
         self._forget(left)
         return left.reshape(vectors.shape)
 
+    def offsets_in(self, w: np.ndarray) -> np.ndarray:
+        """(q,) the best amount of every offset in whitened residuals, in prior standard deviations."""
+        left = w[None].copy()
+        self._forget(left)
+        return self.offsets.dot(left[0]) @ self._inner
+
     def _forget(self, vectors):
         for memory in self.memory:
             memory.take(vectors)

@@ -195,18 +195,21 @@ def noise_of(view: View, residuals: Residuals, start: Whitening | None = None) -
     for _ in range(1 if start else _ROUNDS):
         directions = whitening.directions(residuals, view.changes, view.offsets, view.pool)
         amounts = directions.least_squares(whitening(residuals))
-        whitening = Whitening(_without(residuals, view, amounts), classes, len(amounts))
+        whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts))
     return whitening
 
 
-def _without(residuals, view, amounts):
-    """Residuals less so much of every change and offset of `view`."""
+def without(
+    residuals: Residuals, amounts: np.ndarray, changes: Sequence[Residuals],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
+) -> Residuals:
+    """Residuals less so much of every change, then of every offset (run, change of its own)."""
     left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
-    for amount, change in zip(amounts, view.changes, strict=False):
+    for amount, change in zip(amounts, changes, strict=False):
         for run, part in zip(left, change, strict=True):
             for name in run:
                 run[name] -= amount * part[name]
-    for amount, (i, change) in zip(amounts[len(view.changes) :], view.offsets, strict=True):
+    for amount, (i, change) in zip(amounts[len(changes) :], offsets, strict=True):
         for name in left[i]:
             left[i][name] -= amount * change[name]
     return left

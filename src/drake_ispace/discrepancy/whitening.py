@@ -134,6 +134,17 @@ class Whitening:
     def __call__(self, residuals: Residuals) -> np.ndarray:
         return np.concatenate([self.one(i, run) for i, run in enumerate(residuals)])
 
+    def plain(self, residuals: Residuals) -> np.ndarray:
+        """The numbers of the long vector as they were, 0 where they are not scored."""
+        found = []
+        for i, run in enumerate(residuals):
+            for name, noise in self.noise.items():
+                rows, classes = run[name][noise.lags :].copy(), self.classes[i].get(name)
+                if classes is not None:
+                    rows[classes[noise.lags :] < RESTING] = 0.0
+                found.append(rows.ravel())
+        return np.concatenate(found)
+
     def one(self, i: int, run: dict[str, np.ndarray]) -> np.ndarray:
         """Of run `i` alone."""
         return np.concatenate([
