@@ -28,9 +28,10 @@ from drake_ispace.discrepancy.generic import Generic
 from drake_ispace.discrepancy.localize import localize, onset
 from drake_ispace.discrepancy.next_experiment import needs, next_experiment
 from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
-from drake_ispace.discrepancy.predict import Prediction, predict
+from drake_ispace.discrepancy.predict import Prediction, Residuals, predict
 from drake_ispace.discrepancy.profile import profile_interval
 from drake_ispace.discrepancy.replay import Replay, replay_of
+from drake_ispace.discrepancy.survey import without
 from drake_ispace.discrepancy.tracks import track
 from drake_ispace.effects.effect import Effect
 from drake_ispace.effects.library import library
@@ -171,10 +172,10 @@ def _described(case: Case, decision: Decision) -> Explanation:
     start, named = decision.start, decision.named
     found = decision.detection
     detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.evidence)
-    better = start.likelihood.whitened(named.point) if named is not None else _without_generic(decision)
-    places = localize(case.prediction, start, better) if found.found else []
+    left = _left(decision)
+    places = localize(case.prediction, start, left) if found.found else []
     effects = [] if named is None else [_named(case, decision, candidate) for candidate in named.point]
-    unknown = None if decision.unknown is None else _unknown(case, decision, better)
+    unknown = None if decision.unknown is None else _unknown(decision, left)
     verdict = "none"
     if unknown is not None:
         verdict = "unknown"
@@ -198,12 +199,14 @@ def _described(case: Case, decision: Decision) -> Explanation:
     )
 
 
-def _without_generic(decision):
-    """Whitened residuals with the generic disagreement taken away; as they are where there is none."""
+def _left(decision) -> Residuals:
+    """Residuals of the best explanation, with a name or without; as they are where there is none."""
     start = decision.start
+    if decision.named is not None:
+        return start.likelihood.raw(decision.named.point)
     if decision.unknown is None:
-        return start.w
-    return start.screen.without(decision.unknown[0], start.w)
+        return start.residuals
+    return without(start.residuals, *start.screen.use_of(decision.unknown[0], start.w))
 
 
 def _named(case, decision, candidate: Candidate) -> NamedEffect:
@@ -227,14 +230,14 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
     return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
 
 
-def _unknown(case, decision, better) -> Unknown:
+def _unknown(decision, left) -> Unknown:
     generic, gain = decision.unknown
     nearest, explained = decision.nearest or (None, 0.0)
     memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
     symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
     share = gain / max(gain + decision.total_gain, 1e-12)
     return Unknown(
-        generic.link, generic.driver, float(share), symmetry, memory, onset(case.prediction, decision.start, better),
+        generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, left),
         nearest.name if nearest else "none", float(np.sqrt(max(gain - explained, 0.0))),
     )
 

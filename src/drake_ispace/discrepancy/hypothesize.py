@@ -139,10 +139,10 @@ class Screen:
         """(own,) how much of each of these signatures together explains most of `w`."""
         return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[own] @ w)
 
-    def without(self, effect, w: np.ndarray) -> np.ndarray:
-        """(rows,) what is left of `w` when the signatures of an effect explain what they can."""
+    def use_of(self, effect, w: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
+        """How much of each change by an effect's signatures together explains most of `w`, and these changes."""
         own = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and self.length[i] >= _LEAST]
-        return w - self._amounts(own, w) @ self.changes[own]
+        return self._amounts(own, w), [self.signatures[i].change for i in own]
 
     def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit."""

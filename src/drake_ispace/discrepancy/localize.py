@@ -3,52 +3,49 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import f as f_distribution
-from scipy.stats import false_discovery_control
+from scipy.stats import chi2, false_discovery_control
 
 from drake_ispace.discrepancy.explanation import Place
 from drake_ispace.discrepancy.generic import Motion, motion_of
-from drake_ispace.discrepancy.predict import Prediction
+from drake_ispace.discrepancy.predict import RESTING, Prediction, Residuals, wheel_speeds
 from drake_ispace.discrepancy.survey import Survey
 
-_RATE = 0.05  # of false discoveries among channels and drivers
+_RATE = 0.05  # of false discoveries among channels
 _LEAST_SHARE = 0.02
-_ROWS_ALIKE = 20  # rows that count as one in a test of association
+_LEAST_DRIVEN, _PER_COLUMN = 0.3, 0.01  # share that a variable must explain, and what each of its columns must add
 
 
-def localize(prediction: Prediction, here: Survey, better: np.ndarray) -> list[Place]:
+def localize(prediction: Prediction, here: Survey, left: Residuals) -> list[Place]:
     """Channels that carry the disagreement, the largest share first.
 
     Args:
-        here: of the model as given. better: (rows,) whitened residuals of the best explanation under the same noise.
+        here: of the model as given. left: residuals of the best explanation.
     """
-    labels = channel_rows(prediction, here)
-    gained = here.likelihood.parts(here.w) - here.likelihood.parts(better)
+    labels, gained = channel_rows(prediction, here), _gained(here, left)
     total = float(gained.sum())
     if total <= 0.0:
         return []
     motions = [motion_of(prediction, track) for track in prediction.tracks]
-    places, tests = [], []
-    for label in dict.fromkeys(labels):
-        rows = labels == label
-        share = float(gained[rows].sum()) / total
-        if share >= _LEAST_SHARE:
-            name, p_value = _driver(prediction, here, motions, label)
-            places.append((label, share, name))
-            tests.append(p_value)
+    shares = {label: float(gained[labels == label].sum()) / total for label in dict.fromkeys(labels)}
+    places = [label for label in shares if shares[label] >= _LEAST_SHARE]
     if not places:
         return []
-    adjusted = false_discovery_control(np.clip(tests, 1e-300, 1.0))
+    adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
     found = [
-        Place(label, share, driver if q < _RATE else "none of the variables tried")
-        for (label, share, driver), q in zip(places, adjusted, strict=True)
+        Place(label, shares[label], _driver(prediction, here, motions, label, left))
+        for label, q in zip(places, adjusted, strict=True) if q < _RATE
     ]
     return sorted(found, key=lambda place: -place.share)
 
 
-def onset(prediction: Prediction, here: Survey, better: np.ndarray) -> str:
-    """Since when the disagreement is there, in words."""
-    times, gained = [], here.likelihood.parts(here.w) - here.likelihood.parts(better)
+def _gained(here, left):
+    """(rows,) of misfit, by the explanation."""
+    return here.likelihood.parts(here.w) - here.likelihood.parts(here.likelihood.whitening(left))
+
+
+def onset(here: Survey, left: Residuals) -> str:
+    """Since when the disagreement is there, in words; arguments as `localize`."""
+    times, gained = [], _gained(here, left)
     for run in here.residuals:
         for name, noise in here.likelihood.whitening.noise.items():
             rows, p = noise.rows(run[name]), run[name].shape[1]
@@ -85,54 +82,52 @@ def labels_of(prediction: Prediction, stream: str) -> list[str]:
     return [f"{source(name)}: {name}" for name in prediction.channels[stream]]
 
 
-def _drivers(m: Motion) -> dict[str, np.ndarray]:
-    """Variable -> (rows, k) functions of it, at every tick."""
-    speed = np.hypot(m.body[:, 0], m.body[:, 1])
-    acceleration = np.gradient(m.body, axis=0)
+def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
+    """Variable -> (rows, k) functions of it, at every tick; vectors along the room's axes or the body's."""
+    velocity = m.body
+    if in_room:
+        c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
+        vx, vy, turning = m.body.T
+        velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
+    wheels = wheel_speeds(m.angles)
     kernel = np.ones(41) / 41.0
-    smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in acceleration.T])
-    c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
+    smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
     return {
-        "speed": np.column_stack([m.body, m.body * np.abs(m.body)]),
-        "direction": np.tanh(m.body / (0.05 * np.maximum(np.abs(m.body).max(axis=0), 1e-9))),
-        "acceleration": smooth,
-        "heading": np.column_stack([c, s]),
+        "nothing else": np.ones((len(m.t), 1)),
+        "speed": velocity,
+        "speed squared": velocity * np.abs(velocity),
+        "direction": np.tanh(wheels / (0.05 * np.maximum(np.abs(wheels).max(axis=0), 1e-9))),
+        "acceleration": np.column_stack(smooth),
+        "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
         "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
         "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / 5.0)]),
         "load": np.abs(m.command),
         "command": m.command,
-        "distance": np.column_stack([speed, np.abs(m.body[:, 2])]),
     }
 
 
-def _driver(prediction, here, motions: Sequence[Motion], label):
-    """(variable that a channel's residuals go with most, p-value)."""
-    values, regressors = [], {}
+def _driver(prediction, here, motions: Sequence[Motion], label, left):
+    """The variable that goes with what is explained of a channel."""
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
-    if label in ("kinect: seen",) or label.startswith("start"):
-        return "every run alike", 1e-9
+    if label == "kinect: seen" or label.startswith("start"):
+        return "every run alike"
     column = labels_of(prediction, stream).index(label)
-    noise = here.likelihood.whitening.noise[stream]
-    for i, (run, m) in enumerate(zip(here.residuals, motions, strict=True)):
-        e = noise.whiten(run[stream], here.likelihood.whitening.classes[i].get(stream))[:, column]
-        track = prediction.tracks[i]
+    values, regressors = [], {}
+    classes_of = here.likelihood.whitening.classes
+    for m, track, classes, run, after in zip(motions, prediction.tracks, classes_of, here.residuals, left, strict=True):
+        y = (run[stream] - after[stream])[:, column]
         every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks
-        ticks = every[len(every) - len(e) :]
-        values.append(e)
-        for name, x in _drivers(m).items():
+        scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
+        ticks = every[len(every) - len(y) :][scored]
+        values.append(y[scored])
+        for name, x in _drivers(m, stream == "room").items():
             regressors.setdefault(name, []).append(x[ticks])
     y = np.concatenate(values)
-    best, least = "nothing", 1.0
+    merits = {}
     for name, parts in regressors.items():
         x = np.vstack(parts)
-        x = x[:, x.std(axis=0) > 1e-12]
-        if not x.shape[1]:
-            continue
         x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
-        left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        k, n = x.shape[1], max(len(y) // (_ROWS_ALIKE if stream == "motion" else 2), x.shape[1] + 2)
-        ratio = (y @ y - left @ left) / k / max(left @ left / (n - k), 1e-300)
-        p_value = float(f_distribution.sf(ratio, k, n - k))
-        if p_value < least:
-            best, least = name, p_value
-    return best, least
+        rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        merits[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) - _PER_COLUMN * x.shape[1]
+    best = max(merits, key=merits.get)
+    return best if merits[best] > _LEAST_DRIVEN else "none of the variables tried"

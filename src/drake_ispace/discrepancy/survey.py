@@ -201,7 +201,7 @@ def noise_of(view: View, residuals: Residuals, start: Whitening | None = None) -
 
 def without(
     residuals: Residuals, amounts: np.ndarray, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
 ) -> Residuals:
     """Residuals less so much of every change, then of every offset (run, change of its own)."""
     left = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
