@@ -8,6 +8,7 @@ import pytest
 
 from drake_ispace.discrepancy.explain import explain
 from hidden.campaign import Case, cases, diagnose, key, load, run
+from hidden.effect_sizes import scaled_unknown
 from hidden.effects_truth import ROBOTS, UNKNOWN
 from hidden.generator import generate
 from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is_wrong, judged, likeness_of, returned
@@ -57,6 +58,15 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     found = explain("pendulum_multirate", runs)
     assert [(e.name, e.equivalents) for e in found.effects] == [("command_delay", [])]
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
+
+
+def test_what_a_name_leaves_is_said():
+    """A patch of soft carpet is soft floor, nearly."""
+    unknown = scaled_unknown("carpet_patch", "omni", 1.5)
+    runs = [generate("omni", m, {}, 14.0, 70 + i, 1.0, unknown) for i, m in enumerate(["square", "eight"])]
+    found = explain("omni_multirate", runs)
+    assert [effect.name for effect in found.effects] == ["soft_floor"]
+    assert any("perhaps a force that goes with place and direction" in warning for warning in found.warnings)
 
 
 def test_two_effects_at_once_are_both_named_and_measured():

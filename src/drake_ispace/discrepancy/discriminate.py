@@ -52,7 +52,7 @@ class Decision:
             those that cannot be ruled out. unknown: a generic disagreement that explains more than any effect.
         gains: effect -> how much the misfit grows without it. start: survey of the model as given; end: with the
             named effects in it. nearest: where unknown, the effect that explains most, and by how much.
-        left_over: a lesser generic disagreement beside the named effects. total_gain, first_gain: of misfit by the
+        left_over: what is still to be seen beside the named effects. total_gain, first_gain: of misfit by the
             named effects, under the noise of the end and of the start. A model without them makes the latter larger,
             so that it is what little further effects are measured by.
     """
@@ -65,7 +65,7 @@ class Decision:
     gains: dict[Candidate, float] = field(default_factory=dict)
     unknown: tuple[Generic, float] | None = None
     nearest: tuple[Candidate, float] | None = None
-    left_over: tuple[Generic, float] | None = None
+    left_over: "LeftOver | None" = None
     total_gain: float = 0.0
     first_gain: float = 0.0
 
@@ -106,6 +106,18 @@ class Nameless:
         return self.candidate.effect
 
 
+@dataclass(frozen=True)
+class LeftOver:
+    """An effect or a nameless disagreement that is still to be seen, perhaps as a flaw of the form of the named ones.
+
+    gain: by how much it would lower the misfit. p_value: of so much evidence on noise alone.
+    """
+
+    candidate: Candidate
+    gain: float
+    p_value: float
+
+
 def cost(candidate: Candidate) -> float:
     """Of its parameters and its choice of wheel, in misfit."""
     return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)
@@ -119,7 +131,7 @@ def decide(
     tell("looking at every effect")
     start = here = survey(prediction, {}, tried, pool)
     point: Point = {}
-    decision, first, best = None, None, None
+    decision, first, best, tries = None, None, None, None
     while len(point) < _MOST_EFFECTS:
         limit = trials(here.screen, here.noise, here.instants, seed)
         tell(f"fitting the leaders{' for what is left' if point else ''}")
@@ -137,7 +149,6 @@ def decide(
         if point and _gain_of(leader, unknown) < decision.least:
             break
         if point and unknown is not None and unknown[1] < _LEAST_UNNAMED_SHARE * decision.first_gain:
-            decision.left_over = unknown
             break
         if unknown is not None or leader is None:
             decision = decision or Decision(first, start, here)
@@ -148,7 +159,7 @@ def decide(
         tell(f"looking again with {', '.join(c.label for c in best.point)}")
         here = survey(prediction, best.point, tried, pool, near=True)
         best = fit(here.likelihood, best.point)
-        here, point = here.moved(best), best.point
+        here, point, tries = here.moved(best), best.point, None
         decision = Decision(first, start, here, best, total_gain=_gain_at(here, best), first_gain=_gain_at(start, best))
     if decision is None:
         return Decision(first, start, start)
@@ -156,7 +167,20 @@ def decide(
     if decision.named is not None:
         decision = _pruned(prediction, decision, tried, pool)
         compare(decision)
+        if decision.unknown is None:
+            decision.left_over = left_over(decision, tries if decision.end is here else None, seed)
     return decision
+
+
+def left_over(decision: Decision, tries: Sequence[_Try] | None, seed: int) -> LeftOver | None:
+    """The clearest of what is still to be seen at the end, if noise alone would hardly show it. tries: leaders."""
+    here = decision.end
+    tested = [*(leaders(here) if tries is None else tries), *ranked_generics(here)]
+    one = max(tested, key=lambda t: t.evidence, default=None)
+    if one is None or one.gain < _LEAST_SHARE_OF_END * decision.total_gain:
+        return None
+    found = detect(one.evidence, trials(here.screen, here.noise, here.instants, seed))
+    return LeftOver(one.candidate, one.gain, found.p_value) if found.found else None
 
 
 def _doubted(here, tested, seed) -> Detection:

@@ -15,7 +15,7 @@ import numpy as np
 from drake_ispace.discrepancy.candidates import Candidate, candidates, value_of
 from drake_ispace.discrepancy.confirm import Confirmation, confirm, drift, on_bound
 from drake_ispace.discrepancy.controller import ControllerCheck, check_controller
-from drake_ispace.discrepancy.discriminate import Decision, decide
+from drake_ispace.discrepancy.discriminate import Decision, LeftOver, decide
 from drake_ispace.discrepancy.explanation import (
     DetectionResult,
     Estimate,
@@ -186,9 +186,7 @@ def _described(case: Case, decision: Decision) -> Explanation:
     for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
-        generic, gain = decision.left_over
-        share = 100.0 * gain / (gain + decision.total_gain)
-        warnings.append(f"besides, a {generic.link} goes with {generic.driver} ({share:.0f} % of what is explained)")
+        warnings.append(_besides(decision.left_over, decision.total_gain))
     warnings += [
         f"{name} of {effect.name} sits on its bound" for effect in effects
         for name, p in effect.parameters.items() if p.on_bound
@@ -197,6 +195,13 @@ def _described(case: Case, decision: Decision) -> Explanation:
         verdict, effects, detection, places, untestable, unknown=unknown, warnings=warnings,
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
+
+
+def _besides(left: LeftOver, explained: float) -> str:
+    effect = left.candidate.effect
+    what = f"a {effect.link} that goes with {effect.driver}" if isinstance(effect, Generic) else left.candidate.name
+    share = 100.0 * left.gain / max(left.gain + explained, 1e-12)
+    return f"besides, perhaps {what} (p = {left.p_value:.2g}, {share:.0f} % of what is explained)"
 
 
 def _left(decision) -> Residuals:

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from drake_ispace.discrepancy.candidates import Candidate
 from drake_ispace.discrepancy.detect import detect, trials
-from drake_ispace.discrepancy.discriminate import MARGIN, Decision, compare, leaders, ranked_generics, without_each
+from drake_ispace.discrepancy.discriminate import MARGIN, Decision, compare, leaders, left_over, without_each
 from drake_ispace.discrepancy.likelihood import fit
 from drake_ispace.discrepancy.predict import Prediction
 from drake_ispace.discrepancy.survey import Survey, survey
@@ -23,8 +23,8 @@ def decide_jointly(
     prediction: Prediction, tried: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Decision:
-    """All effects that these runs support together; arguments as `decide`. A disagreement without a name that remains
-    detectable is `left_over`, it does not change the verdict."""
+    """All effects that these runs support together; arguments as `decide`. What remains detectable is `left_over`, it
+    does not change the verdict."""
     tell("looking at every effect")
     start = here = survey(prediction, {}, tried, pool)
     first, best = None, None
@@ -40,7 +40,7 @@ def decide_jointly(
         tell(f"found {', '.join(c.label for c in best.point)}")
     if best is None:
         return Decision(first, start, start)
-    return _thinned(prediction, Decision(first, start, here, best), tried, pool, tell)
+    return _thinned(prediction, Decision(first, start, here, best), tried, pool, seed, tell)
 
 
 def _at(prediction, point, tried, pool) -> tuple[Survey, object]:
@@ -50,7 +50,7 @@ def _at(prediction, point, tried, pool) -> tuple[Survey, object]:
     return survey(prediction, best.point, tried, pool, here.likelihood.whitening), best
 
 
-def _thinned(prediction, decision, tried, pool, tell):
+def _thinned(prediction, decision, tried, pool, seed, tell):
     """Backward deletion, then the rivals of what is left."""
     while True:
         here, named = decision.end, decision.named
@@ -65,6 +65,5 @@ def _thinned(prediction, decision, tried, pool, tell):
         decision.end, decision.named = _at(prediction, rests[weakest].point, tried, pool)
     decision.gains = costs
     compare(decision)
-    left = ranked_generics(decision.end)
-    decision.left_over = (left[0].generic, left[0].gain) if left else None
+    decision.left_over = left_over(decision, None, seed)
     return decision
