@@ -93,7 +93,7 @@ def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
     kernel = np.ones(41) / 41.0
     smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
     return {
-        "nothing else": np.ones((len(m.t), 1)),
+        "nothing (constant)": np.ones((len(m.t), 1)),
         "speed": velocity,
         "speed squared": velocity * np.abs(velocity),
         "direction": np.tanh(wheels / (0.05 * np.maximum(np.abs(wheels).max(axis=0), 1e-9))),

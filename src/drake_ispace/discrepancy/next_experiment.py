@@ -26,5 +26,7 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
             f"nearest known effect: {unknown.nearest}"
         )
     if untestable:
-        return f"these runs cannot show {untestable[0].effect}: {untestable[0].needs}"
+        first, *others = untestable
+        more = f" (nor {', '.join(entry.effect for entry in others)})" if others else ""
+        return f"these runs cannot show {first.effect}{more}: {first.needs}"
     return ""
