@@ -97,7 +97,7 @@ def draw_detection(records: Sequence[dict], path: Path) -> None:
         bottom.set_xlim(0.0, None)
         bottom.set_xlabel("detectability, as the runs show it [standard deviations]")
         for ax in (top, bottom):
-            ax.set_ylim(-3.0, 103.0)
+            ax.set_ylim(-9.0, 104.0)
             ax.spines[["top", "right"]].set_visible(False)
             ax.grid(axis="y", color="#e6e6e6", linewidth=0.6)
             ax.set_ylabel("share of diagnoses [%]")

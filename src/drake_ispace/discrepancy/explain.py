@@ -40,7 +40,7 @@ from drake_ispace.recording import Recording, load
 from drake_ispace.scenario import Scenario, difference, load_scenario
 
 _VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
-_FORM_SHARE = 0.04  # of a parameter: how far its estimate is off because no model has exactly the robot's form
+_FORM_SHARE = 0.025  # of a parameter: how far its estimate is off because no model has exactly the robot's form
 _ROBOT_OF = {"velocity_base": "base", "odometry_replay": "base"}
 _THREADS = 2
 _FOREIGN_CONTROL = 0.12  # share of the torque that the model's controller may leave (its own one leaves 0 to 0.09)
