@@ -51,3 +51,13 @@ def test_rows_of_one_instant_keep_together():
     assert np.all(np.bincount(instants) == 2)
     together = whitening.instants(runs, {"motion": 200})
     assert together[-1] + 1 == 2 * int(np.ceil((1000 - whitening.noise["motion"].lags) / 200))
+
+
+def test_numbers_as_they_were_stand_where_the_whitened_ones_do():
+    y, classes = coloured(1000, np.random.default_rng(0)), np.full(1000, 5)
+    classes[300:400] = 0
+    whitening = Whitening([{"motion": y}], [{"motion": classes}])
+    plain, lags = whitening.plain([{"motion": y}]).reshape(-1, 2), whitening.noise["motion"].lags
+    assert plain.size == len(whitening([{"motion": y}]))
+    at_rest = classes[lags:] == 0
+    assert np.isnan(plain[at_rest]).all() and plain[~at_rest] == pytest.approx(y[lags:][~at_rest])

@@ -48,7 +48,10 @@ def confirm(
     likelihood = here.likelihood
     raw = [likelihood.raw({}), likelihood.raw(point), likelihood.raw(fit(likelihood, point, iterations=6).point)]
     blocks = likelihood.whitening.instants(here.residuals, BLOCK_ROWS)
-    sums = lambda e, rows=slice(None): np.bincount(blocks[rows], e[rows] ** 2, minlength=blocks[-1] + 1)  # noqa: E731
+
+    def sums(e, rows=slice(None)):
+        return np.bincount(blocks[rows], np.nan_to_num(e[rows]) ** 2, minlength=blocks[-1] + 1)
+
     generator = np.random.default_rng([seed, 2])
     draws = generator.integers(0, blocks[-1] + 1, size=(_REPLICATES, blocks[-1] + 1))
     gaps, warnings = {}, []
@@ -56,7 +59,8 @@ def confirm(
     for label in dict.fromkeys(labels):
         rows = labels == label
         own, unit = [sums(e, rows) for e in left], _UNITS[label.split()[1]]
-        before, after, floor = (float(np.sqrt(part.sum() / rows.sum())) for part in own)
+        scored = np.isfinite(left[0][rows]).sum()
+        before, after, floor = (float(np.sqrt(part.sum() / max(scored, 1))) for part in own)
         if after > _WORSE * before and _is_clear(own[1] - own[0], draws):
             warnings.append(f"{label} got worse on the held-out runs: {before:.3g} -> {after:.3g} {unit}")
         if _is_clear(own[0] - own[2], draws):
@@ -71,8 +75,9 @@ def confirm(
 
 
 def _left(here, raw):
-    """(rows,) of each, residuals in the channels' own units, less the runs' offsets as the last one shows them. (Those
-    of a model without the effect stand in for it, and spoil the channels that it leaves alone.)"""
+    """(rows,) of each, residuals in the channels' own units (NaN where they are not scored), less the runs' offsets as
+    the last one shows them. Those of a model without the effect stand in for it, and spoil the channels that it leaves
+    alone."""
     whitening, view = here.likelihood.whitening, here.view
     amounts = here.likelihood.offsets_in(whitening(raw[-1]))
     return [whitening.plain(without(residuals, amounts, view.tolerated, view.offsets)) for residuals in raw]

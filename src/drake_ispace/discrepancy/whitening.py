@@ -135,13 +135,13 @@ class Whitening:
         return np.concatenate([self.one(i, run) for i, run in enumerate(residuals)])
 
     def plain(self, residuals: Residuals) -> np.ndarray:
-        """The numbers of the long vector as they were, 0 where they are not scored."""
+        """The numbers of the long vector as they were, NaN where they are not scored."""
         found = []
         for i, run in enumerate(residuals):
             for name, noise in self.noise.items():
                 rows, classes = run[name][noise.lags :].copy(), self.classes[i].get(name)
                 if classes is not None:
-                    rows[classes[noise.lags :] < RESTING] = 0.0
+                    rows[classes[noise.lags :] < RESTING] = np.nan
                 found.append(rows.ravel())
         return np.concatenate(found)
 
