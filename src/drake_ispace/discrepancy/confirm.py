@@ -39,7 +39,7 @@ def confirm(
     prediction: Prediction, decision: Decision, seed: int, pool: ThreadPoolExecutor | None = None
 ) -> Confirmation:
     """Predict held-out runs with the model as given, with the named effects as fitted before, and (the floor) with
-    their sizes fitted to these very runs; each run's own offsets are fitted every time.
+    their sizes fitted to these very runs. To count what is closed in all, each run's own offsets are fitted every time.
 
     prediction: of the held-out runs.
     """

@@ -168,18 +168,24 @@ def decide(
         decision = _pruned(prediction, decision, tried, pool)
         compare(decision)
         if decision.unknown is None:
-            decision.left_over = left_over(decision, tries if decision.end is here else None, seed)
+            known = decision.end is here and tries is not None
+            decision.left_over = left_over(decision, seed, *((tries, limit) if known else ()))
     return decision
 
 
-def left_over(decision: Decision, tries: Sequence[_Try] | None, seed: int) -> LeftOver | None:
-    """The clearest of what is still to be seen at the end, if noise alone would hardly show it. tries: leaders."""
+def left_over(
+    decision: Decision, seed: int, tries: Sequence[_Try] | None = None, limit: np.ndarray | None = None
+) -> LeftOver | None:
+    """The clearest of what is still to be seen at the end, if noise alone would hardly show it.
+
+    tries, limit: leaders and trials there, default found here.
+    """
     here = decision.end
     tested = [*(leaders(here) if tries is None else tries), *ranked_generics(here)]
     one = max(tested, key=lambda t: t.evidence, default=None)
     if one is None or one.gain < _LEAST_SHARE_OF_END * decision.total_gain:
         return None
-    found = detect(one.evidence, trials(here.screen, here.noise, here.instants, seed))
+    found = detect(one.evidence, trials(here.screen, here.noise, here.instants, seed) if limit is None else limit)
     return LeftOver(one.candidate, one.gain, found.p_value) if found.found else None
 
 

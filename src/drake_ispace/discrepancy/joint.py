@@ -65,5 +65,5 @@ def _thinned(prediction, decision, tried, pool, seed, tell):
         decision.end, decision.named = _at(prediction, rests[weakest].point, tried, pool)
     decision.gains = costs
     compare(decision)
-    decision.left_over = left_over(decision, None, seed)
+    decision.left_over = left_over(decision, seed)
     return decision

@@ -1,7 +1,5 @@
 """Stage 2, localise: in which channel the disagreement shows, with what it goes, and since when."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
@@ -26,13 +24,14 @@ def localize(prediction: Prediction, here: Survey, left: Residuals) -> list[Plac
     if total <= 0.0:
         return []
     motions = [motion_of(prediction, track) for track in prediction.tracks]
+    drivers = {"motion": [_drivers(m, False) for m in motions], "room": [_drivers(m, True) for m in motions]}
     shares = {label: float(gained[labels == label].sum()) / total for label in dict.fromkeys(labels)}
     places = [label for label in shares if shares[label] >= _LEAST_SHARE]
     if not places:
         return []
     adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
     found = [
-        Place(label, shares[label], _driver(prediction, here, motions, label, left))
+        Place(label, shares[label], _driver(prediction, here, drivers, label, left))
         for label, q in zip(places, adjusted, strict=True) if q < _RATE
     ]
     return sorted(found, key=lambda place: -place.share)
@@ -106,7 +105,7 @@ def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
     }
 
 
-def _driver(prediction, here, motions: Sequence[Motion], label, left):
+def _driver(prediction, here, drivers: dict[str, list[dict[str, np.ndarray]]], label, left):
     """The variable that goes with what is explained of a channel."""
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
     if label == "kinect: seen" or label.startswith("start"):
@@ -114,13 +113,15 @@ def _driver(prediction, here, motions: Sequence[Motion], label, left):
     column = labels_of(prediction, stream).index(label)
     values, regressors = [], {}
     classes_of = here.likelihood.whitening.classes
-    for m, track, classes, run, after in zip(motions, prediction.tracks, classes_of, here.residuals, left, strict=True):
+    for driven, track, classes, run, after in zip(
+        drivers[stream], prediction.tracks, classes_of, here.residuals, left, strict=True
+    ):
         y = (run[stream] - after[stream])[:, column]
         every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks
         scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
         ticks = every[len(every) - len(y) :][scored]
         values.append(y[scored])
-        for name, x in _drivers(m, stream == "room").items():
+        for name, x in driven.items():
             regressors.setdefault(name, []).append(x[ticks])
     y = np.concatenate(values)
     merits = {}
