@@ -13,7 +13,7 @@ from _runs import Job, options, print_json, print_table, run_all, summary, value
 
 from drake_ispace.control.dlqr import spectral_radius, zero_order_hold
 from drake_ispace.rates import TICK_S, VISION_S, VISION_TICKS
-from drake_ispace.robots.omni import mass_matrix
+from drake_ispace.robots.plants.omni import mass_matrix
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.omni import omni_gains
 

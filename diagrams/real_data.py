@@ -106,14 +106,14 @@ def explain_odometry(description: str, scenario: str, folder: str, train: str, k
     """Name what the odometry of a robot lacks on runs of `train`; print errors of all `kinds` before and after."""
     options, pool, tell = arguments(description)
     model = load_scenario(scenario)
-    wheels = len(model.base.plant.nominal_geometry.wheels)
+    wheels = len(model.rover.plant.nominal_geometry.wheels)
 
     def tracks(kind):
         runs = spread(optiodom.load_folder(options.data / folder / kind), options.runs)
-        return [track(run, "base", wheels, run.notes) for run in runs]
+        return [track(run, "rover", wheels, run.notes) for run in runs]
 
     training = tracks(train)
-    replay = replay_of(model, "base", training[0].has)
+    replay = replay_of(model, "rover", training[0].has)
     tried = candidates(replay.effects, replay.body)
     decision = decide_jointly(predict(replay, training), tried, 0, pool, tell)
     values = {} if decision.named is None else merged(decision.named.point)

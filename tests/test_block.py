@@ -13,11 +13,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.kernels import arguments, cache_folder, kernel, plain
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.friction import Friction
-from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.robots.slip import Slip
+from drake_ispace.robots.plants.friction import Friction
+from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.robots.plants.slip import Slip
 
 # -- Kernels as a block would have them; Block takes plain functions too.
 

@@ -14,13 +14,13 @@ from drake_ispace.simulation import Run
 
 _TRUTH = {
     "omni": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
-    "base": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
+    "rover": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
     "pendulum": ("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s")),
 }
 
 
 def to_recording(run: Run, robot: str) -> Recording:
-    """The recording of `robot` ("omni", "pendulum", "base") in `run`, truth included; channels without a sample left
+    """The recording of `robot` ("omni", "pendulum", "rover") in `run`, truth included; channels without a sample left
     out."""
     own = f"{robot}_"
     signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}

@@ -9,7 +9,7 @@ from drake_ispace.simulation import Run, simulate_diagram
 from drake_ispace.wiring.catalog import build_diagram
 
 #: First word of a Diagram's name -> the robot in it, where that is not the omni robot.
-_LEADS = {"pendulum": "pendulum", "velocity": "base", "odometry": "base"}
+_LEADS = {"pendulum": "pendulum", "velocity": "rover", "odometry": "rover"}
 
 
 def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:

@@ -123,9 +123,9 @@ def _check_runs(runs, held_out):
 
 
 def _check_robots(recordings, robots, model):
-    """Every run must be of the same robot, one of the model's; a base stands for a robot of any name."""
+    """Every run must be of the same robot, one of the model's; a rover stands for a robot of any name."""
     for recording in recordings:
-        if robots != ["base"] and recording.robot not in robots:
+        if robots != ["rover"] and recording.robot not in robots:
             raise InputError(
                 f"{recording.path}: the run is of robot {shown(recording.robot)}, expected {' or '.join(robots)}, "
                 f"which {model} describes"

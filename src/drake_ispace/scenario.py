@@ -14,23 +14,23 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.control.adaptive_compensator import Adaptation
-from drake_ispace.control.base_command import BaseControl
 from drake_ispace.control.friction_compensator import FrictionCompensation
 from drake_ispace.control.online_identifier import Identifier
 from drake_ispace.control.paths import Trajectory
 from drake_ispace.control.servo import Servo
 from drake_ispace.control.tracker import Tracker
+from drake_ispace.control.velocity_command import VelocityControl
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import checked_effects
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.robots.actuator import Actuator
-from drake_ispace.robots.base import BasePlantParameters
-from drake_ispace.robots.base import check as check_base
 from drake_ispace.robots.impulse import Impulse
-from drake_ispace.robots.omni import OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.omni import OmniPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.rover import RoverPlantParameters
+from drake_ispace.robots.plants.rover import check as check_rover
 from drake_ispace.sensing.encoder import Encoder
 from drake_ispace.sensing.imu import Imu
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
@@ -128,13 +128,13 @@ class PendulumRobot:
 
 
 @dataclass
-class BaseRobot:
+class Rover:
     """Somebody else's robot, which takes a body-velocity command; of velocity_base and odometry_replay only."""
 
-    plant: BasePlantParameters = field(default_factory=BasePlantParameters)
+    plant: RoverPlantParameters = field(default_factory=RoverPlantParameters)
     # resolution assumed
     encoder: Encoder = field(default_factory=lambda: Encoder(counts_per_turn=2000))
-    control: BaseControl = field(default_factory=BaseControl)
+    control: VelocityControl = field(default_factory=VelocityControl)
     trajectory: Trajectory = field(default_factory=Trajectory)
     # x, y, phi at t = 0; null: where the path starts
     initial_pose: list[float] | None = quantity(None, "m, m, rad", length=3)
@@ -153,11 +153,11 @@ class Scenario:
     space: Space = field(default_factory=Space)
     omni: OmniRobot = field(default_factory=OmniRobot)
     pendulum: PendulumRobot = field(default_factory=PendulumRobot)
-    base: BaseRobot = field(default_factory=BaseRobot)
+    rover: Rover = field(default_factory=Rover)
 
 
 #: The sections of a Scenario that are robots.
-ROBOTS = ("omni", "pendulum", "base")
+ROBOTS = ("omni", "pendulum", "rover")
 
 
 def scenario_names() -> list[str]:
@@ -203,7 +203,7 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
 
 
 def body_of(scenario: Scenario, robot: str) -> Body:
-    """What effects may know of the scenario's robot ("omni", "pendulum", "base")."""
+    """What effects may know of the scenario's robot ("omni", "pendulum", "rover")."""
     plant = getattr(scenario, robot).plant
     return Body(robot, robot, plant, len(plant.geometry.wheels), scenario.seed)
 
@@ -240,7 +240,7 @@ def blaming(where: str):
 
 def _check_places(scenario, where):
     width, depth = scenario.space.width_m, scenario.space.depth_m
-    check_base(scenario.base.plant, f"{where}: base.plant")
+    check_rover(scenario.rover.plant, f"{where}: rover.plant")
     for name in ROBOTS:
         robot = getattr(scenario, name)
         pose, patch = robot.initial_pose, robot.plant.slip.patch_m

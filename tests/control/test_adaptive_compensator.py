@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from drake_ispace.control.adaptive_compensator import Adaptation, AdaptiveCompensator, faded_sign, lyapunov_matrix
 from drake_ispace.identification.friction_data import friction_rollout
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.pendulum import linear_model, pendulum_gain
 

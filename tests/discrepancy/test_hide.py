@@ -64,7 +64,7 @@ def test_the_effect_is_in_the_data_and_noise_too(model, runs):
     assert np.ptp(resting, axis=0).max() > 0.0  # the torque's noise turns wheels at rest
 
 
-@pytest.mark.parametrize("diagram, robot", [("pendulum_multirate", "pendulum"), ("velocity_base", "base")])
+@pytest.mark.parametrize("diagram, robot", [("pendulum_multirate", "pendulum"), ("velocity_base", "rover")])
 def test_other_robots_stay_in_the_room_on_every_motion(diagram, robot):
     runs = hide(load_scenario(diagram), robot, {}, seconds=12.0)
     assert list(runs) == list(MOTIONS)
@@ -98,7 +98,7 @@ def test_a_robot_that_gets_lost_is_no_data():
 
 def test_an_effect_without_a_wire_in_the_diagram_is_refused():
     with pytest.raises(InputError, match="velocity_lag: has no place in the Diagram odometry_replay"):
-        hide(load_scenario("odometry_replay"), "base", {"velocity_lag": {"time_constant_s": 0.1}}, ["square"])
+        hide(load_scenario("odometry_replay"), "rover", {"velocity_lag": {"time_constant_s": 0.1}}, ["square"])
 
 
 # --------------------------------------------------------------------------------------------------- from a terminal

@@ -12,10 +12,10 @@ from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.friction import Friction
-from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters, linear_terms
-from drake_ispace.robots.slip import GRAVITY, Slip
+from drake_ispace.robots.plants.friction import Friction
+from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters, linear_terms
+from drake_ispace.robots.plants.slip import GRAVITY, Slip
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate

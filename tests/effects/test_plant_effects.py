@@ -10,8 +10,8 @@ from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.effects.plant import EFFECTS
 from drake_ispace.errors import InputError
-from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate

@@ -9,11 +9,11 @@ from drake_ispace.effects.velocity import EFFECTS
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import arguments
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.base import BasePlantParameters
+from drake_ispace.robots.plants.rover import RoverPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 
-BODY = Body("base", "base", BasePlantParameters(), 3)
+BODY = Body("rover", "rover", RoverPlantParameters(), 3)
 NAMES = [effect.card.name for effect in EFFECTS]
 RAMP = np.outer(np.arange(1.0, 6.0), [1.0, 10.0, 100.0])  # commanded in ticks 0 to 4
 SOME = {
@@ -95,25 +95,25 @@ def test_neutral_values_pass_every_number_unchanged(name):
 def test_at_neutral_values_the_run_is_the_base_run():
     every = {name: {} for name in NAMES}
     alone = simulate_compiled(load_scenario("velocity_base", ["seconds=6"]))
-    listed = simulate_compiled(load_scenario("velocity_base", ["seconds=6", f"base.effects={every}"]))
+    listed = simulate_compiled(load_scenario("velocity_base", ["seconds=6", f"rover.effects={every}"]))
     for signal, rows in alone.signals.items():
         assert np.array_equal(rows, listed.signals[signal]), signal
 
 
 def test_drake_and_the_compiled_rollout_agree_to_the_bit():
-    scenario = load_scenario("velocity_base", ["seconds=5", f"base.effects={SOME}"])
+    scenario = load_scenario("velocity_base", ["seconds=5", f"rover.effects={SOME}"])
     assert parity(scenario)["max_abs_difference"] == 0.0
 
 
 def test_a_diagram_without_commands_leaves_them_out():
-    overrides = ["seconds=2", "base.trajectory.start_s=0.2"]
+    overrides = ["seconds=2", "rover.trajectory.start_s=0.2"]
     alone = simulate_compiled(load_scenario("odometry_replay", overrides))
-    listed = simulate_compiled(load_scenario("odometry_replay", [*overrides, f"base.effects={SOME}"]))
-    assert np.array_equal(alone.signals["base_pose"], listed.signals["base_pose"])
+    listed = simulate_compiled(load_scenario("odometry_replay", [*overrides, f"rover.effects={SOME}"]))
+    assert np.array_equal(alone.signals["rover_pose"], listed.signals["rover_pose"])
 
 
 @pytest.mark.parametrize("override, message", [
-    ("velocity_delay.delay_s=-0.01", r"base.effects.velocity_delay.delay_s: expected at least 0 \[s\], got -0.01"),
+    ("velocity_delay.delay_s=-0.01", r"rover.effects.velocity_delay.delay_s: expected at least 0 \[s\], got -0.01"),
     ("velocity_delay.delay_s=0.4", r"expected at most 0.3 \[s\]"),
     ("velocity_saturation.limit_m_s=0", r"velocity_saturation.limit_m_s: expected at least 1e-06 \[m/s\], got 0"),
     ("velocity_gain.share=0.1", "velocity_gain.share: unknown parameter, did you mean 'share_y'"),
@@ -122,4 +122,4 @@ def test_a_diagram_without_commands_leaves_them_out():
 ])
 def test_bad_values_are_refused(override, message):
     with pytest.raises(InputError, match=message):
-        load_scenario("velocity_base", [f"base.effects.{override}"])
+        load_scenario("velocity_base", [f"rover.effects.{override}"])

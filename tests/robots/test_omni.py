@@ -9,7 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from drake_ispace.control.dlqr import dlqr, spectral_radius
 from drake_ispace.rates import TICK_S, VISION_S
-from drake_ispace.robots.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
+from drake_ispace.robots.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
 from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
 from drake_ispace.wiring.omni import linear_model
 

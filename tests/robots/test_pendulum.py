@@ -12,10 +12,10 @@ from scipy.linalg import solve_continuous_are
 from drake_ispace.control.balance_controller import from_printed
 from drake_ispace.control.dlqr import dlqr, euler, spectral_radius, zero_order_hold
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots import pendulum_lagrangian as derivation
-from drake_ispace.robots.friction import Friction
-from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.pendulum import (
+from drake_ispace.robots.plants import pendulum_lagrangian as derivation
+from drake_ispace.robots.plants.friction import Friction
+from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.robots.plants.pendulum import (
     MOTIONS,
     PHI,
     S_RATE,
@@ -31,7 +31,7 @@ from drake_ispace.robots.pendulum import (
     linear_terms,
     mobility,
 )
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants.slip import GRAVITY
 from drake_ispace.scenario import PendulumRobot
 from drake_ispace.wiring import pendulum as wiring
 

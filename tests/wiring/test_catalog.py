@@ -17,7 +17,7 @@ from drake_ispace.control.tracker import TrajectoryTracker
 from drake_ispace.control.trajectory import WayPoint
 from drake_ispace.errors import InputError
 from drake_ispace.robots.actuator import TorqueActuator
-from drake_ispace.robots.pendulum import PendulumPlant
+from drake_ispace.robots.plants.pendulum import PendulumPlant
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.sensing.imu import InertialSensor

@@ -7,7 +7,7 @@ from drake_ispace.control.dlqr import zero_order_hold
 from drake_ispace.identification.friction_data import friction_rollout, silence
 from drake_ispace.identification.servo_data import servo_rollout
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.pendulum import linear_model

@@ -19,7 +19,7 @@ from drake_ispace.control.rwls import update
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants.slip import GRAVITY
 
 REGRESSORS, OUTPUTS = 4, 2
 

@@ -41,7 +41,7 @@ from drake_ispace.scenario import Scenario, difference, load_scenario
 
 _VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
 _FORM_SHARE = 0.025  # of a parameter: how far its estimate is off because no model has exactly the robot's form
-_ROBOT_OF = {"velocity_base": "base", "odometry_replay": "base"}
+_ROBOT_OF = {"velocity_base": "rover", "odometry_replay": "rover"}
 _THREADS = 2
 _FOREIGN_CONTROL = 0.12  # share of the torque that the model's controller may leave (its own one leaves 0 to 0.09)
 
@@ -121,7 +121,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     has = frozenset.intersection(*(t.has for t in tracks + proof))
     if not has & {"encoder", "kinect", "imu"}:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
-    if robot == "base" and "command" not in has:
+    if robot == "rover" and "command" not in has:
         tracks, proof = ([replace(t, command=np.zeros_like(t.command)) for t in part] for part in (tracks, proof))
     replay = replay_of(scenario, robot, has, effects)
     case = Case(scenario, robot, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)

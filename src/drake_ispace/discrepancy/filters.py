@@ -6,8 +6,8 @@ import numpy as np
 
 from drake_ispace.discrepancy.follower import Filter, design, discrete
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots import omni, pendulum
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants import omni, pendulum
+from drake_ispace.robots.plants.slip import GRAVITY
 from drake_ispace.scenario import Scenario
 
 BANDWIDTH_RAD_S = 15.0  # of the correction
@@ -15,7 +15,7 @@ CORRELATION_S = 0.05  # assumed of the forces below
 #: Root mean square of unknown forces, assumed: omni x, y [N], yaw [N m]; pendulum s [N], phi, theta [N m].
 FORCES = {"omni": (0.15, 0.15, 0.02), "pendulum": (0.1, 0.01, 0.003)}
 _UNDRIVEN = 30.0  # times more where the command was not recorded: the motion itself is the unknown force
-_BASE_ACCELERATION = (0.5, 0.5, 1.0)  # m/s^2, m/s^2, rad/s^2 by which a base leaves its command
+_ROVER_ACCELERATION = (0.5, 0.5, 1.0)  # m/s^2, m/s^2, rad/s^2 by which a rover leaves its command
 _FINEST_COUNT = 2e-3  # rad
 OTHER_NOISE = 4.0  # times the spectral density: how far off an assumption about noise may well be
 
@@ -52,15 +52,15 @@ def adapted(kind: str, plant) -> dict[str, np.ndarray]:
 
 
 def weight_of(kind: str, plant) -> np.ndarray:
-    """(3, 3) what turns accelerations of the body into forces of the ground; for a base velocities stay velocities."""
-    if kind == "base":
+    """(3, 3) what turns accelerations of the body into forces of the ground; for a rover velocities stay velocities."""
+    if kind == "rover":
         return np.eye(3)
     return omni.mass_matrix(plant) if kind == "omni" else pendulum.linear_terms(plant)[0]
 
 
 def error_system(kind: str, plant, imu_height_m: float = 0.0) -> ErrorSystem:
-    """Of small differences between a robot and its model, for "omni", "pendulum" or "base"; u: accelerations of the
-    body, of a base velocities."""
+    """Of small differences between a robot and its model, for "omni", "pendulum" or "rover"; u: accelerations of the
+    body, of a rover velocities."""
     push = np.vstack([np.zeros((3, 3)), np.eye(3)])
     if kind == "pendulum":
         a, _ = pendulum.linear_model(plant)
@@ -109,10 +109,10 @@ def _filter(scenario, robot, has, changed, times):
 
 def _accelerations(robot, plant, has, factors):
     """(3, 3) spectral density of the accelerations that unknown forces cause."""
-    rms = _BASE_ACCELERATION if robot == "base" else FORCES[robot]
-    undriven = {"omni": "torque", "pendulum": "torque", "base": "command"}[robot] not in has
+    rms = _ROVER_ACCELERATION if robot == "rover" else FORCES[robot]
+    undriven = {"omni": "torque", "pendulum": "torque", "rover": "command"}[robot] not in has
     density = np.diag(2.0 * np.square(rms) * CORRELATION_S * factors) * (_UNDRIVEN**2 if undriven else 1.0)
-    if robot == "base":
+    if robot == "rover":
         return density
     inverse = np.linalg.inv(weight_of(robot, plant))
     return inverse @ density @ inverse.T
@@ -121,6 +121,6 @@ def _accelerations(robot, plant, has, factors):
 def _feedback(robot, system):
     """Poles at the bandwidth, the error system's own dynamics cancelled."""
     w = BANDWIDTH_RAD_S
-    if robot == "base":
+    if robot == "rover":
         return np.hstack([w * np.eye(3), np.eye(3)])
     return np.hstack([w * w * np.eye(3), 2.0 * w * np.eye(3)]) + system.a[3:]

@@ -140,7 +140,7 @@ class Follower(Block):
         - innovation
 
     measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): force of the ground on the
-    plant (for a base: its body velocity), in, and out with the correction added. innovation (p,): nu of this tick, in
+    plant (for a rover: its body velocity), in, and out with the correction added. innovation (p,): nu of this tick, in
     the units of the outputs.
 
     Args:

@@ -152,7 +152,7 @@ def _torques(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarra
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
     ]
-    if body.kind == "base":
+    if body.kind == "rover":
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [
         [np.broadcast_to(size * np.eye(body.wheels)[i], m.command.shape) for m in motions] for i in range(body.wheels)

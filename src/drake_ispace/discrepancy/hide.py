@@ -93,7 +93,7 @@ def _simulated(scenario, robot, effects, motion, seed, seconds, name):
         "effects": {**section.effects, **effects}, "initial_pose": None,
         "trajectory": replace(section.trajectory, csv=None, laps=0, **MOTIONS[motion]),
     }
-    if hasattr(section, "actuator"):  # a base, which has none, takes neither noise
+    if hasattr(section, "actuator"):  # a rover, which has none, takes neither noise
         slip = section.plant.slip
         if not any(slip.noise_std):
             changed["plant"] = replace(section.plant, slip=replace(slip, noise_std=[_SLIP_NOISE] * 3))

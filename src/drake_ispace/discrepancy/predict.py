@@ -20,8 +20,8 @@ from drake_ispace.discrepancy.room_gain import tuned
 from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.pendulum import linear_terms
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants.pendulum import linear_terms
+from drake_ispace.robots.plants.slip import GRAVITY
 
 _SETTLING_TICKS = 60  # of the filter
 _SPEED_TICKS = 20  # over which a wheel's speed is taken
@@ -201,7 +201,7 @@ class Prediction:
 
 
 _MOTION_TAKES = {
-    "base": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
+    "rover": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
     "own": {"encoder", "torque"},
 }
 
@@ -213,7 +213,7 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
         start, is_known = _start(track)
         starts.append(np.concatenate([start, track.measured[0, : replay.body.wheels]]))
         anchored.append(is_known)
-    if replay.body.kind == "base":
+    if replay.body.kind == "rover":
         replay = tuned(replay, tracks, starts)
     wheels = replay.body.wheels
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if replay.body.kind == "pendulum" else [])

@@ -21,8 +21,8 @@ from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots import base, omni, pendulum
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.robots.plants import omni, pendulum, rover
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario, body_of
 from drake_ispace.wiring.bench import Bench
@@ -84,8 +84,8 @@ class Replay:
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with a further force on the body in it: (rows, 3) along the axes in which the plant takes the
-        ground's [N, N m]; of a base a further velocity along the axes of B."""
-        if self.body.kind == "base":
+        ground's [N, N m]; of a rover a further velocity along the axes of B."""
+        if self.body.kind == "rover":
             return dataclasses.replace(run, command=run.command + force)
         return dataclasses.replace(run, force=force)
 
@@ -104,14 +104,14 @@ class Replay:
         state[:3] = start[:3]
         state[self._first_wheel : self._first_wheel + self.body.wheels] = start[3:]
         inputs = {"command": self._command(run), "measured": run.measured, "fix": run.fix}
-        if self.body.kind != "base":
+        if self.body.kind != "rover":
             inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
         logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _command(self, run):
-        """The recorded command; of a base without one, the velocity at which its wheels turn as measured."""
-        if self.body.kind != "base" or "command" in self.feeds:
+        """The recorded command; of a rover without one, the velocity at which its wheels turn as measured."""
+        if self.body.kind != "rover" or "command" in self.feeds:
             return run.command
         turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
         return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
@@ -127,14 +127,14 @@ class Replay:
             numbers[self.rollout.index(f"{block}.{name}")] = value
 
 
-_PLANTS = {"omni": omni, "pendulum": pendulum, "base": base}
+_PLANTS = {"omni": omni, "pendulum": pendulum, "rover": rover}
 
 
 def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
     """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
     body = body_of(scenario, robot)
     every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
-    if body.kind == "base" and "command" not in has:  # what lies between command and wheels cannot show
+    if body.kind == "rover" and "command" not in has:  # what lies between command and wheels cannot show
         every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
     if missing := known.keys() - every.keys():
@@ -155,8 +155,8 @@ def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects:
     wires = {"wheel_angle": [f"{follower}.modelled"], "pose": [f"{view}.pose"]}
     bench.add(follower, Follower(filter_of(scenario, robot, has)))
     bench.add(view, RoomView())
-    if body.kind == "base":
-        bench.add(plant, base.VelocityBase(quiet))
+    if body.kind == "rover":
+        bench.add(plant, rover.RoverPlant(quiet))
         bench.add(f"{robot}_command", TorqueActuator(Actuator(), 3))
     elif body.kind == "omni":
         bench.add(plant, omni.OmniPlant(quiet, ground=True))
@@ -167,7 +167,7 @@ def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects:
         bench.add(f"{robot}_outputs", Multiplexer([body.wheels, IMU]))
         bench.wire((f"{plant}.body_motion", f"{robot}_outputs.u1"), (f"{robot}_outputs.y0", f"{follower}.modelled"))
         wires |= {"wheel_angle": [f"{robot}_outputs.u0"], "body_motion": [f"{robot}_outputs.u1"]}
-    if body.kind == "base":
+    if body.kind == "rover":
         wires["velocity"] = [f"{follower}.push"]
         bench.wire((f"{robot}_command.torque", f"{follower}.push"), (f"{follower}.push", f"{plant}.velocity"))
     else:
@@ -180,7 +180,7 @@ def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects:
     bench.wire((f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"))
     splice_effects(bench, body, neutral, wires)
     bench.let_in(command=f"{robot}_command.command", measured=f"{follower}.measured", fix=f"{view}.fix")
-    if body.kind != "base":
+    if body.kind != "rover":
         bench.let_in(force=f"{robot}_ground.command")
     bench.show(innovation=f"{follower}.innovation", view=f"{view}.innovation")
     return bench.build(f"{robot}_replay")

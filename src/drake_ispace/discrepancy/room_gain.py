@@ -1,4 +1,4 @@
-"""How far a base's room view trusts a fix: the gains under which its innovations are most likely.
+"""How far a rover's room view trusts a fix: the gains under which its innovations are most likely.
 
 Between two fixes odometry adds up its own errors, and a fix has its noise; the best gain follows from their ratio,
 which differs by orders of magnitude between a ceiling of motion-capture cameras (0.2 mm) and a Kinect (20 mm). With too

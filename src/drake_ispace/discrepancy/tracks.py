@@ -10,7 +10,7 @@ from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
 
 IMU = 6
-#: Fixes of a base's camera that is faster than the first, where its commands are not known, are taken the second apart:
+#: Fixes of a rover's camera that is faster than the first, where commands are not known, are taken the second apart:
 #: within a few cycles of its drive, odometry and camera differ mostly by when within its cycle each was sampled and by
 #: ripple of the speed controller, which fits at many shifts in time.
 _FAST_S, _APART_S = 0.08, 1.0
@@ -53,12 +53,12 @@ class Track:
 
 
 def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
-    """The run of a robot of that kind ("omni", "pendulum", "base", ...) with that many wheels.
+    """The run of a robot of that kind ("omni", "pendulum", "rover", ...) with that many wheels.
 
     Raises:
         InputError: channels of another number of columns, or none that a prediction can be compared with.
     """
-    driven = "command" if kind == "base" else "torque"
+    driven = "command" if kind == "rover" else "torque"
     for channel, columns in (("torque", wheels), ("encoder", wheels)):
         found = recording.channels.get(channel)
         if found is not None and channel in (driven, "encoder") and len(found.columns) != columns:
@@ -72,12 +72,12 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
-    m = 3 if kind == "base" else wheels
+    m = 3 if kind == "rover" else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
     if kind == "pendulum":
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    apart_s = _APART_S if kind == "base" and driven not in has else 0.0
+    apart_s = _APART_S if kind == "rover" and driven not in has else 0.0
     fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
         np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
     )

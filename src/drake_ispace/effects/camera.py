@@ -94,7 +94,7 @@ def hidden(tick, pose, share, noise_stream, out):
 class CameraEffect(BlockEffect):
     """A block of the wire `pose`."""
 
-    kinds = ("omni", "pendulum", "base")
+    kinds = ("omni", "pendulum", "rover")
     kinematic = True
     wire = "pose"
 
@@ -128,7 +128,7 @@ class CameraLatency(CameraEffect):
 class MarkerOffset(CameraEffect):
     """p + R(phi) (x, y): the middle of the markers is not the middle of the robot.
 
-    On somebody else's robot ("base") they may be turned as well: phi + yaw.
+    On somebody else's robot ("rover") they may be turned as well: phi + yaw.
     """
 
     card = Card(
@@ -141,13 +141,13 @@ class MarkerOffset(CameraEffect):
 
     def parameters(self, body):
         places = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
-        if body.kind != "base":
+        if body.kind != "rover":
             return places
         return (*places, Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3))
 
     def spec(self, body, values):
         place = np.array([values["x_m"], values["y_m"]])
-        if body.kind == "base":
+        if body.kind == "rover":
             return self.block(mounted, {"place": place, "yaw_rad": values["yaw_rad"]})
         return self.block(placed, {"place": place})
 

@@ -28,7 +28,7 @@ neutral value at which every signal is that of the base model, bit for bit. A sc
 Symbols: tau_i torque commanded for wheel i [N m], tau' the torque that arrives, w_i its rate relative to the body
 [rad/s], theta_i its angle; v the velocity of the robot; p = (x, y) and phi its pose in W, the room; B its own axes,
 x ahead, y to the left. `wheel` is a whole number from 1 on; pendulum: 1 right, 2 left. Effects in one wire act in the
-order of this page. Robots: `omni`, `pendulum`, and `base`, which takes a velocity. "Bounds" is what is physically
+order of this page. Robots: `omni`, `pendulum`, and `rover`, which takes a velocity. "Bounds" is what is physically
 possible, for the default plant; "probes" are sizes at which a search begins, some in multiples of the run's own root
 mean square (RMS).
 
@@ -173,7 +173,7 @@ def _probes(p: Parameter):
 def _example(effect):
     """A scenario with the effect at its last probes."""
     body = bodies_of(effect)[0]
-    diagram = {"omni": "omni_multirate", "pendulum": "pendulum_multirate", "base": "velocity_base"}[body.kind]
+    diagram = {"omni": "omni_multirate", "pendulum": "pendulum_multirate", "rover": "velocity_base"}[body.kind]
     values = {name: min(2, body.wheels) for name in effect.choices}
     values |= {p.name: p.probes[-1] for p in effect.parameters(body)}
     inside = ", ".join(f"{name}: {_number(value)}" for name, value in values.items())

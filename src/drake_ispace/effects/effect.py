@@ -21,7 +21,7 @@ class Body:
     """What an effect may know of the robot that has it.
 
     Attributes:
-        name: prefix of its blocks. kind: "omni", "pendulum", "base" or a name of the user's own.
+        name: prefix of its blocks. kind: "omni", "pendulum", "rover" or a name of the user's own.
         plant: the parameter dataclass of its plant (None: the user's own). wheels: how many.
         seed: of what is random in its effects.
     """
@@ -54,7 +54,7 @@ class Effect(abc.ABC):
         """Its continuous parameters for this body."""
 
     def applies_to(self, body: Body) -> bool:
-        return body.kind in self.kinds or (self.general and body.kind not in ("omni", "pendulum", "base"))
+        return body.kind in self.kinds or (self.general and body.kind not in ("omni", "pendulum", "rover"))
 
     def neutral(self, body: Body) -> dict[str, float]:
         """Every parameter and choice at the value that changes nothing."""

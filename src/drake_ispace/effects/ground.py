@@ -19,9 +19,9 @@ from drake_ispace.effects.smooth import LEAST_SPEED_RAD_S, smooth_sign
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import kernel
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.omni import mass_matrix
-from drake_ispace.robots.pendulum import linear_terms
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants.omni import mass_matrix
+from drake_ispace.robots.plants.pendulum import linear_terms
+from drake_ispace.robots.plants.slip import GRAVITY
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
 _AXIS = {"": 0, "_x": 0, "_y": 1}
@@ -63,7 +63,7 @@ class ConstantSlip(PlantEffect):
         InputError: slip on the world's axes, or of 1 and more in all.
     """
 
-    kinds = ("omni", "pendulum", "base")
+    kinds = ("omni", "pendulum", "rover")
     kinematic = True
     card = Card(
         name="constant_slip", title="Constant slip", home="ground", equation="v = (1 - ratio) v_wheels, per body axis",

@@ -4,14 +4,14 @@ import math
 
 from drake_ispace.effects.effect import BlockEffect, Body, Effect
 from drake_ispace.effects.library import library
-from drake_ispace.robots.base import BasePlantParameters
-from drake_ispace.robots.omni import OmniPlantParameters
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.omni import OmniPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.rover import RoverPlantParameters
 
 #: The robots of the package, default plants.
 BODIES = tuple(
     Body(kind, kind, plant, len(plant.geometry.wheels)) for kind, plant in (
-        ("omni", OmniPlantParameters()), ("pendulum", PendulumPlantParameters()), ("base", BasePlantParameters()),
+        ("omni", OmniPlantParameters()), ("pendulum", PendulumPlantParameters()), ("rover", RoverPlantParameters()),
     )
 )
 

@@ -115,7 +115,7 @@ class CentreOfGravityOffset(PlantEffect):
 class WheelRadiusError(PlantEffect):
     """All true radii times (1 + share); odometry and controller keep the nominal one."""
 
-    kinds = ("omni", "pendulum", "base")
+    kinds = ("omni", "pendulum", "rover")
     kinematic = True
     card = Card(
         name="wheel_radius_error", title="Wheel radius error", home="plant", equation="r = (1 + share) r_nominal",
@@ -139,7 +139,7 @@ class WheelRadiusError(PlantEffect):
 class SingleWheelRadiusError(PlantEffect):
     """The true radius of one wheel times (1 + share)."""
 
-    kinds = ("omni", "pendulum", "base")
+    kinds = ("omni", "pendulum", "rover")
     choices = ("wheel",)
     kinematic = True
     card = Card(
@@ -161,7 +161,7 @@ class SingleWheelRadiusError(PlantEffect):
 class WheelRadiusErrors(PlantEffect):
     """The true radius of every wheel i times (1 + share_i), each with its own share."""
 
-    kinds = ("base",)
+    kinds = ("rover",)
     card = Card(
         name="wheel_radius_errors", title="Radius errors of all wheels", home="plant",
         equation="r_i = (1 + share_i) r_nominal for every wheel i",
@@ -187,7 +187,7 @@ class WheelRadiusErrors(PlantEffect):
 class TrackError(PlantEffect):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
-    kinds = ("omni", "pendulum", "base")
+    kinds = ("omni", "pendulum", "rover")
     kinematic = True
     card = Card(
         name="track_error", title="Track error", home="plant",

@@ -17,8 +17,8 @@ import numpy as np
 from drake_ispace.effects.effect import Body
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import kernel
-from drake_ispace.robots import omni, pendulum
-from drake_ispace.robots.friction import dry_slope, friction_parameters, stable_slope
+from drake_ispace.robots.plants import omni, pendulum
+from drake_ispace.robots.plants.friction import dry_slope, friction_parameters, stable_slope
 
 #: Smallest w_s [rad/s]: below it nothing that an encoder sees would change.
 LEAST_SPEED_RAD_S = 0.05

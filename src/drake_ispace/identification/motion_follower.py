@@ -15,7 +15,7 @@ from drake_ispace.identification.structures import tilt_of
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
-from drake_ispace.robots.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.wiring.bench import Bench
 
 MEASURED = 8  # s, phi, theta, s_dot, phi_dot, theta_dot, tau_r, tau_l

@@ -20,8 +20,8 @@ from drake_ispace.identification.prediction_error import prediction_error
 from drake_ispace.identification.structures import Problem, full_state
 from drake_ispace.noise import normal, stream, uniform
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.robots.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
-from drake_ispace.robots.pendulum import PendulumPlantParameters
+from drake_ispace.robots.plants.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
+from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise

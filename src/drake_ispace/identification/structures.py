@@ -12,7 +12,7 @@ from scipy.signal import lfilter, savgol_filter
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
-from drake_ispace.robots.slip import GRAVITY
+from drake_ispace.robots.plants.slip import GRAVITY
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Markers:
     # of the plates above the floor
     omni_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
     pendulum_height_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
-    base_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
+    rover_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
     # sides of the square plate and of the square markers
     plate_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
     side_m: float = quantity(0.09, "m", above=0.0, maximum=0.5)

@@ -15,8 +15,8 @@ PAINTS: dict[str, BGR] = {
     "red": (30.0, 20.0, 200.0), "blue": (200.0, 90.0, 20.0), "yellow": (20.0, 190.0, 210.0),
     "green": (60.0, 170.0, 20.0), "orange": (20.0, 110.0, 230.0), "purple": (160.0, 40.0, 110.0),
 }
-#: Front and rear colour of each robot; a base is alone in its room.
-ROBOT_COLOURS = {"omni": ("red", "blue"), "pendulum": ("yellow", "green"), "base": ("red", "blue")}
+#: Front and rear colour of each robot; a rover is alone in its room.
+ROBOT_COLOURS = {"omni": ("red", "blue"), "pendulum": ("yellow", "green"), "rover": ("red", "blue")}
 _PLATE: BGR = (38.0, 36.0, 34.0)
 _OBSTACLE: BGR = (120.0, 150.0, 165.0)
 CARPET: BGR = (118.0, 112.0, 108.0)

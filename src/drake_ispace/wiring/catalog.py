@@ -6,9 +6,9 @@ from pydrake.systems.framework import Diagram
 
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.scenario import Scenario
-from drake_ispace.wiring.base import odometry_replay, velocity_base
 from drake_ispace.wiring.omni import omni_conventional_multirate, omni_multirate, omni_vision_feedback
 from drake_ispace.wiring.pendulum import pendulum_jacobian_tracking, pendulum_multirate, pendulum_vision_feedback
+from drake_ispace.wiring.rover import odometry_replay, velocity_base
 from drake_ispace.wiring.servo import pendulum_friction_compensation, pendulum_servo
 from drake_ispace.wiring.space import shared_space
 

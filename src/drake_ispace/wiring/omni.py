@@ -18,9 +18,9 @@ from drake_ispace.control.trajectory import WAY_POINT, WayPoint
 from drake_ispace.control.vision_feedback import VisionFeedback
 from drake_ispace.rates import TICK_S, VISION_S
 from drake_ispace.robots.actuator import TorqueActuator
-from drake_ispace.robots.friction import Friction
-from drake_ispace.robots.omni import OmniPlant, OmniPlantParameters, mass_matrix
-from drake_ispace.robots.slip import Slip
+from drake_ispace.robots.plants.friction import Friction
+from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters, mass_matrix
+from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.scenario import OmniRobot, Scenario, body_of
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.space.link import RoomLink

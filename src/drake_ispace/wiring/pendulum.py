@@ -17,9 +17,9 @@ from drake_ispace.control.tracker import TRACKING_ERROR, Tracker, TrajectoryTrac
 from drake_ispace.control.trajectory import WAY_POINT, WayPoint
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import TorqueActuator
-from drake_ispace.robots.friction import Friction
-from drake_ispace.robots.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.pendulum import (
+from drake_ispace.robots.plants.friction import Friction
+from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.robots.plants.pendulum import (
     MOTIONS,
     S_RATE,
     TILT,
@@ -28,7 +28,7 @@ from drake_ispace.robots.pendulum import (
     PendulumPlant,
     PendulumPlantParameters,
 )
-from drake_ispace.robots.slip import Slip
+from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.scenario import PendulumRobot, Scenario, body_of
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.sensing.imu import InertialSensor

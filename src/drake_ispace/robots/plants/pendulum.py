@@ -25,8 +25,8 @@ from drake_ispace.block import Block, Output, Spec
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
-from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
-from drake_ispace.robots.slip import (
+from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.robots.plants.slip import (
     FRAME,
     GRAVITY,
     RELAXATION,
@@ -38,7 +38,7 @@ from drake_ispace.robots.slip import (
     traction_rate,
     traction_slip,
 )
-from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.robots.plants.tick_memory import deflection, remember, slip_noise, tick_memory
 from drake_ispace.robots.wheels import WheelGeometry, differential, rescaled
 
 MOTIONS = ("wheel_only", "wheel_and_body")

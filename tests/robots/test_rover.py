@@ -7,11 +7,11 @@ import pytest
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.analysis import Simulator
 
-from drake_ispace.control.base_command import BaseCommand, BaseControl
+from drake_ispace.control.velocity_command import VelocityCommand, VelocityControl
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.base import WHEELS, BasePlantParameters, VelocityBase, block_parameters
-from drake_ispace.robots.slip import Slip
+from drake_ispace.robots.plants.rover import WHEELS, RoverPlant, RoverPlantParameters, block_parameters
+from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.robots.wheels import differential, mecanum, omni3, omni4
 from drake_ispace.scenario import load_scenario
 
@@ -27,7 +27,7 @@ def context_of(plant, command=COMMAND):
 
 def outputs(parameters, phi=0.0, command=COMMAND):
     """Body velocity (3,) and wheel rates (n,)."""
-    plant = VelocityBase(parameters, (0.1, 0.2, phi))
+    plant = RoverPlant(parameters, (0.1, 0.2, phi))
     context = context_of(plant, command)
     vx, vy, wz = plant.GetOutputPort("velocity").Eval(context)
     c, s = np.cos(phi), np.sin(phi)
@@ -38,7 +38,7 @@ def outputs(parameters, phi=0.0, command=COMMAND):
 
 
 def test_each_name_is_its_layout():
-    p = BasePlantParameters()
+    p = RoverPlantParameters()
     expected = {
         "omni3": omni3(p.radius_m, p.centre_distance_m, p.first_rad),
         "omni4": omni4(p.radius_m, 2.0 * p.centre_distance_m), "differential": differential(p.radius_m, p.half_track_m),
@@ -46,13 +46,13 @@ def test_each_name_is_its_layout():
     }
     assert set(expected) == set(WHEELS)
     for name, geometry in expected.items():
-        plant = BasePlantParameters(wheels=name, first_rad=0.0 if name == "omni4" else p.first_rad)
+        plant = RoverPlantParameters(wheels=name, first_rad=0.0 if name == "omni4" else p.first_rad)
         assert plant.geometry == plant.nominal_geometry == geometry
         assert len(geometry.wheels) == WHEELS[name]
 
 
 def test_shares_change_radius_and_track_of_the_real_geometry_only():
-    plant = BasePlantParameters(wheels="differential", wheel_radius_shares=[0.1, 0.0], track_share=0.2)
+    plant = RoverPlantParameters(wheels="differential", wheel_radius_shares=[0.1, 0.0], track_share=0.2)
     right, left = plant.geometry.wheels
     assert (right.radius_m, left.radius_m) == (pytest.approx(0.055), 0.05)
     assert (right.y_m, left.y_m) == (pytest.approx(-0.18), pytest.approx(0.18))
@@ -66,34 +66,34 @@ def test_shares_change_radius_and_track_of_the_real_geometry_only():
 @pytest.mark.parametrize("phi", [0.0, 0.7, -2.5])
 def test_the_body_does_what_it_is_told_but_for_what_plain_tyres_hold(kind, phi):
     expected = COMMAND * [1.0, 0.0, 1.0] if kind == "differential" else COMMAND
-    body, rates = outputs(BasePlantParameters(wheels=kind), phi)
+    body, rates = outputs(RoverPlantParameters(wheels=kind), phi)
     assert body == pytest.approx(expected, abs=1e-14)
-    assert rates == pytest.approx(BasePlantParameters(wheels=kind).geometry.inverse @ expected, abs=1e-13)
+    assert rates == pytest.approx(RoverPlantParameters(wheels=kind).geometry.inverse @ expected, abs=1e-13)
 
 
 def test_a_differential_drive_by_hand():
-    body, rates = outputs(BasePlantParameters(wheels="differential"), command=[0.2, 0.7, 1.0])
+    body, rates = outputs(RoverPlantParameters(wheels="differential"), command=[0.2, 0.7, 1.0])
     assert body == pytest.approx([0.2, 0.0, 1.0])
     assert rates == pytest.approx([(0.2 + 0.15) / 0.05, (0.2 - 0.15) / 0.05])
 
 
 def test_a_larger_wheel_moves_the_robot_and_leaves_the_wheels_speed():
-    grown = BasePlantParameters(wheels="differential", wheel_radius_shares=[0.1, 0.0])
+    grown = RoverPlantParameters(wheels="differential", wheel_radius_shares=[0.1, 0.0])
     body, rates = outputs(grown, command=[0.2, 0.0, 0.0])
     assert rates == pytest.approx([4.0, 4.0])
     assert body == pytest.approx([(0.22 + 0.20) / 2.0, 0.0, (0.22 - 0.20) / 0.3])
 
 
 def test_a_wider_track_turns_less():
-    body, rates = outputs(BasePlantParameters(wheels="mecanum", track_share=0.25), command=[0.2, 0.1, 1.0])
+    body, rates = outputs(RoverPlantParameters(wheels="mecanum", track_share=0.25), command=[0.2, 0.1, 1.0])
     assert body == pytest.approx([0.2, 0.1, 0.8])
-    assert rates == pytest.approx(BasePlantParameters(wheels="mecanum").geometry.inverse @ [0.2, 0.1, 1.0])
+    assert rates == pytest.approx(RoverPlantParameters(wheels="mecanum").geometry.inverse @ [0.2, 0.1, 1.0])
 
 
 @KINDS
 def test_slip_slows_the_robot_and_not_its_wheels(kind):
-    slipping = BasePlantParameters(wheels=kind, slip=Slip(ratio=[0.1, 0.2, 0.3]))
-    plant, free = VelocityBase(slipping, (0.0, 0.0, 0.4)), VelocityBase(BasePlantParameters(wheels=kind), (0, 0, 0.4))
+    slipping = RoverPlantParameters(wheels=kind, slip=Slip(ratio=[0.1, 0.2, 0.3]))
+    plant, free = RoverPlant(slipping, (0.0, 0.0, 0.4)), RoverPlant(RoverPlantParameters(wheels=kind), (0, 0, 0.4))
     rates = plant.EvalTimeDerivatives(context_of(plant)).CopyToVector()
     ideal = free.EvalTimeDerivatives(context_of(free)).CopyToVector()
     turn = np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1.0]])
@@ -104,13 +104,13 @@ def test_slip_slows_the_robot_and_not_its_wheels(kind):
 def test_a_patch_slips_inside_only():
     slip = Slip(patch_m=[0.0, 1.0, 0.0, 1.0], patch_ratio=[0.5, 0.5, 0.5])
     for place, speed in (((0.5, 0.5, 0.0), 0.15), ((-0.5, 0.5, 0.0), 0.3)):
-        plant = VelocityBase(BasePlantParameters(slip=slip), place)
+        plant = RoverPlant(RoverPlantParameters(slip=slip), place)
         rates = plant.EvalTimeDerivatives(context_of(plant, [0.3, 0.0, 0.0])).CopyToVector()
         assert rates[0] == pytest.approx(speed)
 
 
 def test_driving_in_a_circle_closes_it():
-    plant = VelocityBase(BasePlantParameters(wheels="differential"))
+    plant = RoverPlant(RoverPlantParameters(wheels="differential"))
     simulator = Simulator(plant)
     plant.get_input_port().FixValue(simulator.get_mutable_context(), [0.3, 0.0, 0.5])
     simulator.AdvanceTo(4.0 * np.pi)
@@ -120,7 +120,7 @@ def test_driving_in_a_circle_closes_it():
 
 
 def test_it_works_with_automatic_differentiation():
-    plant = VelocityBase(BasePlantParameters()).ToAutoDiffXd()
+    plant = RoverPlant(RoverPlantParameters()).ToAutoDiffXd()
     context = plant.CreateDefaultContext()
     plant.get_input_port().FixValue(context, [AutoDiffXd(0.2, [1.0]), AutoDiffXd(0.0, [0.0]), AutoDiffXd(0.0, [0.0])])
     rates = plant.EvalTimeDerivatives(context).CopyToVector()
@@ -131,23 +131,23 @@ def test_it_works_with_automatic_differentiation():
 
 
 def test_block_parameters_are_those_of_the_block():
-    changed = BasePlantParameters(wheels="mecanum", wheel_radius_shares=[0.1, 0, 0, 0], slip=Slip(ratio=[0.1] * 3))
+    changed = RoverPlantParameters(wheels="mecanum", wheel_radius_shares=[0.1, 0, 0, 0], slip=Slip(ratio=[0.1] * 3))
     values = block_parameters(changed)
-    assert VelocityBase(changed).spec.parameters.keys() == values.keys() == {"wheels", "projection", "slip"}
-    neutral = VelocityBase(BasePlantParameters(wheels="mecanum")).spec
+    assert RoverPlant(changed).spec.parameters.keys() == values.keys() == {"wheels", "projection", "slip"}
+    neutral = RoverPlant(RoverPlantParameters(wheels="mecanum")).spec
     assert dataclasses.replace(neutral, parameters=values).parameter_names == neutral.parameter_names
 
 
 @pytest.mark.parametrize("override, message", [
-    ("base.plant.wheel_radius_shares=[0.1]", r"base.plant.wheel_radius_shares: expected 3 values for omni3 or null"),
-    ("base.plant.wheel_radius_shares=[-1, 0, 0]", "expected more than -1"),
-    ("base.plant.slip.traction_gain=[0.1, 0, 0]", r"base.plant.slip.traction_gain: expected zeros"),
-    ("base.plant.slip.noise_std=[0.1, 0, 0]", r"base.plant.slip.noise_std: expected zeros"),
-    ("base.plant.wheels=caster", "expected one of omni3, omni4, differential, mecanum"),
-    ("base.plant.radius_m=0", "expected more than 0"),
-    ("base.initial_pose=[9, 0, 0]", "lies outside"),
-    ("base.effects.motor_lag={}", "base cannot have it"),
-    ("omni.effects.velocity_lag={}", "omni cannot have it, expected an effect of base"),
+    ("rover.plant.wheel_radius_shares=[0.1]", r"rover.plant.wheel_radius_shares: expected 3 values for omni3 or null"),
+    ("rover.plant.wheel_radius_shares=[-1, 0, 0]", "expected more than -1"),
+    ("rover.plant.slip.traction_gain=[0.1, 0, 0]", r"rover.plant.slip.traction_gain: expected zeros"),
+    ("rover.plant.slip.noise_std=[0.1, 0, 0]", r"rover.plant.slip.noise_std: expected zeros"),
+    ("rover.plant.wheels=caster", "expected one of omni3, omni4, differential, mecanum"),
+    ("rover.plant.radius_m=0", "expected more than 0"),
+    ("rover.initial_pose=[9, 0, 0]", "lies outside"),
+    ("rover.effects.motor_lag={}", "rover cannot have it"),
+    ("omni.effects.velocity_lag={}", "omni cannot have it, expected an effect of rover"),
 ])
 def test_bad_values_are_refused(override, message):
     with pytest.raises(InputError, match=message):
@@ -158,7 +158,7 @@ def test_bad_values_are_refused(override, message):
 
 
 def commanded(estimate, way_point, holds_sideways=False):
-    block = BaseCommand(BaseControl(position_per_s=2.0, heading_per_s=3.0, side_rad_m2=10.0), holds_sideways)
+    block = VelocityCommand(VelocityControl(position_per_s=2.0, heading_per_s=3.0, side_rad_m2=10.0), holds_sideways)
     context = block.CreateDefaultContext()
     block.GetInputPort("estimate").FixValue(context, estimate)
     block.GetInputPort("way_point").FixValue(context, way_point)

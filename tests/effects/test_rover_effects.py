@@ -7,12 +7,12 @@ from drake_ispace.alignment import to_recording
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
-from drake_ispace.robots.base import WHEELS, BasePlantParameters
-from drake_ispace.robots.slip import Slip
+from drake_ispace.robots.plants.rover import WHEELS, RoverPlantParameters
+from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import Scenario, body_of, load_scenario
 
-BODY = body_of(Scenario(), "base")
+BODY = body_of(Scenario(), "rover")
 NAMES = [name for name, effect in library().items() if effect.applies_to(BODY)]
 SOME = {
     "wheel_radius_error": {"share": 0.05}, "single_wheel_radius_error": {"wheel": 2, "share": 0.03},
@@ -21,12 +21,12 @@ SOME = {
     "camera_latency": {"latency_s": 0.033}, "camera_dropouts": {"share": 0.2}, "clock_offset": {"offset_s": -0.02},
     "velocity_lag": {"time_constant_s": 0.05},
 }
-EXACT = ["base.encoder.counts_per_turn=0", "space.localizer.whole_pixels=false", "space.localizer.noise_std_pixels=0"]
+EXACT = ["rover.encoder.counts_per_turn=0", "space.localizer.whole_pixels=false", "space.localizer.noise_std_pixels=0"]
 
 
 def changed(name, plant=None, **values):
-    effect, plant = library()[name], plant or BasePlantParameters(wheels="mecanum")
-    return effect.change(plant, effect.neutral(Body("base", "base", plant, 4)) | values)
+    effect, plant = library()[name], plant or RoverPlantParameters(wheels="mecanum")
+    return effect.change(plant, effect.neutral(Body("rover", "rover", plant, 4)) | values)
 
 
 def test_every_effect_but_those_of_forces_and_imu_applies():
@@ -36,7 +36,7 @@ def test_every_effect_but_those_of_forces_and_imu_applies():
 
 @pytest.mark.parametrize("wheels", WHEELS)
 def test_radius_and_track_change_the_wheels_that_it_has_and_not_those_it_believes_in(wheels):
-    nominal = BasePlantParameters(wheels=wheels)
+    nominal = RoverPlantParameters(wheels=wheels)
     grown = changed("single_wheel_radius_error", changed("wheel_radius_error", nominal, share=0.1), wheel=2, share=-0.2)
     shares = np.array([w.radius_m for w in grown.geometry.wheels]) / nominal.radius_m - 1.0
     assert shares == pytest.approx([0.1, 1.1 * 0.8 - 1.0, *[0.1] * (WHEELS[wheels] - 2)])
@@ -46,9 +46,9 @@ def test_radius_and_track_change_the_wheels_that_it_has_and_not_those_it_believe
 
 
 def test_slip_adds_to_what_the_plant_has():
-    plant = BasePlantParameters(slip=Slip(ratio=[0.1, 0.0, 0.2]))
+    plant = RoverPlantParameters(slip=Slip(ratio=[0.1, 0.0, 0.2]))
     assert changed("constant_slip", plant, ratio_x=0.05, ratio_y=0.3).slip.ratio == pytest.approx([0.15, 0.3, 0.2])
-    differential = Body("base", "base", BasePlantParameters(wheels="differential"), 2)
+    differential = Body("rover", "rover", RoverPlantParameters(wheels="differential"), 2)
     assert [p.name for p in library()["constant_slip"].parameters(differential)] == ["ratio"]
 
 
@@ -56,22 +56,22 @@ def test_slip_adds_to_what_the_plant_has():
 def test_at_neutral_values_the_run_is_the_base_run(name):
     every = {effect: {} for effect in NAMES}
     alone = simulate_compiled(load_scenario(name, ["seconds=5"]))
-    listed = simulate_compiled(load_scenario(name, ["seconds=5", f"base.effects={every}"]))
+    listed = simulate_compiled(load_scenario(name, ["seconds=5", f"rover.effects={every}"]))
     for signal, rows in alone.signals.items():
         assert np.array_equal(rows, listed.signals[signal]), signal
 
 
 def test_drake_and_the_compiled_rollout_agree_to_the_bit():
-    assert parity(load_scenario("velocity_base", ["seconds=4", f"base.effects={SOME}"]))["max_abs_difference"] == 0.0
+    assert parity(load_scenario("velocity_base", ["seconds=4", f"rover.effects={SOME}"]))["max_abs_difference"] == 0.0
 
 
 def ratios(*effects):
     """Way and turn seen by the camera over those of odometry, and wheel angle over the one commanded."""
-    circle = ["base.plant.wheels=differential", "base.trajectory={kind: circle, heading: tangent, start_s: 0.0}"]
+    circle = ["rover.plant.wheels=differential", "rover.trajectory={kind: circle, heading: tangent, start_s: 0.0}"]
     run = simulate_compiled(load_scenario("odometry_replay", [
-        "seconds=8", *EXACT, *circle, *[f"base.effects.{e}" for e in effects],
+        "seconds=8", *EXACT, *circle, *[f"rover.effects.{e}" for e in effects],
     ]))
-    channels, odometry = to_recording(run, "base").channels, run.signals["base_odometry"][1:, 1:]
+    channels, odometry = to_recording(run, "rover").channels, run.signals["rover_odometry"][1:, 1:]
     seen = channels["kinect"].values[:, :3]
     odometry = odometry[np.round(channels["kinect"].t / 0.005).astype(int)]
     way = [np.hypot(*np.diff(rows[:, :2], axis=0).T).sum() for rows in (seen, odometry)]
@@ -92,10 +92,10 @@ def test_each_has_its_own_signature(effect, way, turn, wheel):
 
 
 @pytest.mark.parametrize("override, message", [
-    ("single_wheel_radius_error.wheel=4", r"base.effects.single_wheel_radius_error.wheel: expected at most 3"),
+    ("single_wheel_radius_error.wheel=4", r"rover.effects.single_wheel_radius_error.wheel: expected at most 3"),
     ("constant_slip.ratio=0.1", "constant_slip.ratio: unknown parameter, did you mean 'ratio_y'"),
-    ("mass_error.share=0.1", "base cannot have it, expected an effect of omni, pendulum"),
+    ("mass_error.share=0.1", "rover cannot have it, expected an effect of omni, pendulum"),
 ])
 def test_bad_values_are_refused(override, message):
     with pytest.raises(InputError, match=message):
-        load_scenario("velocity_base", [f"base.effects.{override}"])
+        load_scenario("velocity_base", [f"rover.effects.{override}"])

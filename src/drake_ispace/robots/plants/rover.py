@@ -13,14 +13,14 @@ from drake_ispace.block import Block, Output, Spec
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.quantity import quantity
-from drake_ispace.robots.slip import Slip, pose_rates, slip_parameters
+from drake_ispace.robots.plants.slip import Slip, pose_rates, slip_parameters
 from drake_ispace.robots.wheels import WheelGeometry, differential, mecanum, rescaled, ring
 
 WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4}
 
 
 @dataclass
-class BasePlantParameters:
+class RoverPlantParameters:
     """Wheels and slip of a velocity-controlled robot; sizes assumed."""
 
     # omni3, omni4: rings of omni wheels; differential: right, left; mecanum: front left, right, rear left, right
@@ -101,12 +101,12 @@ def wheel_rate(velocity, wheels, out):
         out[i] = wheels[3 * i] * velocity[0] + wheels[3 * i + 1] * velocity[1] + wheels[3 * i + 2] * velocity[2]
 
 
-class VelocityBase(Block):
+class RoverPlant(Block):
     """A robot whose body follows the commanded velocity at once.
 
     .. pydrake_system::
 
-        name: VelocityBase
+        name: RoverPlant
         input_ports:
         - velocity
         output_ports:
@@ -129,7 +129,7 @@ class VelocityBase(Block):
         InputError: a radius share too few or too many; slip that follows from forces or is random, which this has not.
     """
 
-    def __init__(self, parameters: BasePlantParameters, initial_pose=(0.0, 0.0, 0.0), where="base.plant"):
+    def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="rover.plant"):
         values = block_parameters(parameters, where)
         n = len(parameters.geometry.wheels)
         start = np.zeros(THETA + n)
@@ -144,11 +144,11 @@ class VelocityBase(Block):
         ))
 
 
-def block_parameters(parameters: BasePlantParameters, where: str = "base.plant") -> dict:
+def block_parameters(parameters: RoverPlantParameters, where: str = "rover.plant") -> dict:
     """The block's parameters that follow from wheels and slip.
 
     Raises:
-        InputError: as VelocityBase.
+        InputError: as RoverPlant.
     """
     check(parameters, where)
     told, real = parameters.nominal_geometry, parameters.geometry
@@ -159,7 +159,7 @@ def block_parameters(parameters: BasePlantParameters, where: str = "base.plant")
     }
 
 
-def check(parameters: BasePlantParameters, where: str) -> None:
+def check(parameters: RoverPlantParameters, where: str) -> None:
     """Raise InputError for values of which each alone is allowed; `where` names the section."""
     shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels]
     if shares is not None and len(shares) != n:

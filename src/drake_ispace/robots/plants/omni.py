@@ -19,9 +19,9 @@ from drake_ispace.block import Block, Output, Spec
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.noise import stream
 from drake_ispace.quantity import quantity
-from drake_ispace.robots.friction import Friction, friction_parameters, friction_torque
-from drake_ispace.robots.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
-from drake_ispace.robots.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.robots.plants.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
+from drake_ispace.robots.plants.tick_memory import deflection, remember, slip_noise, tick_memory
 from drake_ispace.robots.wheels import WheelGeometry, omni4, rescaled
 
 

@@ -12,7 +12,7 @@ from drake_ispace.quantity import quantity
 
 
 @dataclass
-class BaseControl:
+class VelocityControl:
     """Gains of the correction; modest, for the robot's own drive does the rest. Assumed."""
 
     position_per_s: float = quantity(1.5, "1/s", minimum=0.0, maximum=100.0)
@@ -45,12 +45,12 @@ def velocity(xd, out):
     copy(xd, out)
 
 
-class BaseCommand(Block):
+class VelocityCommand(Block):
     """Feed-forward of the way point and a proportional correction; what is commanded at t_k acts on [t_k, t_k+1).
 
     .. pydrake_system::
 
-        name: BaseCommand
+        name: VelocityCommand
         input_ports:
         - estimate
         - way_point
@@ -64,7 +64,7 @@ class BaseCommand(Block):
         control: the gains; holds_sideways: whether the wheels do.
     """
 
-    def __init__(self, control: BaseControl, holds_sideways: bool = False):
+    def __init__(self, control: VelocityControl, holds_sideways: bool = False):
         super().__init__(Spec(
             inputs={"estimate": 4, "way_point": WAY_POINT}, outputs={"velocity": Output(3, velocity)},
             parameters={
