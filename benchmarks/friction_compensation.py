@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.dlqr import zero_order_hold
 from drake_ispace.identification.arx import arx
 from drake_ispace.identification.friction_coefficients import friction_coefficients, over_compensated
@@ -20,7 +21,6 @@ from drake_ispace.identification.friction_data import friction_rollout, run_reco
 from drake_ispace.identification.structures import friction_problem
 from drake_ispace.rates import TICK_S, ticks_in
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.pendulum import linear_model, pendulum_gain
 
 TRUTH = (0.0061, 0.0106)
 CASES = {
@@ -111,8 +111,8 @@ def detection(seeds):
 def linear_limit():
     """The multiple of true *viscous* friction beyond which its compensation makes the linear loop unstable."""
     scenario = load_scenario("pendulum_friction_compensation")
-    a, b = linear_model(scenario.pendulum.plant)
-    gain, plant = pendulum_gain(scenario.pendulum), scenario.pendulum.plant
+    a, b = linearised(scenario.pendulum.plant)
+    gain, plant = balance_gain(scenario.pendulum.plant, scenario.pendulum.control), scenario.pendulum.plant
     r, h = plant.wheel_radius_m, plant.half_track_m
     wheels = np.array([[0, 0, 0, 1 / r, h / r, -1.0], [0, 0, 0, 1 / r, -h / r, -1.0]])
     for multiple in np.arange(1.0, 30.0, 0.05):

@@ -12,10 +12,10 @@ import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
 from drake_ispace.control.dlqr import spectral_radius, zero_order_hold
+from drake_ispace.control.omni_gains import omni_gains
 from drake_ispace.rates import TICK_S, VISION_S, VISION_TICKS
 from drake_ispace.robots.plants.omni import mass_matrix
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.omni import omni_gains
 
 LOOPS = {"multi-rate": "omni_multirate", "vision": "omni_vision_feedback"}
 PRINTED_WEIGHTS = values(omni__control__q=[1.4e4, 1.4e4, 975.0, 17.5e4, 17.55e4, 1e4])  # (6.24)
@@ -60,7 +60,7 @@ def radii():
         for loop, period_s, radius in (
             ("multi-rate", TICK_S, multirate_radius), ("vision", VISION_S, vision_radius)
         ):
-            k_p, k_d = (np.diag(k) for k in omni_gains(robot, period_s))
+            k_p, k_d = (np.diag(k) for k in omni_gains(robot.plant, robot.control, period_s))
             found[f"{design}, {loop}"] = {
                 "k_p_xy": k_p[0], "k_d_xy": k_d[0], "radius_xy": radius(mass[0], k_p[0], k_d[0]),
                 "k_p_yaw": k_p[2], "k_d_yaw": k_d[2], "radius_yaw": radius(mass[2], k_p[2], k_d[2]),
@@ -75,7 +75,7 @@ def given(k_p, k_d):
 def vision_gains():
     """k_p, k_d (3,) of DLQR at 95 ms, default weights and printed ones."""
     designs = [load_scenario("omni_multirate", overrides).omni for overrides in ((), PRINTED_WEIGHTS)]
-    return [[np.diag(k) for k in omni_gains(robot, VISION_S)] for robot in designs]
+    return [[np.diag(k) for k in omni_gains(robot.plant, robot.control, VISION_S)] for robot in designs]
 
 
 def outcome(run):

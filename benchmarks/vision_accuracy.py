@@ -20,9 +20,9 @@ from drake_ispace.space.calibration import calibrate
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
 from drake_ispace.space.image_localizer import frame_ticks, room_eye
-from drake_ispace.space.kinect import Space
 from drake_ispace.space.markers import find_robots
 from drake_ispace.space.renderer import Renderer, with_noise
+from drake_ispace.space.room import Space
 from drake_ispace.space.scene import PAINTS, Box, Patch, obstacles, robot_box
 from drake_ispace.space.top_view import CORNERS, trapezoid
 

@@ -19,6 +19,7 @@ from drake_ispace.discrepancy.room_gain import with_gain
 from drake_ispace.discrepancy.tracks import track
 from drake_ispace.importers import optiodom
 from drake_ispace.recording import Channel, Recording
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 
 
@@ -105,15 +106,15 @@ def _part(recording, start, end):
 def explain_odometry(description: str, scenario: str, folder: str, train: str, kinds: tuple[str, ...]) -> None:
     """Name what the odometry of a robot lacks on runs of `train`; print errors of all `kinds` before and after."""
     options, pool, tell = arguments(description)
-    model = load_scenario(scenario)
+    model, rover = load_scenario(scenario), robots()["rover"]
     wheels = len(model.rover.plant.nominal_geometry.wheels)
 
     def tracks(kind):
         runs = spread(optiodom.load_folder(options.data / folder / kind), options.runs)
-        return [track(run, "rover", wheels, run.notes) for run in runs]
+        return [track(run, rover, wheels, run.notes) for run in runs]
 
     training = tracks(train)
-    replay = replay_of(model, "rover", training[0].has)
+    replay = replay_of(model, rover, training[0].has)
     tried = candidates(replay.effects, replay.body)
     decision = decide_jointly(predict(replay, training), tried, 0, pool, tell)
     values = {} if decision.named is None else merged(decision.named.point)

@@ -14,8 +14,8 @@ from drake_ispace.errors import InputError
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.footage import frames, load_scene, scene_eye, scene_names, scene_top
 from drake_ispace.space.image_localizer import COLOURS, targets
-from drake_ispace.space.kinect import Space
 from drake_ispace.space.renderer import Renderer
+from drake_ispace.space.room import Space
 from drake_ispace.space.scene import marker_height, robot_box
 from drake_ispace.space.top_view import trapezoid
 

@@ -10,7 +10,8 @@ from drake_ispace.compare import compare, on_one_reference
 from drake_ispace.control.paths import Trajectory, build_path
 from drake_ispace.metrics import measure
 from drake_ispace.rates import TICK_S
-from drake_ispace.scenario import OmniRobot, Scenario, load_scenario
+from drake_ispace.robots.omni import OmniSettings
+from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.simulation import Run
 
 SECONDS = 20.0
@@ -36,7 +37,7 @@ def made_up(trajectory, position, torque=0.0, phi=0.0, seconds=SECONDS, diverged
         way_point[(arcs > 0.0) & (arcs < end), 4] = trajectory.speed_m_s
     pose = np.column_stack([position(time, way_point[:, 1:3]), np.full(len(time), phi)])
     signals = {"omni_pose": pose, "omni_way_point": way_point, "omni_torque": np.full((len(time), 4), torque)}
-    return Run(Scenario(omni=OmniRobot(trajectory=trajectory)), signals, diverged_s, 1.0)
+    return Run(Scenario(omni=OmniSettings(trajectory=trajectory)), signals, diverged_s, 1.0)
 
 
 def metrics(*arguments, **keywords):

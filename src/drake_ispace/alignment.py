@@ -8,24 +8,19 @@ velocity commanded on [t_k, t_k+1) is what row k + 1 shows; the truth in row k i
 import numpy as np
 
 from drake_ispace.rates import TICK_S, VISION_S
-from drake_ispace.recording import WHEELS, Channel, Recording
+from drake_ispace.recording import Channel, Recording
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import difference
 from drake_ispace.simulation import Run
 
-_TRUTH = {
-    "omni": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
-    "rover": ("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s")),
-    "pendulum": ("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s")),
-}
-
 
 def to_recording(run: Run, robot: str) -> Recording:
-    """The recording of `robot` ("omni", "pendulum", "rover") in `run`, truth included; channels without a sample left
-    out."""
+    """The recording of the robot called `robot` in `run`, truth included; channels without a sample left out."""
     own = f"{robot}_"
     signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}
     n = (signal["encoder"].shape[1] - 1) // 2
-    wheels = WHEELS.get(robot) or tuple(str(i) for i in range(1, n + 1))
+    wheels = robots()[robot].wheel_names or tuple(str(i) for i in range(1, n + 1))
+    known = robots()[robot].truth
     ticks = np.arange(len(signal["pose"]))
     channels = {"reference": _stamped(signal["way_point"], slice(1, 4), ("x", "y", "phi"), VISION_S)}
     for name, columns in (("torque", tuple(f"tau_{w}" for w in wheels)), ("command", ("vx", "vy", "wz"))):
@@ -35,10 +30,9 @@ def to_recording(run: Run, robot: str) -> Recording:
     channels["kinect"] = _kinect(signal["fix"])
     if "imu" in signal:
         channels["imu"] = _stamped(signal["imu"], slice(1, 7), ("ax", "ay", "az", "wx", "wy", "wz"), TICK_S)
-    source, columns, units = _TRUTH[robot]
-    truth = np.hstack([signal["pose"], signal[source]])
     channels["truth"] = Channel(
-        _time(ticks), ("x", "y", "phi", *columns), truth, dict(zip(columns, units, strict=True)), round(TICK_S, 6)
+        _time(ticks), ("x", "y", "phi", *known.columns), np.hstack([signal["pose"], signal[known.signal]]),
+        dict(zip(known.columns, known.units, strict=True)), round(TICK_S, 6),
     )
     channels = {name: channel for name, channel in channels.items() if len(channel.t)}
     notes = f"simulated, seed {run.scenario.seed}"

@@ -97,8 +97,8 @@ def list_(*, as_json: Json = False) -> None:
         print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": cards()})
         return
     print("Diagrams")
-    for name, builder in CATALOG.items():
-        print(f"  {name:30} {builder.__doc__.strip().splitlines()[0]}")
+    for name, entry in CATALOG.items():
+        print(f"  {name:30} {entry.title}")
     print("Scenarios")
     for name in scenario_names():
         print(f"  {name}")
@@ -120,7 +120,7 @@ def simulate(
     from drake_ispace.alignment import to_recording
     from drake_ispace.simulation import simulate_diagram
 
-    folders = _recording_folders(diagram, out) if out is not None else {}
+    folders = _recording_folders(scenario, out) if out is not None else {}
     with progress(scenario.seconds, scenario.diagram) as advance:
         if engine == "compiled":
             from drake_ispace.rollout.engine import simulate_compiled
@@ -346,12 +346,12 @@ def _diagram(name, scenario):
         return build_diagram(scenario)
 
 
-def _recording_folders(diagram, out):
+def _recording_folders(scenario, out):
     """Robot -> the folder of its recording, each checked before the run."""
     from drake_ispace.recording import check_place
+    from drake_ispace.wiring.catalog import entry_of
 
-    ports = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
-    robots = [port.removesuffix("_pose") for port in ports if port.endswith("_pose")]
+    robots = entry_of(scenario).robots
     if len(robots) > 1 and (out / "recording.yaml").exists():
         raise InputError(f"{out}: is a recording, expected a folder for those of {' and '.join(robots)}")
     folders = {robot: out if len(robots) == 1 else out / robot for robot in robots}

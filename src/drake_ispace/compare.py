@@ -4,26 +4,27 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 from drake_ispace.metrics import Metrics, measure
-from drake_ispace.scenario import ROBOTS, Scenario, blaming
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import Scenario, blaming
 from drake_ispace.simulation import Run, simulate_diagram
-from drake_ispace.wiring.catalog import build_diagram
-
-#: First word of a Diagram's name -> the robot in it, where that is not the omni robot.
-_LEADS = {"pendulum": "pendulum", "velocity": "rover", "odometry": "rover"}
+from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 
 def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Copies of `scenarios`, all with the path, room, seed and duration of the first.
 
     The same robot starts where it starts in the first; another one starts where the path does and keeps its own way
-    of heading along it. `shared_space` keeps its own paths and starts: two robots on one path would collide.
+    of heading along it. A Diagram of several robots keeps its own paths and starts: on one path they would collide.
+
+    Raises:
+        InputError: no Diagram of that name.
     """
     first = scenarios[0]
-    lead = _LEADS.get(first.diagram.partition("_")[0], "omni")
+    lead = entry_of(first).robots[0]
     given = getattr(first, lead)
     same = []
     for scenario in scenarios:
-        robots = {
+        sections = {
             name: dataclasses.replace(
                 getattr(scenario, name),
                 trajectory=dataclasses.replace(
@@ -31,12 +32,12 @@ def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
                 ),
                 initial_pose=given.initial_pose if name == lead else None,
             )
-            for name in ROBOTS
+            for name in robots()
         }
-        if scenario.diagram == "shared_space":
-            robots = {}
+        if len(entry_of(scenario).robots) > 1:
+            sections = {}
         same.append(dataclasses.replace(
-            scenario, seconds=first.seconds, seed=first.seed, space=first.space, **robots
+            scenario, seconds=first.seconds, seed=first.seed, space=first.space, **sections
         ))
     return same
 

@@ -122,12 +122,14 @@ def _check_runs(runs, held_out):
         seen.add(place)
 
 
-def _check_robots(recordings, robots, model):
-    """Every run must be of the same robot, one of the model's; a rover stands for a robot of any name."""
+def _check_robots(recordings, names, model):
+    """Every run must be of the same robot, one of the model's."""
+    from drake_ispace.robots.library import robots
+
     for recording in recordings:
-        if robots != ["rover"] and recording.robot not in robots:
+        if not any(robots()[name].answers_to(recording.robot) for name in names):
             raise InputError(
-                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected {' or '.join(robots)}, "
+                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected {' or '.join(names)}, "
                 f"which {model} describes"
             )
         if recording.robot != recordings[0].robot:
@@ -144,12 +146,11 @@ def _robots(scenario, name):
         InputError: no such Diagram, or values that do not go together.
     """
     from drake_ispace.scenario import blaming
-    from drake_ispace.wiring.catalog import build_diagram
+    from drake_ispace.wiring.catalog import build_diagram, entry_of
 
     with blaming(name):
-        diagram = build_diagram(scenario)
-    ports = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
-    return [port.removesuffix("_pose") for port in ports if port.endswith("_pose")]
+        build_diagram(scenario)
+    return list(entry_of(scenario).robots)
 
 
 def _read_effect(text):

@@ -53,7 +53,7 @@ class Metrics:
 
 
 def measure(run: Run, robot: str) -> Metrics:
-    """The metrics of `robot` ("omni", "pendulum" or "rover") in `run`."""
+    """The metrics of the robot called `robot` in `run`."""
     trajectory = getattr(run.scenario, robot).trajectory
     start_s = ticks_in(trajectory.start_s) * TICK_S
     rows = (run.time_s >= start_s) & (run.signals[f"{robot}_way_point"][:, 0] >= 0.0)

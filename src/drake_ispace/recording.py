@@ -29,7 +29,6 @@ PERIOD_TOLERANCE = 0.02  # of the period
 
 SETTINGS = "scenario.yaml"
 CHANNELS = ("reference", "command", "torque", "encoder", "imu", "kinect", "truth")
-WHEELS = {"omni": ("1", "2", "3", "4"), "pendulum": ("r", "l")}  # of any other robot: whatever its columns say
 
 _COLUMNS = {
     "reference": ("x", "y", "phi"),
@@ -281,14 +280,15 @@ def _file_inside(folder: Path, name: Any, where: str) -> Path:
 
 def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: str) -> None:
     prefix = _PER_WHEEL.get(channel)
-    if prefix and robot not in WHEELS:
+    wheels = _wheels_of(robot) if prefix else None
+    if prefix and wheels is None:
         for column in columns:
             if not re.fullmatch(prefix + r"\w+", column):
                 raise InputError(f"{where}: unexpected column {shown(column)}, expected only {prefix}* after t")
         if not columns:
             raise InputError(f"{where}: no column after t, expected {prefix}* for each wheel of robot {shown(robot)}")
         return
-    required = tuple(prefix + wheel for wheel in WHEELS[robot]) if prefix else _COLUMNS[channel]
+    required = tuple(prefix + wheel for wheel in wheels) if prefix else _COLUMNS[channel]
     wanted = f"t,{','.join(required)} for the {channel} of robot {shown(robot)}"
     for column in required:
         if column not in columns:
@@ -300,6 +300,13 @@ def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: st
     for column in columns:
         if column not in required and (channel, column) != ("kinect", "t_received"):
             raise InputError(f"{where}: unexpected column {shown(column)}, expected {wanted}")
+
+
+def _wheels_of(robot):
+    """Names of the wheels; None for a robot of whom the package knows none: then they are what its columns say."""
+    from drake_ispace.robots.library import robots  # heavy, and needed only where wheels are logged
+
+    return robots()[robot].wheel_names if robot in robots() else None
 
 
 def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) -> tuple[str, float, float]:

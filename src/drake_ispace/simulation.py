@@ -11,7 +11,7 @@ from pydrake.systems.primitives import VectorLogSink
 
 from drake_ispace.rates import TICK_S, ticks_in
 from drake_ispace.scenario import Scenario
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 _FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
 _LOST_M = 5.0  # metres from the middle of the room: the camera lost the robot long ago
@@ -44,7 +44,8 @@ class Run:
 
     @property
     def robots(self) -> list[str]:
-        return [name.removesuffix("_pose") for name in self.signals if name.endswith("_pose")]
+        """Names of the robots in it."""
+        return list(entry_of(self.scenario).robots)
 
 
 def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Run:

@@ -96,7 +96,7 @@ def calibrate(
     from drake_ispace.space.calibration import board_points, read_points
     from drake_ispace.space.calibration import calibrate as solve
     from drake_ispace.space.footage import frames
-    from drake_ispace.space.kinect import Camera
+    from drake_ispace.space.room import Camera
     from drake_ispace.yaml_guard import dump_yaml
 
     _, first = next(frames(image))

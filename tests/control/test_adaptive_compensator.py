@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from drake_ispace.control.adaptive_compensator import Adaptation, AdaptiveCompensator, faded_sign, lyapunov_matrix
+from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.identification.friction_data import friction_rollout
 from drake_ispace.rates import TICK_S, ticks_in
 from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.pendulum import linear_model, pendulum_gain
 
 C = np.array([0.0061, 0.0106])
 
@@ -17,8 +17,8 @@ C = np.array([0.0061, 0.0106])
 @pytest.fixture(scope="module")
 def model():
     scenario = load_scenario("pendulum_friction_compensation")
-    a, b = linear_model(scenario.pendulum.plant)
-    return a, b, pendulum_gain(scenario.pendulum)
+    a, b = linearised(scenario.pendulum.plant)
+    return a, b, balance_gain(scenario.pendulum.plant, scenario.pendulum.control)
 
 
 def wheels(plant):

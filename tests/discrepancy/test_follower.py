@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_ispace.discrepancy.filters import error_system, filter_of, other_filters, weight_of
+from drake_ispace.discrepancy.filters import filter_of, other_filters
 from drake_ispace.discrepancy.follower import Follower, design, discrete
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 
 MASS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
@@ -51,15 +52,15 @@ def test_the_model_follows_a_robot_that_stands_elsewhere():
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_every_robot_has_a_stable_filter(robot):
     scenario, has = load_scenario(f"{robot}_multirate"), frozenset({"torque", "encoder", "imu"})
-    f = filter_of(scenario, robot, has)
+    f = filter_of(scenario, robots()[robot], has)
     assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 1.0
     assert np.abs(np.linalg.eigvals(f.a - f.b @ f.feedback)).max() < 1.0
-    assert all(not np.array_equal(other.gain, f.gain) for other in other_filters(scenario, robot, has))
+    assert all(not np.array_equal(other.gain, f.gain) for other in other_filters(scenario, robots()[robot], has))
 
 
 def test_wheels_show_the_body_as_the_geometry_says():
     plant = load_scenario("pendulum_multirate").pendulum.plant
-    c = error_system("pendulum", plant).c
+    c = robots()["pendulum"].error_system(plant).c
     radius, half = plant.wheel_radius_m, plant.half_track_m
     assert c[0, :3] == pytest.approx([1 / radius, half / radius, -1.0])
     assert c[1, :3] == pytest.approx([1 / radius, -half / radius, -1.0])
@@ -67,4 +68,4 @@ def test_wheels_show_the_body_as_the_geometry_says():
 
 def test_an_acceleration_becomes_a_force_by_the_mass():
     plant = load_scenario("omni_multirate").omni.plant
-    assert weight_of("omni", plant)[0, 0] == pytest.approx(plant.mass_kg, rel=1e-3)
+    assert robots()["omni"].mass_matrix(plant)[0, 0] == pytest.approx(plant.mass_kg, rel=1e-3)

@@ -7,10 +7,12 @@ from drake_ispace.discrepancy.candidates import candidates
 from drake_ispace.discrepancy.directions import Directions
 from drake_ispace.discrepancy.likelihood import Likelihood, fit
 from drake_ispace.discrepancy.profile import profile_interval
+from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import library
-from drake_ispace.scenario import body_of, load_scenario
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import load_scenario
 
-OMNI = body_of(load_scenario("omni_multirate"), "omni")
+OMNI = body_of(load_scenario("omni_multirate"), robots()["omni"])
 RISE = 1.645**2
 
 

@@ -8,10 +8,12 @@ from drake_ispace.discrepancy.candidates import Candidate, candidates, coordinat
 from drake_ispace.discrepancy.detect import detect
 from drake_ispace.discrepancy.explanation import DetectionResult, Explanation
 from drake_ispace.discrepancy.hypothesize import evidence_of_gain
+from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import library
-from drake_ispace.scenario import body_of, load_scenario
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import load_scenario
 
-OMNI = body_of(load_scenario("omni_multirate"), "omni")
+OMNI = body_of(load_scenario("omni_multirate"), robots()["omni"])
 
 
 def candidate(name):

@@ -4,23 +4,20 @@ import math
 
 import numpy as np
 import pytest
+from rail import rail
 
 from drake_ispace.effects.actuator import EFFECTS
-from drake_ispace.effects.effect import Body, EffectBlock
+from drake_ispace.effects.effect import EffectBlock
 from drake_ispace.kernels import arguments
 from drake_ispace.rates import TICK_S
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 
 
-def body(wheels=1):
-    return Body("rail", "rail", None, wheels)
-
-
 def given(name, torques, **values):
     """What a block makes of held commands (ticks, n), tick after tick: sense what was held, then hold the next."""
     torques = np.asarray(torques, dtype=float).reshape(len(torques), -1)
-    own = body(torques.shape[1])
+    own = rail(torques.shape[1])
     spec = BY_NAME[name].spec(own, BY_NAME[name].neutral(own) | values)
     ports = dict(spec.parameters)
     ports["xd"] = np.empty(0) if spec.discrete_state is None else spec.discrete_state
@@ -48,7 +45,7 @@ def test_they_act_in_this_order():
 
 
 def test_a_block_has_its_output_on_a_bare_context():
-    block = EffectBlock(BY_NAME["actuator_dead_zone"], body(3), {"width_n_m": 0.5})
+    block = EffectBlock(BY_NAME["actuator_dead_zone"], rail(3), {"width_n_m": 0.5})
     context = block.CreateDefaultContext()
     block.GetInputPort("torque").FixValue(context, [2.0, 0.3, -2.0])
     assert list(block.GetOutputPort("torque").Eval(context)) == [1.5, 0.0, -1.5]
@@ -84,7 +81,7 @@ def test_gains_scale_all_wheels_or_one():
 
 
 def test_a_weak_motor_needs_a_stronger_one_beside_it():
-    assert BY_NAME["weak_motor"].applies_to(body(2)) and not BY_NAME["weak_motor"].applies_to(body(1))
+    assert BY_NAME["weak_motor"].applies_to(rail(2)) and not BY_NAME["weak_motor"].applies_to(rail(1))
 
 
 def test_a_battery_sags_with_the_time_of_the_tick():

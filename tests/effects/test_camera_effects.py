@@ -9,13 +9,14 @@ from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.noise import stream
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate
 from drake_ispace.wiring.catalog import build_diagram
 
-BODY = Body("omni", "omni", None, 4)
+BODY = Body(robots()["omni"], None, 4)
 #: Effects of the camera -> values away from neutral.
 EFFECTS = {
     "camera_latency": {"latency_s": 0.033}, "marker_offset": {"x_m": 0.02, "y_m": -0.01},

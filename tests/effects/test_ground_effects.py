@@ -12,6 +12,7 @@ from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters, linear_terms
@@ -20,8 +21,8 @@ from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate
 
-OMNI = Body("omni", "omni", OmniPlantParameters(), 4)
-PENDULUM = Body("pendulum", "pendulum", PendulumPlantParameters(friction=Friction()), 2)
+OMNI = Body(robots()["omni"], OmniPlantParameters(), 4)
+PENDULUM = Body(robots()["pendulum"], PendulumPlantParameters(friction=Friction()), 2)
 FORCES = ("turn_scrub", "soft_floor", "floor_tilt")
 FIXED_STEP = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=TICK_S, use_error_control=False)
 PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-10, max_step_size=0.05, use_error_control=True)
@@ -180,7 +181,7 @@ def test_large_forces_beside_dry_friction_come_to_rest_in_the_5_ms_step(scrub, f
 
 
 def test_constant_slip_is_what_odometry_does_not_see():
-    plant = library()["constant_slip"].change(OMNI.plant, {"ratio_x": 0.1, "ratio_y": -0.05})
+    plant = library()["constant_slip"].change(OMNI.robot, OMNI.plant, {"ratio_x": 0.1, "ratio_y": -0.05})
     block = OmniPlant(plant)
     context = block.CreateDefaultContext()
     block.get_input_port().FixValue(context, np.zeros(4))
@@ -193,16 +194,16 @@ def test_constant_slip_is_what_odometry_does_not_see():
 
 def test_slip_adds_to_what_the_plant_has():
     plant = replace(PENDULUM.plant, slip=Slip(ratio=[0.1, 0.2, 0.3], traction_gain=[0.1, 0.0, 0.2]))
-    slid = library()["constant_slip"].change(plant, {"ratio": 0.05}).slip
+    slid = library()["constant_slip"].change(PENDULUM.robot, plant, {"ratio": 0.05}).slip
     assert slid.ratio == pytest.approx([0.15, 0.2, 0.3])
-    slid = library()["wheel_slip"].change(plant, {"gain": 0.2}).slip
+    slid = library()["wheel_slip"].change(PENDULUM.robot, plant, {"gain": 0.2}).slip
     assert slid.traction_gain == pytest.approx([0.3, 0.0, 0.2])
     assert plant.slip.ratio == [0.1, 0.2, 0.3]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_wheel_slip_lags_while_driven_and_slides_on_while_braked(sign):
-    plant = library()["wheel_slip"].change(PENDULUM.plant, {"gain": 0.3})
+    plant = library()["wheel_slip"].change(PENDULUM.robot, PENDULUM.plant, {"gain": 0.3})
     block = PendulumPlant(plant)
     context = block.CreateDefaultContext()
     block.get_input_port().FixValue(context, sign * np.array([0.2, 0.2]))
@@ -220,7 +221,7 @@ def test_wheel_slip_lags_while_driven_and_slides_on_while_braked(sign):
 ])
 def test_slip_that_has_no_meaning_is_refused(name, values, slip, message):
     with pytest.raises(InputError, match=message):
-        library()[name].change(replace(OMNI.plant, slip=slip), values)
+        library()[name].change(OMNI.robot, replace(OMNI.plant, slip=slip), values)
 
 
 # -- In a scenario

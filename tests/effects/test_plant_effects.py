@@ -6,20 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drake_ispace.control.balance_gains import balance_gain
+from drake_ispace.control.omni_gains import omni_gains
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.effects.plant import EFFECTS
 from drake_ispace.errors import InputError
+from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate
-from drake_ispace.wiring.omni import omni_gains
-from drake_ispace.wiring.pendulum import pendulum_gain
 
 OMNI, PENDULUM = OmniPlantParameters(), PendulumPlantParameters()
-BODIES = [Body("omni", "omni", OMNI, 4), Body("pendulum", "pendulum", PENDULUM, 2)]
+ROBOT = {type(OMNI): robots()["omni"], type(PENDULUM): robots()["pendulum"]}
+BODIES = [Body(ROBOT[type(OMNI)], OMNI, 4), Body(ROBOT[type(PENDULUM)], PENDULUM, 2)]
 
 CHANGES = [
     ("mass_error", OMNI, {"share": 0.2}, {"mass_kg": 8.772}),
@@ -41,7 +43,8 @@ CHANGES = [
 
 @pytest.mark.parametrize("name, plant, values, changed", CHANGES)
 def test_an_effect_changes_its_own_numbers_only(name, plant, values, changed):
-    before, after = dataclasses.asdict(plant), dataclasses.asdict(library()[name].change(plant, values))
+    before = dataclasses.asdict(plant)
+    after = dataclasses.asdict(library()[name].change(ROBOT[type(plant)], plant, values))
     differing = {key: value for key, value in after.items() if value != before[key]}
     assert set(differing) == set(changed)
     for key, value in changed.items():
@@ -51,36 +54,38 @@ def test_an_effect_changes_its_own_numbers_only(name, plant, values, changed):
 
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
 def test_neutral_values_change_no_bit(body):
-    odd = {"omni": {"centre_of_gravity_m": [0.013, -0.007]}, "pendulum": {"centre_of_gravity_m": 0.0371}}[body.kind]
+    odd = {"omni": {"centre_of_gravity_m": [0.013, -0.007]}, "pendulum": {"centre_of_gravity_m": 0.0371}}[body.name]
     odd |= {"wheel_radius_shares": [0.05, -0.07, 0.01, 0.03][: body.wheels]}
     for plant in (body.plant, replace(body.plant, **odd)):
         for effect in EFFECTS:
             if effect.applies_to(body):
-                assert effect.change(plant, effect.neutral(replace(body, plant=plant))) == plant, effect.card.name
+                neutral = effect.neutral(replace(body, plant=plant))
+                assert effect.change(body.robot, plant, neutral) == plant, effect.card.name
 
 
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
 def test_every_number_a_fit_may_try_makes_a_plant(body):
-    kind = OmniPlant if body.kind == "omni" else PendulumPlant
+    kind = OmniPlant if body.plant is OMNI else PendulumPlant
     for effect in EFFECTS:
         if not effect.applies_to(body):
             continue
         for parameter in effect.parameters(body):
             assert parameter.low <= min(parameter.probes) <= max(parameter.probes) <= parameter.high
             for value in (parameter.low, parameter.high):
-                kind(effect.change(body.plant, effect.neutral(body) | {parameter.name: value}))
+                kind(effect.change(body.robot, body.plant, effect.neutral(body) | {parameter.name: value}))
 
 
 def test_both_radius_errors_multiply():
-    plant = library()["single_wheel_radius_error"].change(PENDULUM, {"wheel": 1, "share": 0.1})
-    plant = library()["single_wheel_radius_error"].change(plant, {"wheel": 1, "share": 0.1})
-    plant = library()["wheel_radius_error"].change(plant, {"share": 0.1})
+    plant = library()["single_wheel_radius_error"].change(ROBOT[type(PENDULUM)], PENDULUM, {"wheel": 1, "share": 0.1})
+    plant = library()["single_wheel_radius_error"].change(ROBOT[type(PENDULUM)], plant, {"wheel": 1, "share": 0.1})
+    plant = library()["wheel_radius_error"].change(ROBOT[type(PENDULUM)], plant, {"share": 0.1})
     assert [wheel.radius_m for wheel in plant.geometry.wheels] == pytest.approx([0.08 * 1.1**3, 0.08 * 1.1])
 
 
 def moved(name, values, velocity):
     """What nominal odometry makes of the omni robot's `velocity` in B: v [m/s, m/s, rad/s]."""
-    return OMNI.geometry.forward @ library()[name].change(OMNI, values).geometry.inverse @ velocity
+    plant = library()[name].change(ROBOT[type(OMNI)], OMNI, values)
+    return OMNI.geometry.forward @ plant.geometry.inverse @ velocity
 
 
 def test_odometry_believes_in_the_nominal_robot():
@@ -121,7 +126,10 @@ def test_the_pendulums_centre_of_gravity_stays_above_the_axle():
 
 def test_the_controller_does_not_know():
     effects = ["mass_error.share=0.5", "inertia_error.share=0.5", "wheel_radius_error.share=0.1"]
-    gains = {"omni": lambda s: omni_gains(s.omni, 0.005), "pendulum": lambda s: pendulum_gain(s.pendulum)}
+    gains = {
+        "omni": lambda s: omni_gains(s.omni.plant, s.omni.control, 0.005),
+        "pendulum": lambda s: balance_gain(s.pendulum.plant, s.pendulum.control),
+    }
     for robot, gain in gains.items():
         wrong = load_scenario(f"{robot}_multirate", [f"{robot}.effects.{effect}" for effect in effects])
         np.testing.assert_array_equal(gain(wrong), gain(load_scenario(f"{robot}_multirate")))
@@ -130,7 +138,7 @@ def test_the_controller_does_not_know():
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_neutral_effects_change_no_bit_and_others_agree_with_drake(robot):
     scenario = load_scenario(f"{robot}_multirate", ["seconds=1"])
-    body = next(body for body in BODIES if body.kind == robot)
+    body = next(body for body in BODIES if body.name == robot)
     base = simulate(scenario).signals
     getattr(scenario, robot).effects = {effect.card.name: {} for effect in EFFECTS if effect.applies_to(body)}
     neutral = simulate(scenario).signals

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
-from drake_ispace.effects.effect import Body
+from drake_ispace.effects.effect import Body, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
+from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.rover import WHEELS, RoverPlantParameters
 from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.rollout.engine import parity, simulate_compiled
-from drake_ispace.scenario import Scenario, body_of, load_scenario
+from drake_ispace.scenario import Scenario, load_scenario
 
-BODY = body_of(Scenario(), "rover")
+BODY = body_of(Scenario(), robots()["rover"])
 NAMES = [name for name, effect in library().items() if effect.applies_to(BODY)]
 SOME = {
     "wheel_radius_error": {"share": 0.05}, "single_wheel_radius_error": {"wheel": 2, "share": 0.03},
@@ -26,7 +27,7 @@ EXACT = ["rover.encoder.counts_per_turn=0", "space.localizer.whole_pixels=false"
 
 def changed(name, plant=None, **values):
     effect, plant = library()[name], plant or RoverPlantParameters(wheels="mecanum")
-    return effect.change(plant, effect.neutral(Body("rover", "rover", plant, 4)) | values)
+    return effect.change(BODY.robot, plant, effect.neutral(Body(BODY.robot, plant, 4)) | values)
 
 
 def test_every_effect_but_those_of_forces_and_imu_applies():
@@ -48,7 +49,7 @@ def test_radius_and_track_change_the_wheels_that_it_has_and_not_those_it_believe
 def test_slip_adds_to_what_the_plant_has():
     plant = RoverPlantParameters(slip=Slip(ratio=[0.1, 0.0, 0.2]))
     assert changed("constant_slip", plant, ratio_x=0.05, ratio_y=0.3).slip.ratio == pytest.approx([0.15, 0.3, 0.2])
-    differential = Body("rover", "rover", RoverPlantParameters(wheels="differential"), 2)
+    differential = Body(BODY.robot, RoverPlantParameters(wheels="differential"), 2)
     assert [p.name for p in library()["constant_slip"].parameters(differential)] == ["ratio"]
 
 

@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
+from rail import rail
 
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.imu import rotation
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
+from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 
-OMNI, PENDULUM = Body("omni", "omni", None, 4), Body("pendulum", "pendulum", None, 2)
+OMNI, PENDULUM = Body(robots()["omni"], None, 4), Body(robots()["pendulum"], None, 2)
 #: Effects in these files -> a value away from neutral.
 OF_ALL = {
     "encoder_scale": {"share": 0.02}, "encoder_lost_counts": {"wheel": 2, "share": 0.03},
@@ -143,7 +145,7 @@ def test_what_cannot_be_is_refused(setting, words):
 
 
 def test_wheels_of_a_robot_of_ones_own_can_have_wrong_encoders():
-    rail = Body("cart", "cart", None, 1)
-    general = [name for name in (*OF_ALL, *OF_IMU) if library()[name].applies_to(rail)]
+    own = rail()
+    general = [name for name in (*OF_ALL, *OF_IMU) if library()[name].applies_to(own)]
     assert general == ["encoder_scale", "encoder_lost_counts"]
-    assert passed("encoder_lost_counts", rail, [2.0], share=0.5) == pytest.approx([1.0])
+    assert passed("encoder_lost_counts", own, [2.0], share=0.5) == pytest.approx([1.0])

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from rail import rail
 
-from drake_ispace.effects.effect import Body, EffectBlock
+from drake_ispace.effects.effect import EffectBlock
 from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
 from drake_ispace.rates import TICK_S
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
-RAIL = Body("rail", "rail", None, 3)
+RAIL = rail(3)
 
 
 def given(name, torque, wheel_rate, body=RAIL, **values):

@@ -9,11 +9,12 @@ from drake_ispace.effects.velocity import EFFECTS
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import arguments
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.rover import RoverPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 
-BODY = Body("rover", "rover", RoverPlantParameters(), 3)
+BODY = Body(robots()["rover"], RoverPlantParameters(), 3)
 NAMES = [effect.card.name for effect in EFFECTS]
 RAMP = np.outer(np.arange(1.0, 6.0), [1.0, 10.0, 100.0])  # commanded in ticks 0 to 4
 SOME = {

@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from drake_ispace.control.balance_gains import balance_gain
+from drake_ispace.control.omni_gains import omni_gains
 from drake_ispace.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.omni import omni_gains
-from drake_ispace.wiring.pendulum import pendulum_gain
 from hidden import omni_truth, pendulum_truth
 from hidden.control_truth import Camera, Encoder
 from hidden.effects_truth import WHEELS, complete, pack
@@ -136,13 +136,13 @@ def _scenario(robot):
 @cache
 def _omni_law():
     scenario = _scenario("omni")
-    return omni_truth.nominal_law(scenario.omni, omni_gains(scenario.omni, TICK_S))
+    return omni_truth.nominal_law(scenario.omni, omni_gains(scenario.omni.plant, scenario.omni.control, TICK_S))
 
 
 @cache
 def _pendulum_law():
-    scenario = _scenario("pendulum")
-    return pendulum_truth.nominal_law(scenario.pendulum, pendulum_gain(scenario.pendulum))
+    settings = _scenario("pendulum").pendulum
+    return pendulum_truth.nominal_law(settings, balance_gain(settings.plant, settings.control))
 
 
 def _columns(seed, name, rms, rows):

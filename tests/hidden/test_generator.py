@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.control import balance_gains, omni_gains
 from drake_ispace.rates import TICK_S, VISION_TICKS
 from drake_ispace.recording import load
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring import omni as omni_wiring
-from drake_ispace.wiring import pendulum as pendulum_wiring
 from hidden import motions, omni_truth, pendulum_truth
 from hidden.effect_sizes import TYPICAL, TYPICAL_UNKNOWN, effects_of, scaled, scaled_unknown
 from hidden.effects_truth import NEUTRAL, ROBOTS, UNKNOWN, complete, drive, motor_torque, of_one_wheel, pack
@@ -54,7 +53,7 @@ def jacobians(rates, size, inputs, body, e):
 def test_the_pendulum_linearises_to_the_model_of_the_package():
     a, b = jacobians(pendulum_truth.rates, pendulum_truth.SIZE, 2, *body_of("pendulum"))
     plant = load_scenario("pendulum_multirate").pendulum.plant
-    nominal_a, nominal_b = pendulum_wiring.linear_model(plant)
+    nominal_a, nominal_b = balance_gains.linearised(plant)
     rows = [pendulum_truth.V, pendulum_truth.TURN, pendulum_truth.NOD]
     assert a[rows, pendulum_truth.TILT] == pytest.approx(nominal_a[3:, 2], rel=1e-6, abs=1e-6)
     assert b[rows] == pytest.approx(nominal_b[3:], rel=1e-6)
@@ -63,7 +62,7 @@ def test_the_pendulum_linearises_to_the_model_of_the_package():
 def test_the_omni_robot_linearises_to_the_model_of_the_package():
     _, b = jacobians(omni_truth.rates, omni_truth.SIZE, 4, *body_of("omni"))
     plant = load_scenario("omni_multirate").omni.plant
-    _, nominal_b = omni_wiring.linear_model(plant)  # input: force
+    _, nominal_b = omni_gains.linearised(plant)  # input: force
     assert b[3:6] @ plant.geometry.inverse == pytest.approx(nominal_b[3:] @ (
         plant.geometry.inverse.T @ plant.geometry.inverse), rel=1e-6, abs=1e-9)
 

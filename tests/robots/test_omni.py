@@ -8,10 +8,10 @@ from pydrake.symbolic import Evaluate, Expression, Jacobian, MakeVectorContinuou
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
 from drake_ispace.control.dlqr import dlqr, spectral_radius
+from drake_ispace.control.omni_gains import linearised
 from drake_ispace.rates import TICK_S, VISION_S
 from drake_ispace.robots.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
 from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
-from drake_ispace.wiring.omni import linear_model
 
 R, B, I_W = 0.024, 0.36, 1e-6
 # a wheel inertia large enough for its terms to show: 2 I_w/r^2 = 2 kg
@@ -231,7 +231,7 @@ def test_a_larger_wheel_pushes_less_and_turns_less():
 
 
 def test_linearisation_is_the_inverse_mass_matrix():
-    a, b = linear_model(HEAVY)
+    a, b = linearised(HEAVY)
     expected = np.zeros((6, 6))
     expected[:3, 3:] = np.eye(3)
     np.testing.assert_allclose(a, expected, atol=1e-14)
@@ -249,7 +249,7 @@ def test_the_symbolic_plants_derivative_is_the_linearisation():
     at_rest = dict.fromkeys([*state, *torque], 0.0)
     a = Evaluate(Jacobian(derivative, state[:6]), at_rest)
     b = Evaluate(Jacobian(derivative, torque), at_rest) @ HEAVY.geometry.forward.T
-    for symbolic, numeric in zip((a, b), linear_model(HEAVY), strict=True):
+    for symbolic, numeric in zip((a, b), linearised(HEAVY), strict=True):
         np.testing.assert_allclose(symbolic, numeric, atol=1e-13)
 
 
@@ -266,7 +266,7 @@ PRINTED_GAIN = np.hstack([np.diag([2.45, 2.45, 1.23]), np.diag([10.0, 10.0, 4.0]
 
 
 def own_gain(parameters, period_s=TICK_S):
-    gain = dlqr(*linear_model(parameters), Q, WEIGHTS_R, period_s)
+    gain = dlqr(*linearised(parameters), Q, WEIGHTS_R, period_s)
     return np.diag(gain[:, :3]), np.diag(gain[:, 3:])
 
 
@@ -292,14 +292,14 @@ def test_row_12_with_the_printed_inertia_the_yaw_gains_are_useless():
 
 
 def test_row_12_with_the_printed_inertia_the_printed_gains_are_unstable():
-    printed, corrected = linear_model(PRINTED_INERTIA), linear_model(OmniPlantParameters())
+    printed, corrected = linearised(PRINTED_INERTIA), linearised(OmniPlantParameters())
     assert spectral_radius(*printed, PRINTED_GAIN, TICK_S) == pytest.approx(66.2, abs=0.1)
     assert spectral_radius(*corrected, PRINTED_GAIN, TICK_S) == pytest.approx(0.9985, abs=1e-4)
 
 
 def test_row_19_the_printed_yaw_gains_are_lost_at_the_rate_of_vision():
     # 1 - K_d T/I = 1 - 4 * 0.095/0.0731 = -4.2 and its like
-    assert spectral_radius(*linear_model(OmniPlantParameters()), PRINTED_GAIN, VISION_S) > 4.0
+    assert spectral_radius(*linearised(OmniPlantParameters()), PRINTED_GAIN, VISION_S) > 4.0
 
 
 # -- Other wheels

@@ -9,9 +9,11 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.primitives import Linearize
 from scipy.linalg import solve_continuous_are
 
+from drake_ispace.control import balance_gains
 from drake_ispace.control.balance_controller import from_printed
 from drake_ispace.control.dlqr import dlqr, euler, spectral_radius, zero_order_hold
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.pendulum import PendulumSettings
 from drake_ispace.robots.plants import pendulum_lagrangian as derivation
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
@@ -32,8 +34,6 @@ from drake_ispace.robots.plants.pendulum import (
     mobility,
 )
 from drake_ispace.robots.plants.slip import GRAVITY
-from drake_ispace.scenario import PendulumRobot
-from drake_ispace.wiring import pendulum as wiring
 
 FREE = PendulumPlantParameters(friction=Friction())  # Table 2.1 without friction
 LITERATURE = replace(FREE, motion="wheel_only")
@@ -433,7 +433,7 @@ def drake_linearisation(parameters):
 @pytest.mark.parametrize("parameters", [FREE, UNLIKE, LITERATURE])
 def test_three_ways_to_linearise_agree(parameters):
     a, b = linear_model(parameters)
-    a_wired, b_wired = wiring.linear_model(parameters)
+    a_wired, b_wired = balance_gains.linearised(parameters)
     a_block, b_block = drake_linearisation(parameters)
     np.testing.assert_allclose(a_wired, a, atol=1e-10)
     np.testing.assert_allclose(b_wired, b, atol=1e-10)
@@ -629,7 +629,8 @@ def test_row_10_dlqr_with_ten_times_the_pitch_inertia_is_near_the_print():
 
 
 def test_the_default_pendulum_is_designed_with_row_10s_gain():
-    assert np.abs(wiring.pendulum_gain(PendulumRobot())[0]) == pytest.approx(
+    settings = PendulumSettings()
+    assert np.abs(balance_gains.balance_gain(settings.plant, settings.control)[0]) == pytest.approx(
         [0.242, 0.219, 1.003, 0.299, 0.102, 0.124], abs=5e-4
     )
 

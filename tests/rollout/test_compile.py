@@ -490,7 +490,7 @@ def test_two_processes_may_race_for_one_entry(tmp_path):
     text = (
         "from drake_ispace.rollout.compile import compile_diagram\n"
         "from drake_ispace.scenario import load_scenario\n"
-        "from drake_ispace.wiring.omni import linear_model\n"
+        "from drake_ispace.control.omni_gains import linearised\n"
         "from drake_ispace.wiring.bench import Bench\n"
         "from drake_ispace.control.trajectory import WayPoint\n"
         "from drake_ispace.control.paths import Trajectory, build_path\n"

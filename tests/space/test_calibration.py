@@ -8,7 +8,7 @@ from drake_ispace.errors import InputError
 from drake_ispace.scenario import load_scenario
 from drake_ispace.space.calibration import board_points, calibrate, read_points
 from drake_ispace.space.camera import view_of
-from drake_ispace.space.kinect import Camera
+from drake_ispace.space.room import Camera
 from drake_ispace.space.top_view import CORNERS, trapezoid
 from drake_ispace.yaml_guard import dump_yaml
 

@@ -12,7 +12,7 @@ from drake_ispace.space.camera import (
     rotation_z,
     view_of,
 )
-from drake_ispace.space.kinect import Camera, Space
+from drake_ispace.space.room import Camera, Space
 from drake_ispace.space.top_view import trapezoid
 
 VIEW = view_of(Camera())

@@ -16,8 +16,8 @@ from drake_ispace.space.depth_map import (
     true_cells,
     vectors,
 )
-from drake_ispace.space.kinect import Camera, Space
 from drake_ispace.space.renderer import Renderer
+from drake_ispace.space.room import Camera, Space
 from drake_ispace.space.scene import Box, robot_box
 
 SPACE = Space()

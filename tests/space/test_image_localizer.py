@@ -23,10 +23,10 @@ from drake_ispace.space.image_localizer import (
     oldest_frame_ticks,
     room_eye,
 )
-from drake_ispace.space.kinect import Camera, Localizer, Space
-from drake_ispace.space.localizer import KinectLocalizer
+from drake_ispace.space.localizer import KinectLocalizer, Localizer
 from drake_ispace.space.markers import blobs
 from drake_ispace.space.renderer import Renderer
+from drake_ispace.space.room import Camera, Space
 from drake_ispace.space.scene import PAINTS, Box, Patch, robot_box
 from drake_ispace.space.top_view import TopView, top_view_of, trapezoid
 from drake_ispace.wiring.catalog import CATALOG, build_diagram

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_ispace.errors import InputError
-from drake_ispace.space.kinect import Link
-from drake_ispace.space.link import RoomLink, delay_ticks, pack, unpack
+from drake_ispace.space.link import Link, RoomLink, delay_ticks, pack, unpack
 
 FIX, WAY_POINT = 5, 10
 floats32 = st.floats(width=32, allow_nan=False)

@@ -9,9 +9,9 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 from drake_ispace.block import Block, Output, Spec
 from drake_ispace.control.position_estimator import PositionEstimator
 from drake_ispace.rates import TICK_S, VISION_TICKS
-from drake_ispace.space.kinect import Link, Localizer, Space
-from drake_ispace.space.link import RoomLink
-from drake_ispace.space.localizer import KinectLocalizer, see
+from drake_ispace.space.link import Link, RoomLink
+from drake_ispace.space.localizer import KinectLocalizer, Localizer, see
+from drake_ispace.space.room import Space
 
 EXACT = {"whole_pixels": False, "noise_std_pixels": 0.0}
 PIXEL_X, PIXEL_Y = 0.00487, 0.00551

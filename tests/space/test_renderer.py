@@ -8,8 +8,8 @@ import pytest
 from drake_ispace.errors import InputError
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.image_localizer import room_eye, room_renderer
-from drake_ispace.space.kinect import Camera, Scenery, Space
 from drake_ispace.space.renderer import Renderer, hit, with_noise
+from drake_ispace.space.room import Camera, Scenery, Space
 from drake_ispace.space.scene import PAINTS, Box, obstacles, robot_box
 
 SPACE = Space()

@@ -8,8 +8,7 @@ from drake_ispace.control.odometry import OmniOdometry
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate_diagram
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.omni import OMNI_VIEW, add_omni_multirate
-from drake_ispace.wiring.room import add_room
+from drake_ispace.wiring.catalog import CATALOG
 
 STEP = ["omni.trajectory.kind=step", "omni.control.gains=given", "seconds=8"]
 
@@ -36,9 +35,7 @@ class ChangedBench(Bench):
 def omni_run(overrides, **changes):
     scenario = load_scenario("omni_multirate", overrides)
     bench = ChangedBench(**changes)
-    add_omni_multirate(bench, scenario)
-    add_room(bench, scenario, OMNI_VIEW)
-    return simulate_diagram(bench.build("omni"), scenario)
+    return simulate_diagram(CATALOG[scenario.diagram].build(scenario, bench), scenario)
 
 
 def told(heading_rad):

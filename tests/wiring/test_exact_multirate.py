@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from drake_ispace.block import Block, Output, Spec
+from drake_ispace.control import balance_gains, omni_gains
 from drake_ispace.control.dlqr import zero_order_hold
 from drake_ispace.rates import TICK_S
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator, simulate, simulate_diagram
-from drake_ispace.wiring import omni, pendulum
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
@@ -30,8 +30,8 @@ def regulated_omni(pose):
     scenario = load_scenario("omni_multirate", [
         *IDEAL_ROOM, *[f"omni.{rule}" for rule in REGULATE], f"omni.initial_pose={pose}", "seconds=20",
     ])
-    gain = np.hstack(omni.omni_gains(scenario.omni, TICK_S))
-    a_d, b_d = zero_order_hold(*omni.linear_model(scenario.omni.plant), TICK_S)
+    gain = np.hstack(omni_gains.omni_gains(scenario.omni.plant, scenario.omni.control, TICK_S))
+    a_d, b_d = zero_order_hold(*omni_gains.linearised(scenario.omni.plant), TICK_S)
     return simulate(scenario), scenario, a_d - b_d @ gain, gain
 
 
@@ -101,13 +101,11 @@ def test_the_pendulum_loop_is_the_power_of_its_matrix_for_small_tilts():
         "pendulum.control.friction_compensation.enabled=false",
     ])
     bench = TrueTiltBench()
-    pendulum.add_pendulum(bench, scenario)
-    pendulum.add_room(bench, scenario, pendulum.PENDULUM_VIEW)
-    run = simulate_diagram(bench.build("pendulum"), scenario)
+    run = simulate_diagram(CATALOG[scenario.diagram].build(scenario, bench), scenario)
     pose, balance = run.signals["pendulum_pose"], run.signals["pendulum_balance"]
     state = np.column_stack([pose[:, 0], pose[:, 2], balance])
-    a_d, b_d = zero_order_hold(*pendulum.linear_model(scenario.pendulum.plant), TICK_S)
-    closed_loop = a_d - b_d @ pendulum.pendulum_gain(scenario.pendulum)
+    a_d, b_d = zero_order_hold(*balance_gains.linearised(scenario.pendulum.plant), TICK_S)
+    closed_loop = a_d - b_d @ balance_gains.balance_gain(scenario.pendulum.plant, scenario.pendulum.control)
     expected = powers(closed_loop, [0.0, 0.0, tilt, 0.0, 0.0, 0.0], 1000)
     # what is left is the Runge-Kutta step's own error at 26 rad/s
     assert np.abs(state - expected).max() < 3e-5 * tilt

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from drake_ispace.block import Block, Output, Spec
+from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.dlqr import spectral_radius
 from drake_ispace.rates import TICK_S
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate, simulate_diagram
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.pendulum import PENDULUM_VIEW, add_pendulum, linear_model, pendulum_gain
-from drake_ispace.wiring.room import add_room
+from drake_ispace.wiring.catalog import CATALOG
 
 # (4.11), u = -F x: F = [-0.3, 0.05, -1.0, -0.49, 0.03, -0.2] for s, phi, theta and their rates
 OF_4_11 = ["pendulum.control.gains=given", "pendulum.control.k_right=[0.3,-0.05]",
@@ -23,7 +23,7 @@ STAY = ["pendulum.trajectory.kind=step", "pendulum.trajectory.goal_m=[0,0]", "se
 @pytest.mark.parametrize("gains, radius", [([], None), (OF_6_42, 0.9934), (OF_4_11, 0.9962)])
 def test_every_set_of_gains_is_stable_on_the_linear_model(gains, radius):
     robot = load_scenario("pendulum_multirate", gains).pendulum
-    found = spectral_radius(*linear_model(robot.plant), pendulum_gain(robot), TICK_S)
+    found = spectral_radius(*linearised(robot.plant), balance_gain(robot.plant, robot.control), TICK_S)
     assert found < 1.0
     if radius:
         assert found == pytest.approx(radius, abs=5e-5)
@@ -67,9 +67,7 @@ class PushedBench(Bench):
 def test_it_recovers_from_a_push(gains):
     scenario = load_scenario("pendulum_multirate", [*STAY, *gains, "seconds=15"])
     bench = PushedBench()
-    add_pendulum(bench, scenario)
-    add_room(bench, scenario, PENDULUM_VIEW)
-    run = simulate_diagram(bench.build("pushed"), scenario)
+    run = simulate_diagram(CATALOG[scenario.diagram].build(scenario, bench), scenario)
     assert run.diverged_s is None
     tilt = np.degrees(np.abs(run.signals["pendulum_balance"][:, 0]))
     assert tilt[200:600].max() < 1.5

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drake_ispace.control.balance_gains import linearised
 from drake_ispace.control.dlqr import zero_order_hold
 from drake_ispace.identification.friction_data import friction_rollout, silence
 from drake_ispace.identification.servo_data import servo_rollout
@@ -10,7 +11,6 @@ from drake_ispace.rates import TICK_S, ticks_in
 from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.pendulum import linear_model
 
 
 def test_the_servo_reaches_its_reference_and_returns():
@@ -38,7 +38,7 @@ def test_the_printed_gains_balance_the_printed_plant():
 
 
 def test_with_the_other_sign_they_balance_the_corrected_plant_but_not_at_5_ms():
-    a6, b6 = linear_model(PendulumPlantParameters())
+    a6, b6 = linearised(PendulumPlantParameters())
     rows = [0, 2, 3, 5]
     continuous, radius = servo_matrices(a6[np.ix_(rows, rows)], b6[rows].sum(axis=1), -1.0)
     assert continuous == pytest.approx(-0.59, abs=0.01) and radius > 1.0

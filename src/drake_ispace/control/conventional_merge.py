@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.kernels import copy, kernel
-from drake_ispace.space.localizer import FIX
+from drake_ispace.messages import FIX
 
 
 @kernel

@@ -3,8 +3,8 @@
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.control.tracker import TRACKING_ERROR
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import TRACKING_ERROR
 
 TICK, ORDER, FIXED, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), FIXED: P_r,l[i], RING: past (tick, s, phi)
 

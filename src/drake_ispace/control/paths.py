@@ -244,3 +244,12 @@ def check_inside(path: Path, width_m: float, depth_m: float, where: str) -> None
             f"{where}: way point ({x:.3g}, {y:.3g}) m lies outside of the {width_m:g} x {depth_m:g} m space, "
             f"expected |x| <= {width_m / 2:g} and |y| <= {depth_m / 2:g}"
         )
+
+
+def start_pose(trajectory: Trajectory, path: Path) -> list[float]:
+    """x, y [m], phi [rad] where the path begins; the origin for a path that is a single point."""
+    if path.length_m == 0.0:
+        return [0.0, 0.0, trajectory.heading_rad]
+    _, x, y, along_x, along_y, _ = path.table[0]
+    heading = np.arctan2(along_y, along_x) if trajectory.heading == "tangent" else trajectory.heading_rad
+    return [float(x), float(y), float(heading)]

@@ -3,9 +3,9 @@
 import numpy as np
 
 from drake_ispace.block import Block, Output, Spec
-from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.kernels import kernel
+from drake_ispace.messages import WAY_POINT
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.frames import wrap
 from drake_ispace.kernels import copy, kernel
-from drake_ispace.space.localizer import FIX
+from drake_ispace.messages import FIX
 
 TICK, SEEN_TICK, EV, LO, RING = 0, 1, 2, 5, 8  # x_d; EV: P_ev[i], LO: P_lo[i] of its capture, RING: past P_lo
 

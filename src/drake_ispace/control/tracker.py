@@ -15,15 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import FIX, TRACKING_ERROR, WAY_POINT
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import VISION_TICKS
-from drake_ispace.space.localizer import FIX
 
 MODES = ("corrected", "as_printed", "jacobian")
-TRACKING_ERROR = 5  # a message: tick of the fix it refers to, tick of the way point, s_e, phi_h, speed fed forward
 
 
 @dataclass

@@ -5,9 +5,9 @@ import numpy as np
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.control.paths import Path, Trajectory
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import WAY_POINT
 from drake_ispace.rates import TICK_S, VISION_TICKS, ticks_in
 
-WAY_POINT = 10  # a message: tick, x, y, phi, vx, vy, wz, ax, ay, yaw acceleration
 _COLUMNS = 6
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import WAY_POINT
 from drake_ispace.quantity import quantity
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.frames import wrap
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import FIX, WAY_POINT
 from drake_ispace.rates import TICK_S, VISION_TICKS
-from drake_ispace.space.localizer import FIX
 
 TICK, POSE, RATE, INTEGRAL = 0, 1, 4, 7  # x_d: tick of the last seen fix, its pose, its backward difference, integral
 

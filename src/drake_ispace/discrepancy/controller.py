@@ -12,22 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.control.tracker import TRACKING_ERROR
-from drake_ispace.control.trajectory import WAY_POINT
 from drake_ispace.discrepancy.reference import direction_of, turn_of
 from drake_ispace.discrepancy.tracks import in_force, nearest_ticks
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Channel, Recording
+from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.space.link import delay_ticks
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.catalog import CATALOG
+from drake_ispace.wiring.catalog import entry_of
 
-DIAGRAMS = (
-    "omni_multirate", "omni_conventional_multirate", "omni_vision_feedback", "pendulum_multirate",
-    "pendulum_vision_feedback", "pendulum_jacobian_tracking",
-)
 _SETTLING_TICKS = 400  # of estimates that start from the scenario's pose, not from the robot's
 _CORNER_TICKS = 120  # around a corner of the reference, whose jump of speed no camera's period shows
 _NEEDED = ("reference", "torque", "encoder", "kinect")
@@ -82,8 +77,8 @@ def check_controller(model: Scenario, robot: str, recording: Recording) -> Contr
     Returns:
         None where the recording lacks a channel, or the model's Diagram has no such controller.
     """
-    needed = (*_NEEDED, "imu") if robot == "pendulum" else _NEEDED
-    if model.diagram not in DIAGRAMS or any(len(recording.channels.get(name, _NONE).t) < 4 for name in needed):
+    needed = (*_NEEDED, "imu") if robots()[robot].has_imu else _NEEDED
+    if not entry_of(model).has_feedback or any(len(recording.channels.get(name, _NONE).t) < 4 for name in needed):
         return None
     if getattr(model, robot).encoder.velocity == "exact":  # the wheels' own speed is not recorded
         return None
@@ -104,7 +99,7 @@ def predicted_torque(model: Scenario, robot: str, recording: Recording) -> np.nd
     """(ticks, n) what the model's actuator is told on [t_k, t_k+1), given the recorded sensors [N m]."""
     scenario = _listening(model, robot, recording)
     bench = Playback((f"{robot}_plant", "kinect", f"{robot}_way_point"))
-    rollout = compile_diagram(CATALOG[model.diagram](scenario, bench))
+    rollout = compile_diagram(entry_of(model).build(scenario, bench))
     ticks = int(nearest_ticks(recording.channels["encoder"].t[-1])) + 1
     said = _said(scenario, robot, recording, ticks)
     inputs = {name: said[source.rpartition(".")[2]] for name, source in bench.inputs.items()}
@@ -117,7 +112,7 @@ def _listening(model, robot, recording):
     section, link = getattr(scenario, robot), scenario.space.link
     section.effects, section.initial_pose = {}, recording.channels["reference"].values[0, :3].tolist()
     section.encoder = replace(section.encoder, counts_per_turn=0)
-    if robot == "pendulum":
+    if robots()[robot].has_imu:
         still = {"accelerometer_noise_density": 0.0, "gyro_noise_density": 0.0}
         section.imu = replace(section.imu, accelerometer_bias_m_s2=[0.0] * 3, gyro_bias_rad_s=[0.0] * 3, **still)
     scenario.space = replace(scenario.space, link=replace(link, loss=0.0, corruption=0.0))
@@ -131,14 +126,13 @@ def _said(scenario, robot, recording, ticks) -> Mapping[str, np.ndarray]:
     said = {
         "wheel_angle": _each_tick(channels["encoder"], ticks), "wheel_rate": np.zeros((ticks, wheels)),
         "way_point": way_points(channels["reference"], ticks),
-        "fixes": _fixes(channels["kinect"], delay_ticks(scenario.space.link, _ORDERS[robot]), ticks),
+        "fixes": _fixes(channels["kinect"], delay_ticks(scenario.space.link, robots()[robot].order_size), ticks),
     }
     if "imu" in channels:
         said["body_motion"] = _each_tick(channels["imu"], ticks)
     return said
 
 
-_ORDERS = {"omni": WAY_POINT, "pendulum": TRACKING_ERROR}
 _NONE = Channel(np.empty(0), (), np.empty((0, 0)), {}, None)
 
 

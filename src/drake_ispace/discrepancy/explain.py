@@ -37,11 +37,13 @@ from drake_ispace.effects.effect import Effect
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.recording import Recording, load
+from drake_ispace.robots.library import robots
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.scenario import Scenario, difference, load_scenario
+from drake_ispace.wiring.catalog import entry_of
 
 _VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
 _FORM_SHARE = 0.025  # of a parameter: how far its estimate is off because no model has exactly the robot's form
-_ROBOT_OF = {"velocity_base": "rover", "odometry_replay": "rover"}
 _THREADS = 2
 _FOREIGN_CONTROL = 0.12  # share of the torque that the model's controller may leave (its own one leaves 0 to 0.09)
 
@@ -115,16 +117,16 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
         replay = own_replay(model, tracks + proof, effects)
         return Case(None, model.name, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     robot = _robot(scenario, recordings + others)
-    wheels = len(getattr(scenario, robot).plant.geometry.wheels)
+    wheels = len(getattr(scenario, robot.name).plant.geometry.wheels)
     tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
     proof = [track(recording, robot, wheels, name) for name, recording in others]
     has = frozenset.intersection(*(t.has for t in tracks + proof))
     if not has & {"encoder", "kinect", "imu"}:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
-    if robot == "rover" and "command" not in has:
+    if robot.driven == COMMAND and COMMAND not in has:
         tracks, proof = ([replace(t, command=np.zeros_like(t.command)) for t in part] for part in (tracks, proof))
     replay = replay_of(scenario, robot, has, effects)
-    case = Case(scenario, robot, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
+    case = Case(scenario, robot.name, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     for prediction in (case.prediction, *([case.held_out] if proof else [])):
         if not any(rows.size for run in prediction.residuals({}) for rows in run.values()):
             raise InputError(
@@ -136,7 +138,8 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
 
 def _triable(case: Case) -> dict[str, Effect]:
     """Effects that the predictions depend on: without torque, only those of geometry, encoders and camera."""
-    kinematic = not case.prediction.channels["motion"] and case.robot in ("omni", "pendulum")
+    robot = case.replay.body.robot
+    kinematic = not case.prediction.channels["motion"] and robot.driven == TORQUE and robot.in_room
     return {
         name: effect for name, effect in case.replay.effects.items() if (effect.kinematic or not kinematic)
         and not (name in case.replay.known and (effect.choices or any(p.reciprocal for p in _parameters(case, effect))))
@@ -153,18 +156,17 @@ def _name(run, i):
     return str(run)
 
 
-def _robot(scenario, recordings):
-    if scenario.diagram in _ROBOT_OF:
-        return _ROBOT_OF[scenario.diagram]
-    first = recordings[0][1].robot
-    known = ["omni", "pendulum"] if scenario.diagram == "shared_space" else [scenario.diagram.split("_")[0]]
+def _robot(scenario, recordings) -> Robot:
+    """The robot of the model that all recordings are of."""
+    first, known = recordings[0][1].robot, [robots()[name] for name in entry_of(scenario).robots]
+    own = next((robot for robot in known if robot.answers_to(first)), None)
     for name, recording in recordings:
-        if recording.robot not in known or recording.robot != first:
+        if own is None or not own.answers_to(recording.robot):
             raise InputError(
-                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected {' or '.join(known)}, which the "
-                f"model {scenario.diagram} describes"
+                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected "
+                f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
             )
-    return first
+    return own
 
 
 def _described(case: Case, decision: Decision) -> Explanation:

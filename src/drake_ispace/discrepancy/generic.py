@@ -18,6 +18,7 @@ from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import Effect
 from drake_ispace.rates import TICK_S
+from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the place that the runs have visited
 _RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
@@ -83,7 +84,7 @@ def generics(prediction: Prediction, point: Point, base: Residuals, pool: Thread
     if prediction.channels["motion"]:
         jobs += [(generic, prediction.pushed, columns) for generic, columns in _forces(prediction, motions)]
         jobs += [(generic, prediction.injected, columns) for generic, columns in _torques(prediction, motions)]
-    if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.kind != "own":
+    if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.robot.in_room:
         jobs += [(generic, prediction.displaced, columns) for generic, columns in _losses(motions)]
 
     def one(job):
@@ -105,15 +106,11 @@ def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray
     """(generic, for each amplitude the force on each run), about a tenth of the usual command in size."""
     body = prediction.replay.body
     size = _usual(motions)
-    largest = np.ones(3)  # that a command of one puts on the body
-    if body.kind in ("omni", "pendulum"):
-        largest = np.abs(body.plant.geometry.inverse).sum(axis=0)
+    largest = body.robot.force_of_command(body.plant)
 
     def push(m, x=0.0, y=0.0, yaw=0.0):
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
-        if body.kind == "pendulum":  # takes (s, phi, theta); nothing pushes it sideways
-            return force[:, [0, 2, 1]] * [1.0, 1.0, 0.0]
-        return force
+        return body.robot.ground_force(force)
 
     def each(force):
         return [force(m) for m in motions]
@@ -152,7 +149,7 @@ def _torques(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarra
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
     ]
-    if body.kind == "rover":
+    if body.robot.driven == COMMAND:
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [
         [np.broadcast_to(size * np.eye(body.wheels)[i], m.command.shape) for m in motions] for i in range(body.wheels)

@@ -10,14 +10,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from drake_ispace.alignment import to_recording
-from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.effect import BlockEffect, body_of
 from drake_ispace.effects.library import checked_effects, library
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.places import fresh_folder
 from drake_ispace.recording import Recording
+from drake_ispace.robots.library import robots
+from drake_ispace.robots.robot import TORQUE
 from drake_ispace.rollout.engine import simulate_compiled
-from drake_ispace.scenario import ROBOTS, Scenario, body_of
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 #: Kinds of motion: name -> what differs from the scenario's trajectory. All stay within 0.9 m x 0.6 m of the middle.
 MOTIONS = {
@@ -52,11 +54,11 @@ def hide(
         InputError: an unknown effect, parameter or motion, an effect without a place in the Diagram, a robot that the
             Diagram does not have or that gets lost with the effects.
     """
-    if robot not in ROBOTS:
-        raise InputError(f"there is no robot {shown(robot)}, {expected_one_of(robot, ROBOTS)}")
+    if robot not in robots():
+        raise InputError(f"there is no robot {shown(robot)}, {expected_one_of(robot, robots())}")
     if unknown := [motion for motion in motions if motion not in MOTIONS]:
         raise InputError(f"there is no motion {shown(unknown[0])}, {expected_one_of(unknown[0], MOTIONS)}")
-    given = checked_effects(effects, body_of(scenario, robot), "effects")
+    given = checked_effects(effects, body_of(scenario, robots()[robot]), "effects")
     runs = {}
     for i, motion in enumerate(motions):
         name = motion if motion not in runs else f"{motion}_{i + 1}"
@@ -93,7 +95,7 @@ def _simulated(scenario, robot, effects, motion, seed, seconds, name):
         "effects": {**section.effects, **effects}, "initial_pose": None,
         "trajectory": replace(section.trajectory, csv=None, laps=0, **MOTIONS[motion]),
     }
-    if hasattr(section, "actuator"):  # a rover, which has none, takes neither noise
+    if robots()[robot].driven == TORQUE:  # where velocity is commanded, the robot takes neither noise
         slip = section.plant.slip
         if not any(slip.noise_std):
             changed["plant"] = replace(section.plant, slip=replace(slip, noise_std=[_SLIP_NOISE] * 3))
@@ -120,7 +122,7 @@ def _told(run, robot):
 def _check_places(diagram, scenario, robot, effects):
     """Refuse an effect whose wire the Diagram does not have: it would be left out, and the answer be wrong."""
     blocks = {block.get_name() for block in diagram.GetSystems()}
-    if f"{robot}_plant" not in blocks:
+    if robot not in entry_of(scenario).robots:
         raise InputError(f"the Diagram {scenario.diagram} has no robot {robot}, expected another robot or Diagram")
     for name in effects:
         if isinstance(library()[name], BlockEffect) and f"{robot}_{name}" not in blocks:

@@ -22,12 +22,14 @@ from drake_ispace.discrepancy.follower import Filter, Follower, design
 from drake_ispace.discrepancy.replay import Replay, Values
 from drake_ispace.discrepancy.room_view import LEAD_TICKS
 from drake_ispace.discrepancy.tracks import Track, track
-from drake_ispace.effects.effect import BlockEffect, Body, Effect
+from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.robots.plants.friction import Friction, stable_slope
+from drake_ispace.robots.robot import Robot
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.effects import splice_effects
@@ -51,6 +53,43 @@ class OwnPlant:
 
     geometry: OwnGeometry
     mobility: np.ndarray
+
+
+class OwnRobot(Robot):
+    """A plant of which nobody here knows more than that a torque accelerates its wheels, in units of its own."""
+
+    ground = None
+    in_room = False
+    in_si = False
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def plant_block(self, settings, plant, start=(0.0, 0.0, 0.0), seed=0, ground=False):
+        return Block(plant.spec)
+
+    def block_parameters(self, plant):
+        return {}
+
+    def mass_matrix(self, plant):
+        return np.eye(3)
+
+    def mobility(self, plant):
+        return plant.mobility
+
+    def friction(self, plant):
+        return Friction()
+
+    def least_friction(self, plant, name):
+        """Any: how much of it the plant has is not known."""
+        return -np.inf
+
+    def friction_slopes(self, plant):
+        most = stable_slope(max(float(np.abs(np.linalg.eigvals(plant.mobility)).max()), 1e-300))
+        return most, most
+
+    def force_of_command(self, plant):
+        return np.ones(3)
 
 
 @dataclass(frozen=True)
@@ -161,7 +200,7 @@ def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
         if channel not in recording.channels:
             raise InputError(f"{name}: has no channel {channel}, expected torque and encoder")
     kept = {channel: recording.channels[channel] for channel in ("torque", "encoder")}
-    found = track(replace(recording, channels=kept), "own", model.wheels, name)
+    found = track(replace(recording, channels=kept), OwnRobot(model.name), model.wheels, name)
     return replace(found, command=_means(recording.channels["torque"], found.command))
 
 
@@ -189,10 +228,10 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     mean = np.zeros((3, n))
     mean[0] = 1.0 / n
     geometry = OwnGeometry(mean, np.linalg.pinv(mean))
-    body = Body(model.name, "own", OwnPlant(geometry, c @ a @ b), n)
+    body = Body(OwnRobot(model.name), OwnPlant(geometry, c @ a @ b), n)
     every = {
         e.card.name: e for e in (library().values() if effects is None else effects)
-        if e.applies_to(body) and isinstance(e, BlockEffect) and e.wire in ("torque", "wheel_angle")
+        if e.applies_to(body)
     }
     if missing := set(model.effects) - set(every):
         raise InputError(f"{model.name}: the known effect {missing.pop()} is not among those given")

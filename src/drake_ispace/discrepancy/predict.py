@@ -14,14 +14,13 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
-from drake_ispace.discrepancy.filters import FORCES
 from drake_ispace.discrepancy.replay import Replay, Values
 from drake_ispace.discrepancy.room_gain import tuned
 from drake_ispace.discrepancy.tracks import Track
 from drake_ispace.frames import wrap
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.plants.pendulum import linear_terms
 from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.robots.robot import COMMAND
 
 _SETTLING_TICKS = 60  # of the filter
 _SPEED_TICKS = 20  # over which a wheel's speed is taken
@@ -112,9 +111,10 @@ class Prediction:
 
     def _slow_forces(self, track):
         """(rows, 3) force of unknown cause, one standard deviation large, over each stretch of a few seconds."""
-        if self.replay.body.kind not in FORCES or not self.channels["motion"]:
+        robot = self.replay.body.robot
+        if robot.driven == COMMAND or robot.unknown_forces is None or not self.channels["motion"]:
             return
-        for axis, size in enumerate(FORCES[self.replay.body.kind]):
+        for axis, size in enumerate(robot.unknown_forces):
             for start in range(0, track.ticks, _SLOW_TICKS):
                 force = np.zeros((len(track.command), 3))
                 force[start : start + _SLOW_TICKS, axis] = _SLOW_SHARE * size
@@ -134,7 +134,7 @@ class Prediction:
         It shows what acts at the very instant of its sample, or behind a low pass of its own; to the model a torque is
         its mean over the tick, which says all about where the robot goes, but nothing about that instant.
         """
-        if self.replay.body.kind != "pendulum" or not self.channels["motion"]:
+        if not self.replay.body.robot.has_imu or not self.channels["motion"]:
             return []
         return [
             self._changed([replace(t, measured=t.measured + self._felt(t, ticks)) for t in self.tracks], values)
@@ -144,8 +144,8 @@ class Prediction:
     def _felt(self, track, ticks):
         """(rows, p) how much of the last jump of the torque, `ticks` ago, IMUs show by half a tick of other timing."""
         imu = self.replay.body.wheels
-        mass, _, effort = linear_terms(self.replay.body.plant)
-        acceleration = (track.command @ np.linalg.solve(mass, effort).T)[:, 0]
+        robot, plant = self.replay.body.robot, self.replay.body.plant
+        acceleration = (track.command @ np.linalg.solve(robot.mass_matrix(plant), robot.effort(plant)).T)[:, 0]
         jump, felt = 0.5 * np.diff(acceleration), np.zeros(track.measured.shape)
         keep = 1.0 - TICK_S / _TILT_S
         ax, pitching = track.measured[:, imu], track.measured[:, imu + 4]
@@ -181,7 +181,7 @@ class Prediction:
         edges = np.array(_SLOWNESS) * np.sqrt(np.mean(np.vstack(turned) ** 2))
         for speeds in turned:
             classes = np.searchsorted(edges, speeds.min(axis=1))
-            if getattr(getattr(self.replay.body.plant, "friction", None), "coulomb_n_m", 0.0) > 0.0:
+            if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
             found.append({"motion": classes[_SETTLING_TICKS:]})
@@ -200,12 +200,6 @@ class Prediction:
         }
 
 
-_MOTION_TAKES = {
-    "rover": {"encoder", "command"}, "omni": {"encoder", "torque"}, "pendulum": {"encoder", "torque", "imu"},
-    "own": {"encoder", "torque"},
-}
-
-
 def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
     """Place every run: it starts where its first way point lies, or where the camera saw it first."""
     starts, anchored = [], []
@@ -213,15 +207,15 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
         start, is_known = _start(track)
         starts.append(np.concatenate([start, track.measured[0, : replay.body.wheels]]))
         anchored.append(is_known)
-    if replay.body.kind == "rover":
+    robot, wheels = replay.body.robot, replay.body.wheels
+    if robot.driven == COMMAND:
         replay = tuned(replay, tracks, starts)
-    wheels = replay.body.wheels
-    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if replay.body.kind == "pendulum" else [])
-    followed = replay.feeds >= _MOTION_TAKES[replay.body.kind]
+    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if robot.has_imu else [])
+    followed = replay.feeds >= {"encoder", robot.driven} | ({"imu"} if robot.has_imu else set())
     columns = [i for i, name in enumerate(names) if followed and name != _NOT_PREDICTED]
-    pose = ["x", "y", "heading"] if replay.body.kind != "own" else []
-    # without encoders, and for the pendulum without an IMU, nothing holds the model on the motion: what it predicts
-    # then shows unknown forces, not physics that it lacks
+    pose = ["x", "y", "heading"] if robot.in_room else []
+    # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: what it
+    # predicts then shows unknown forces, not physics that it lacks
     channels = {
         "motion": [names[i] for i in columns],
         "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],

@@ -17,15 +17,15 @@ from drake_ispace.discrepancy.filters import adapted, filter_of, other_filters
 from drake_ispace.discrepancy.follower import Filter, Follower
 from drake_ispace.discrepancy.room_view import LEAD_TICKS, RoomView
 from drake_ispace.discrepancy.tracks import IMU, Track
-from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect
+from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
-from drake_ispace.robots.plants import omni, pendulum, rover
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.rollout.compile import Rollout, compile_diagram
-from drake_ispace.scenario import Scenario, body_of
-from drake_ispace.wiring.bench import Bench
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
@@ -69,7 +69,7 @@ class Replay:
                 continue
             full = effect.neutral(self.body) | together[name]
             if isinstance(effect, PlantEffect):
-                plant = effect.change(plant, full)
+                plant = effect.change(self.body.robot, plant, full)
             if not isinstance(effect, BlockEffect):
                 continue
             if effect.wire == "fix" and "offset_s" in full:
@@ -77,15 +77,15 @@ class Replay:
             else:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
         if plant is not self.body.plant:
-            self._set(numbers, f"{self.body.name}_plant", _PLANTS[self.body.kind].block_parameters(plant))
+            self._set(numbers, f"{self.body.name}_plant", self.body.robot.block_parameters(plant))
             if self.filter is not None:
                 self._set(numbers, f"{self.body.name}_follower", self.filter(plant))
         return numbers
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with a further force on the body in it: (rows, 3) along the axes in which the plant takes the
-        ground's [N, N m]; of a rover a further velocity along the axes of B."""
-        if self.body.kind == "rover":
+        ground's [N, N m]; where velocity is commanded, a further velocity along the axes of B."""
+        if self.body.robot.driven == COMMAND:
             return dataclasses.replace(run, command=run.command + force)
         return dataclasses.replace(run, force=force)
 
@@ -102,24 +102,20 @@ class Replay:
         """
         state = self.rollout.continuous_state.copy()
         state[:3] = start[:3]
-        state[self._first_wheel : self._first_wheel + self.body.wheels] = start[3:]
+        first = self.body.robot.first_wheel
+        state[first : first + self.body.wheels] = start[3:]
         inputs = {"command": self._command(run), "measured": run.measured, "fix": run.fix}
-        if self.body.kind != "rover":
+        if self.body.robot.driven == TORQUE:
             inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
         logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _command(self, run):
-        """The recorded command; of a rover without one, the velocity at which its wheels turn as measured."""
-        if self.body.kind != "rover" or "command" in self.feeds:
+        """The recorded command; where a velocity was commanded but not recorded, that of the wheels as measured."""
+        if self.body.robot.driven == TORQUE or COMMAND in self.feeds:
             return run.command
         turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
         return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
-
-    @property
-    def _first_wheel(self):
-        plant = _PLANTS[self.body.kind]
-        return plant.THETA_R if self.body.kind == "pendulum" else plant.THETA
 
     def _set(self, numbers, block, parameters):
         spec = Spec(parameters=parameters)
@@ -127,16 +123,13 @@ class Replay:
             numbers[self.rollout.index(f"{block}.{name}")] = value
 
 
-_PLANTS = {"omni": omni, "pendulum": pendulum, "rover": rover}
-
-
-def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
+def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
     """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
     body = body_of(scenario, robot)
     every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
-    if body.kind == "rover" and "command" not in has:  # what lies between command and wheels cannot show
+    if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
         every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
-    known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot).effects)}
+    known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
@@ -144,46 +137,43 @@ def replay_of(scenario: Scenario, robot: str, has: frozenset[str], effects: Sequ
     return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))
 
 
-def replay_diagram(scenario: Scenario, robot: str, has: frozenset[str], effects: Mapping[str, Effect]) -> Diagram:
-    """The Diagram with every one of `effects` at its neutral value; inputs command, measured,
-    fix, and force (3,) of the ground on a plant."""
-    body, section = body_of(scenario, robot), getattr(scenario, robot)
-    plant, follower, view = f"{robot}_plant", f"{robot}_follower", f"{robot}_view"
-    neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
-    bench = Bench()
+def replay_diagram(
+    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Mapping[str, Effect]
+) -> Diagram:
+    """The Diagram with every one of `effects` at its neutral value; inputs command, measured, fix, and force (3,) of
+    the ground on a plant."""
+    body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
+    part = Part(bench, robot.name)
     quiet = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
-    wires = {"wheel_angle": [f"{follower}.modelled"], "pose": [f"{view}.pose"]}
-    bench.add(follower, Follower(filter_of(scenario, robot, has)))
-    bench.add(view, RoomView())
-    if body.kind == "rover":
-        bench.add(plant, rover.RoverPlant(quiet))
-        bench.add(f"{robot}_command", TorqueActuator(Actuator(), 3))
-    elif body.kind == "omni":
-        bench.add(plant, omni.OmniPlant(quiet, ground=True))
-        bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
+    wires = {"wheel_angle": "follower.modelled", "pose": "view.pose"}
+    part.add("follower", Follower(filter_of(scenario, robot, has)))
+    part.add("view", RoomView())
+    part.add("plant", robot.followed_plant(settings, quiet))
+    if robot.has_imu:
+        part.add("outputs", Multiplexer([body.wheels, IMU]))
+        part.wire(("plant.body_motion", "outputs.u1"), ("outputs.y0", "follower.modelled"))
+        wires |= {"wheel_angle": "outputs.u0", "body_motion": "outputs.u1"}
+    if robot.driven == COMMAND:
+        wires["velocity"] = "follower.push"
+        part.add("command", TorqueActuator(Actuator(), 3))
+        part.wire(("command.torque", "follower.push"), ("follower.push", "plant.velocity"))
     else:
-        bench.add(plant, pendulum.PendulumPlant(quiet, imu_height_m=section.imu.height_m, ground=True))
-        bench.add(f"{robot}_command", TorqueActuator(_quiet(section.actuator), body.wheels))
-        bench.add(f"{robot}_outputs", Multiplexer([body.wheels, IMU]))
-        bench.wire((f"{plant}.body_motion", f"{robot}_outputs.u1"), (f"{robot}_outputs.y0", f"{follower}.modelled"))
-        wires |= {"wheel_angle": [f"{robot}_outputs.u0"], "body_motion": [f"{robot}_outputs.u1"]}
-    if body.kind == "rover":
-        wires["velocity"] = [f"{follower}.push"]
-        bench.wire((f"{robot}_command.torque", f"{follower}.push"), (f"{follower}.push", f"{plant}.velocity"))
-    else:
-        wires |= {"torque": [f"{plant}.torque"], "ground_force": [f"{follower}.push"]}
-        bench.add(f"{robot}_ground", TorqueActuator(Actuator(), 3))
-        bench.wire(
-            (f"{robot}_command.torque", f"{plant}.torque"), (f"{robot}_ground.torque", f"{follower}.push"),
-            (f"{follower}.push", f"{plant}.ground_force"),
+        wires |= {"torque": "plant.torque", "ground_force": "follower.push"}
+        part.add("command", TorqueActuator(_quiet(settings.actuator), body.wheels))
+        part.add("ground", TorqueActuator(Actuator(), 3))
+        part.wire(
+            ("command.torque", "plant.torque"), ("ground.torque", "follower.push"),
+            ("follower.push", "plant.ground_force"),
         )
-    bench.wire((f"{plant}.wheel_angle", wires["wheel_angle"][0]), (f"{plant}.pose", f"{view}.pose"))
-    splice_effects(bench, body, neutral, wires)
-    bench.let_in(command=f"{robot}_command.command", measured=f"{follower}.measured", fix=f"{view}.fix")
-    if body.kind != "rover":
-        bench.let_in(force=f"{robot}_ground.command")
-    bench.show(innovation=f"{follower}.innovation", view=f"{view}.innovation")
-    return bench.build(f"{robot}_replay")
+    part.wire(("plant.wheel_angle", wires["wheel_angle"]), ("plant.pose", "view.pose"))
+    neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
+    splice_effects(bench, body, neutral, {wire: [part.block(end)] for wire, end in wires.items()})
+    inputs = {"command": "command.command", "measured": "follower.measured", "fix": "view.fix"}
+    if robot.driven == TORQUE:
+        inputs["force"] = "ground.command"
+    bench.let_in(**{name: part.block(port) for name, port in inputs.items()})
+    bench.show(innovation=part.block("follower.innovation"), view=part.block("view.innovation"))
+    return bench.build(part.block("replay"))
 
 
 def _quiet(actuator):

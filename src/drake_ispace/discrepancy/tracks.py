@@ -8,11 +8,12 @@ from drake_ispace.discrepancy.room_view import LEAD_TICKS
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
+from drake_ispace.robots.robot import COMMAND, Robot
 
 IMU = 6
-#: Fixes of a rover's camera that is faster than the first, where commands are not known, are taken the second apart:
-#: within a few cycles of its drive, odometry and camera differ mostly by when within its cycle each was sampled and by
-#: ripple of the speed controller, which fits at many shifts in time.
+#: Where the velocity is commanded but not known, fixes of a camera that is faster than the first are taken the second
+#: apart: within a few cycles of its drive, odometry and camera differ mostly by when within its cycle each was sampled
+#: and by ripple of the speed controller, which fits at many shifts in time.
 _FAST_S, _APART_S = 0.08, 1.0
 
 
@@ -52,18 +53,18 @@ class Track:
         return self.fix[self.fix_rows, 1:4]
 
 
-def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
-    """The run of a robot of that kind ("omni", "pendulum", "rover", ...) with that many wheels.
+def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
+    """A run of the robot with that many wheels.
 
     Raises:
         InputError: channels of another number of columns, or none that a prediction can be compared with.
     """
-    driven = "command" if kind == "rover" else "torque"
+    driven = robot.driven
     for channel, columns in (("torque", wheels), ("encoder", wheels)):
         found = recording.channels.get(channel)
         if found is not None and channel in (driven, "encoder") and len(found.columns) != columns:
             raise InputError(f"{name}: channel {channel} has {len(found.columns)} columns, expected {columns}")
-    wanted = ["encoder", "kinect"] + (["imu"] if kind == "pendulum" else [])
+    wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
@@ -72,12 +73,12 @@ def track(recording: Recording, kind: str, wheels: int, name: str) -> Track:
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
-    m = 3 if kind == "rover" else wheels
+    m = 3 if driven == COMMAND else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
-    if kind == "pendulum":
+    if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    apart_s = _APART_S if kind == "rover" and driven not in has else 0.0
+    apart_s = _APART_S if driven == COMMAND and driven not in has else 0.0
     fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
         np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
     )

@@ -94,7 +94,6 @@ def hidden(tick, pose, share, noise_stream, out):
 class CameraEffect(BlockEffect):
     """A block of the wire `pose`."""
 
-    kinds = ("omni", "pendulum", "rover")
     kinematic = True
     wire = "pose"
 
@@ -128,7 +127,7 @@ class CameraLatency(CameraEffect):
 class MarkerOffset(CameraEffect):
     """p + R(phi) (x, y): the middle of the markers is not the middle of the robot.
 
-    On somebody else's robot ("rover") they may be turned as well: phi + yaw.
+    Where a robot's markers may be mounted at any angle they may be turned as well: phi + yaw.
     """
 
     card = Card(
@@ -141,13 +140,13 @@ class MarkerOffset(CameraEffect):
 
     def parameters(self, body):
         places = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
-        if body.kind != "rover":
+        if not body.robot.markers_may_turn:
             return places
         return (*places, Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3))
 
     def spec(self, body, values):
         place = np.array([values["x_m"], values["y_m"]])
-        if body.kind == "rover":
+        if body.robot.markers_may_turn:
             return self.block(mounted, {"place": place, "yaw_rad": values["yaw_rad"]})
         return self.block(placed, {"place": place})
 

@@ -158,9 +158,9 @@ def _table(effect):
                 f"`{p.name}`{reading} | {p.unit} | {_number(p.neutral)} | {_number(p.low)} to {_number(p.high)} "
                 f"| {_probes(p)} |"
             )
-            rows.setdefault(text, []).append(body.kind)
+            rows.setdefault(text, []).append(body.name)
         for name in effect.choices:
-            rows.setdefault(f"`{name}` | | any | 1 to {body.wheels} | each |", []).append(body.kind)
+            rows.setdefault(f"`{name}` | | any | 1 to {body.wheels} | each |", []).append(body.name)
     lines = [f"| {', '.join(kinds)} | {text}" for text, kinds in rows.items()]
     return ["| robot | parameter | unit | neutral | bounds | probes |", "|---|---|---|---|---|---|", *lines]
 
@@ -173,11 +173,10 @@ def _probes(p: Parameter):
 def _example(effect):
     """A scenario with the effect at its last probes."""
     body = bodies_of(effect)[0]
-    diagram = {"omni": "omni_multirate", "pendulum": "pendulum_multirate", "rover": "velocity_base"}[body.kind]
     values = {name: min(2, body.wheels) for name in effect.choices}
     values |= {p.name: p.probes[-1] for p in effect.parameters(body)}
     inside = ", ".join(f"{name}: {_number(value)}" for name, value in values.items())
-    return [f"diagram: {diagram}", f"{body.kind}:", "  effects:", f"    {effect.card.name}: {{{inside}}}"]
+    return [f"diagram: {body.robot.diagram}", f"{body.name}:", "  effects:", f"    {effect.card.name}: {{{inside}}}"]
 
 
 def _number(value):

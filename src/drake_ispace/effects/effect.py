@@ -11,6 +11,7 @@ from typing import Any
 
 from drake_ispace.block import Block, Spec
 from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.robots.robot import Robot
 
 #: The wires that take a block, and the port of the block that the wire goes through.
 WIRES = ("torque", "ground_force", "wheel_angle", "body_motion", "pose", "fix", "velocity")
@@ -21,32 +22,42 @@ class Body:
     """What an effect may know of the robot that has it.
 
     Attributes:
-        name: prefix of its blocks. kind: "omni", "pendulum", "rover" or a name of the user's own.
-        plant: the parameter dataclass of its plant (None: the user's own). wheels: how many.
+        robot: that has it. plant: the dataclass of its plant's parameters. wheels: how many.
         seed: of what is random in its effects.
     """
 
-    name: str
-    kind: str
+    robot: Robot
     plant: Any
     wheels: int
     seed: int = 0
 
+    @property
+    def name(self) -> str:
+        """In front of the names of its blocks."""
+        return self.robot.name
+
+
+def body_of(scenario, robot: Robot) -> Body:
+    """What effects may know of a robot of the scenario."""
+    plant = getattr(scenario, robot.name).plant
+    return Body(robot, plant, len(plant.geometry.wheels), scenario.seed)
+
 
 class Effect(abc.ABC):
-    """An effect: `card`, `kinds` (the robots that can have it), and what the subclass adds.
+    """An effect: `card`, `needs` (what a robot must offer to have it), and what the subclass adds.
 
     `choices` names whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
     """
 
     card: Card
-    kinds: tuple[str, ...] = ("omni", "pendulum")
+    #: Wires and numbers among `Robot.offers` without which it cannot be.
+    needs: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.
     kinematic = False
     #: Whether the replay of a run has it. What happens at random is counted instead.
     replayed = True
-    #: Units and places in which a wheel of a robot is nothing special: any body with a torque wire can have it.
+    #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.
     general = False
 
     @abc.abstractmethod
@@ -54,7 +65,8 @@ class Effect(abc.ABC):
         """Its continuous parameters for this body."""
 
     def applies_to(self, body: Body) -> bool:
-        return body.kind in self.kinds or (self.general and body.kind not in ("omni", "pendulum", "rover"))
+        """Whether the robot offers all that it needs."""
+        return body.robot.offers.issuperset(self.needs) and (self.general or body.robot.in_si)
 
     def neutral(self, body: Body) -> dict[str, float]:
         """Every parameter and choice at the value that changes nothing."""
@@ -70,6 +82,9 @@ class BlockEffect(Effect):
 
     wire: str
 
+    def applies_to(self, body: Body) -> bool:
+        return self.wire in body.robot.offers and super().applies_to(body)
+
     @abc.abstractmethod
     def spec(self, body: Body, values: Mapping[str, float]) -> Spec:
         """Ports, kernels and parameters of the block at these values."""
@@ -79,8 +94,8 @@ class PlantEffect(Effect):
     """An effect that is another number in the plant, unknown to controller and odometry."""
 
     @abc.abstractmethod
-    def change(self, plant, values: Mapping[str, float]):
-        """A copy of the plant's parameter dataclass with the effect in it."""
+    def change(self, robot: Robot, plant, values: Mapping[str, float]):
+        """A copy of the parameters `plant` of the robot's plant with the effect in it."""
 
 
 class EffectBlock(Block):

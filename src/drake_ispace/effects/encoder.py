@@ -28,7 +28,6 @@ def scaling(wheels, gain):
 class EncoderScale(BlockEffect):
     """(1 + share) theta, all wheels."""
 
-    kinds = ("omni", "pendulum", "rover")
     wire = "wheel_angle"
     general = True
     kinematic = True
@@ -52,7 +51,6 @@ class EncoderScale(BlockEffect):
 class EncoderLostCounts(BlockEffect):
     """(1 - share) theta of one wheel: of the counts of any turn, to and fro, that share goes missing."""
 
-    kinds = ("omni", "pendulum", "rover")
     wire = "wheel_angle"
     general = True
     choices = ("wheel",)

@@ -1,7 +1,7 @@
 """From the floor on the robot: slip, and forces in the wire `ground_force`.
 
-The port holds (F_x, F_y, M) in the axes of the omni robot, (Q_s, Q_phi, Q_theta) of the pendulum. Forces follow the
-wheel-consistent velocity that the plant puts out.
+The port holds (F_x, F_y, M) in the axes of the body, or (Q_s, Q_phi, Q_theta) of a robot that balances. Forces follow
+the wheel-consistent velocity that the plant puts out.
 
 Signs are smooth, tanh(v / v_s). The slope C / v_s takes at most a fifth of what the 5 ms Runge-Kutta step can bear, so
 that room is left for the friction of the wheels, and v_s is at least what the robot moves at while its wheels turn at
@@ -19,9 +19,8 @@ from drake_ispace.effects.smooth import LEAST_SPEED_RAD_S, smooth_sign
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import kernel
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.plants.omni import mass_matrix
-from drake_ispace.robots.plants.pendulum import linear_terms
 from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.robots.robot import BALANCING, PLANAR
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
 _AXIS = {"": 0, "_x": 0, "_y": 1}
@@ -29,12 +28,8 @@ _AXIS = {"": 0, "_x": 0, "_y": 1}
 
 def ground_scale(body, axis: int, force: float) -> float:
     """v_s [m/s, m/s, rad/s] of a `force` [N, N, N m] along `axis` of the port that turns its sign with the velocity."""
-    if body.kind == "omni":
-        mass, ways = mass_matrix(body.plant), np.abs(body.plant.geometry.inverse).max(axis=0)
-    else:
-        mass, _, effort = linear_terms(body.plant)
-        ways = np.abs(effort).max(axis=1)
-    mobility = float(np.linalg.inv(mass)[axis, axis])
+    ways = np.abs(body.robot.effort(body.plant)).max(axis=1)
+    mobility = float(np.linalg.inv(body.robot.mass_matrix(body.plant))[axis, axis])
     return max(LEAST_SPEED_RAD_S / float(ways[axis]), force * TICK_S * mobility / _SLOPE_SHARE)
 
 
@@ -63,7 +58,7 @@ class ConstantSlip(PlantEffect):
         InputError: slip on the world's axes, or of 1 and more in all.
     """
 
-    kinds = ("omni", "pendulum", "rover")
+    needs = ("slip",)
     kinematic = True
     card = Card(
         name="constant_slip", title="Constant slip", home="ground", equation="v = (1 - ratio) v_wheels, per body axis",
@@ -79,7 +74,7 @@ class ConstantSlip(PlantEffect):
         names = [f"ratio{axis}" for axis in _axes(body)]
         return tuple(Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for name in names)
 
-    def change(self, plant, values):
+    def change(self, robot, plant, values):
         return _slip_with(plant, self.card.name, "ratio", values)
 
 
@@ -90,6 +85,7 @@ class WheelSlip(PlantEffect):
         InputError: slip on the world's axes, or a gain of 1 and more in all.
     """
 
+    needs = ("traction",)
     card = Card(
         name="wheel_slip", title="Slip under traction", home="ground",
         equation="v = v_wheels - s |v_wheels|, s = gain F / (mu m g), |s| <= gain",
@@ -103,27 +99,27 @@ class WheelSlip(PlantEffect):
     def parameters(self, body):
         return tuple(Parameter(f"gain{axis}", "1", 0.0, 0.0, 0.95, (0.1, 0.4), tolerance=0.02) for axis in _axes(body))
 
-    def change(self, plant, values):
+    def change(self, robot, plant, values):
         return _slip_with(plant, self.card.name, "traction_gain", values)
 
 
 @kernel
-def scrubbed_omni(ground_force, velocity, moment_n_m, scale_rad_s, out):
+def scrubbed_planar(ground_force, velocity, moment_n_m, scale_rad_s, out):
     out[0], out[1] = ground_force[0], ground_force[1]
     out[2] = ground_force[2] - moment_n_m * smooth_sign(velocity[2], scale_rad_s)
 
 
 @kernel
-def scrubbed_pendulum(ground_force, balance, moment_n_m, scale_rad_s, out):
+def scrubbed_balancing(ground_force, balance, moment_n_m, scale_rad_s, out):
     out[0], out[2] = ground_force[0], ground_force[2]
     out[1] = ground_force[1] - moment_n_m * smooth_sign(balance[2], scale_rad_s)
 
 
-def _ground_spec(kernels, body, inputs, parameters):
-    """A Spec with the port's input and output and further inputs by robot."""
+def _ground_spec(body, planar, balancing, parameters):
+    """The block of a ground force; planar, balancing: its kernel and further inputs for either kind of coordinates."""
+    maths, inputs = {PLANAR: planar, BALANCING: balancing}[body.robot.ground]
     return Spec(
-        inputs={"ground_force": 3} | inputs[body.kind], outputs={"ground_force": Output(3, kernels[body.kind])},
-        parameters=parameters,
+        inputs={"ground_force": 3} | inputs, outputs={"ground_force": Output(3, maths)}, parameters=parameters,
     )
 
 
@@ -145,14 +141,13 @@ class TurnScrub(BlockEffect):
     def spec(self, body, values):
         moment = values["moment_n_m"]
         return _ground_spec(
-            {"omni": scrubbed_omni, "pendulum": scrubbed_pendulum}, body,
-            {"omni": {"velocity": 3}, "pendulum": {"balance": 4}},
-            {"moment_n_m": moment, "scale_rad_s": ground_scale(body, 2 if body.kind == "omni" else 1, moment)},
+            body, (scrubbed_planar, {"velocity": 3}), (scrubbed_balancing, {"balance": 4}),
+            {"moment_n_m": moment, "scale_rad_s": ground_scale(body, body.robot.ground.turn, moment)},
         )
 
 
 @kernel
-def resisted_omni(ground_force, pose, velocity, force_n, scale_m_s, out):
+def resisted_planar(ground_force, pose, velocity, force_n, scale_m_s, out):
     c, s = np.cos(pose[2]), np.sin(pose[2])
     speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + 1e-18)
     brake = force_n * smooth_sign(speed, scale_m_s) / speed
@@ -162,7 +157,7 @@ def resisted_omni(ground_force, pose, velocity, force_n, scale_m_s, out):
 
 
 @kernel
-def resisted_pendulum(ground_force, balance, force_n, scale_m_s, out):
+def resisted_balancing(ground_force, balance, force_n, scale_m_s, out):
     out[0] = ground_force[0] - force_n * smooth_sign(balance[1], scale_m_s)
     out[1], out[2] = ground_force[1], ground_force[2]
 
@@ -187,14 +182,13 @@ class SoftFloor(BlockEffect):
     def spec(self, body, values):
         force = values["force_n"]
         return _ground_spec(
-            {"omni": resisted_omni, "pendulum": resisted_pendulum}, body,
-            {"omni": {"pose": 3, "velocity": 3}, "pendulum": {"balance": 4}},
+            body, (resisted_planar, {"pose": 3, "velocity": 3}), (resisted_balancing, {"balance": 4}),
             {"force_n": force, "scale_m_s": ground_scale(body, 0, force)},
         )
 
 
 @kernel
-def tilted_omni(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m, out):
+def tilted_planar(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m, out):
     c, s = np.cos(pose[2]), np.sin(pose[2])
     fx = mass_kg * (c * downhill_m_s2[0] + s * downhill_m_s2[1])
     fy = mass_kg * (-s * downhill_m_s2[0] + c * downhill_m_s2[1])
@@ -203,7 +197,7 @@ def tilted_omni(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m,
 
 
 @kernel
-def tilted_pendulum(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted_kg_m, out):
+def tilted_balancing(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted_kg_m, out):
     """Minus the gradient of g (m_total slope.p + m_b z sin(theta) slope.(cos phi, sin phi)) along s, phi, theta."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     along = c * downhill_m_s2[0] + s * downhill_m_s2[1]
@@ -230,27 +224,18 @@ class FloorTilt(BlockEffect, PlantEffect):
         "with the body, the slope with neither",
     )
 
-    def change(self, plant, values):
-        if not hasattr(plant, "slope_rad"):  # without an IMU nothing but the pull is felt
-            return plant
-        return dataclasses.replace(plant, slope_rad=[values["slope_x_rad"], values["slope_y_rad"]])
+    def change(self, robot, plant, values):
+        return robot.on_slope(plant, values["slope_x_rad"], values["slope_y_rad"])
 
     def parameters(self, body):
         names = ("slope_x_rad", "slope_y_rad")
         return tuple(Parameter(name, "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for name in names)
 
     def spec(self, body, values):
-        plant, downhill = body.plant, -GRAVITY * np.array([values["slope_x_rad"], values["slope_y_rad"]])
-        if body.kind == "omni":
-            parameters = {"mass_kg": plant.mass_kg, "centre_of_gravity_m": np.array(plant.centre_of_gravity_m)}
-        else:
-            parameters = {
-                "mass_kg": plant.body_mass_kg + 2.0 * plant.wheel_mass_kg,
-                "lifted_kg_m": plant.body_mass_kg * plant.centre_of_gravity_m,
-            }
+        downhill = -GRAVITY * np.array([values["slope_x_rad"], values["slope_y_rad"]])
         return _ground_spec(
-            {"omni": tilted_omni, "pendulum": tilted_pendulum}, body,
-            {"omni": {"pose": 3}, "pendulum": {"pose": 3, "balance": 4}}, {"downhill_m_s2": downhill} | parameters,
+            body, (tilted_planar, {"pose": 3}), (tilted_balancing, {"pose": 3, "balance": 4}),
+            {"downhill_m_s2": downhill} | body.robot.weight(body.plant),
         )
 
 

@@ -49,7 +49,6 @@ class ImuEffect(BlockEffect):
     """A block of the IMU's wire: `maths` with its one parameter `name`, whose value the subclass gives."""
 
     wire = "body_motion"
-    kinds = ("pendulum",)
 
     def block(self, maths, **parameter):
         return Spec(inputs={"body_motion": 6}, outputs={"body_motion": Output(6, maths)}, parameters=parameter)

@@ -7,6 +7,7 @@ from importlib.metadata import entry_points
 from drake_ispace.effects import actuator, camera, encoder, ground, imu, link, plant, transmission, velocity
 from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.errors import InputError, expected_one_of
+from drake_ispace.robots.library import robots
 from drake_ispace.typed_tree import checked
 
 _PLACES = (velocity, actuator, transmission, ground, plant, encoder, imu, camera, link)
@@ -34,6 +35,13 @@ def library() -> dict[str, Effect]:
     return found
 
 
+@functools.cache
+def bodies() -> tuple[Body, ...]:
+    """Every robot, with the default numbers of its plant."""
+    plants = [(robot, robot.settings().plant) for robot in robots().values()]
+    return tuple(Body(robot, plant, len(plant.geometry.wheels)) for robot, plant in plants)
+
+
 def checked_effects(effects: Mapping[str, Mapping], body: Body, where: str) -> dict[str, dict[str, float]]:
     """Effects as a scenario lists them, every name and number checked.
 
@@ -48,7 +56,8 @@ def _checked_values(name, values, body, where):
         raise InputError(f"{where}: there is no such effect, {expected_one_of(name, library())}")
     effect = library()[name]
     if not effect.applies_to(body):
-        raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {', '.join(effect.kinds)}")
+        others = ", ".join(body.name for body in bodies() if effect.applies_to(body))
+        raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {others}")
     rules = {p.name: {"minimum": p.low, "maximum": p.high, "unit": p.unit} for p in effect.parameters(body)}
     found = {}
     for key, value in values.items():

@@ -24,7 +24,6 @@ def stamped(fix, offset_ticks, out):
 class ClockOffset(BlockEffect):
     """The stamp of a fix is off by a constant, rounded to whole ticks, in which the robot keeps its odometry."""
 
-    kinds = ("omni", "pendulum", "rover")
     wire = "fix"
     kinematic = True
     card = Card(

@@ -3,27 +3,17 @@
 import math
 
 from drake_ispace.effects.effect import BlockEffect, Body, Effect
-from drake_ispace.effects.library import library
-from drake_ispace.robots.plants.omni import OmniPlantParameters
-from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
-from drake_ispace.robots.plants.rover import RoverPlantParameters
-
-#: The robots of the package, default plants.
-BODIES = tuple(
-    Body(kind, kind, plant, len(plant.geometry.wheels)) for kind, plant in (
-        ("omni", OmniPlantParameters()), ("pendulum", PendulumPlantParameters()), ("rover", RoverPlantParameters()),
-    )
-)
+from drake_ispace.effects.library import bodies, library
 
 
 def bodies_of(effect: Effect) -> list[Body]:
-    """Those of BODIES that can have the effect."""
-    return [body for body in BODIES if effect.applies_to(body)]
+    """The robots that can have the effect."""
+    return [body for body in bodies() if effect.applies_to(body)]
 
 
 def robots_of(effect: Effect) -> list[str]:
     """Names of the robots that can have it, for people."""
-    return [body.kind for body in bodies_of(effect)] + (["any with wheels"] if effect.general else [])
+    return [body.name for body in bodies_of(effect)] + (["any with wheels"] if effect.general else [])
 
 
 def cards() -> list[dict]:
@@ -54,9 +44,9 @@ def _parameters(effect):
         for entry in own:
             same = next((other for other in found if all(other[key] == entry[key] for key in entry)), None)
             if same is None:
-                found.append(entry | {"robots": [body.kind]})
+                found.append(entry | {"robots": [body.name]})
             else:
-                same["robots"].append(body.kind)
+                same["robots"].append(body.name)
     return found
 
 

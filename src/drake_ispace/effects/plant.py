@@ -1,33 +1,27 @@
 """The robot's own numbers, other than controller and odometry believe."""
 
-import dataclasses
-from collections.abc import Sequence
-
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import PlantEffect
 
 
-def _grown(plant, share: float, *names: str):
-    """A copy of `plant` with each of the numbers `names` times (1 + share)."""
-    return dataclasses.replace(plant, **{name: getattr(plant, name) * (1.0 + share) for name in names})
+class NumberError(PlantEffect):
+    """A number of the plant times (1 + share): the one that `needs` names. low, high: of the share."""
+
+    low, high = -0.3, 0.3
+
+    def parameters(self, body):
+        number = body.robot.numbers[self.needs[0]]
+        return (Parameter("share", "1", 0.0, self.low, self.high, number.probes, tolerance=number.tolerance),)
+
+    def change(self, robot, plant, values):
+        return robot.scaled(plant, self.needs[0], values["share"])
 
 
-def _worn(plant, share: float, wheels: Sequence[int]):
-    """A copy of `plant` with the radii of `wheels`, counted from 0, times (1 + share), unknown to its drive."""
-    shares = list(plant.wheel_radius_shares or [0.0] * len(plant.geometry.wheels))
-    for i in wheels:
-        shares[i] = shares[i] + share * (1.0 + shares[i])
-    return dataclasses.replace(plant, wheel_radius_shares=shares)
-
-
-def _one_of(plant, *names: str) -> str:
-    """The first of `names` that this robot's plant has."""
-    return next(name for name in names if hasattr(plant, name))
-
-
-class MassError(PlantEffect):
+class MassError(NumberError):
     """The body's mass times (1 + share): mass_kg of the omni robot, body_mass_kg of the pendulum."""
 
+    needs = ("mass",)
+    low, high = -0.6, 1.5
     card = Card(
         name="mass_error", title="Mass error", home="plant", equation="m = (1 + share) m_nominal",
         source="payload, battery, cables",
@@ -36,16 +30,12 @@ class MassError(PlantEffect):
         excitation="straight acceleration and turning, both: a wrong torque gain shows in either",
     )
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.6, 1.5, (0.05, 0.3), tolerance=0.005),)
 
-    def change(self, plant, values):
-        return _grown(plant, values["share"], _one_of(plant, "mass_kg", "body_mass_kg"))
-
-
-class InertiaError(PlantEffect):
+class InertiaError(NumberError):
     """The omni robot's yaw inertia, the pendulum's pitch inertia I_yy (both about the centre of gravity)."""
 
+    needs = ("inertia",)
+    low, high = -0.8, 3.0
     card = Card(
         name="inertia_error", title="Inertia error", home="plant",
         equation="I = (1 + share) I_nominal, omni: yaw, pendulum: I_yy",
@@ -56,18 +46,12 @@ class InertiaError(PlantEffect):
         "pendulum: fast rocking. Its I_yy is small beside m_b z^2, so only large shares show",
     )
 
-    def parameters(self, body):
-        probes, tolerance = ((0.1, 0.5), 0.01) if body.kind == "omni" else ((0.3, 1.5), 0.15)  # I_yy is but a tenth
-        return (Parameter("share", "1", 0.0, -0.8, 3.0, probes, tolerance=tolerance),)
 
-    def change(self, plant, values):
-        return _grown(plant, values["share"], _one_of(plant, "inertia_kg_m2", "body_inertia_pitch_kg_m2"))
-
-
-class YawInertiaError(PlantEffect):
+class YawInertiaError(NumberError):
     """The pendulum's I_zz and I_xx, upright and lying, times (1 + share)."""
 
-    kinds = ("pendulum",)
+    needs = ("yaw_inertia",)
+    low, high = -0.8, 3.0
     card = Card(
         name="yaw_inertia_error", title="Yaw inertia error", home="plant",
         equation="I_zz, I_xx = (1 + share) nominal", source="width and payload of the body; I_xx is assumed anyway",
@@ -76,16 +60,11 @@ class YawInertiaError(PlantEffect):
         excitation="quick changes of the yaw rate both ways: scrub keeps its size, inertia goes with the acceleration",
     )
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.8, 3.0, (0.1, 0.5), tolerance=0.06),)
-
-    def change(self, plant, values):
-        return _grown(plant, values["share"], "body_inertia_yaw_kg_m2", "body_inertia_roll_kg_m2")
-
 
 class CentreOfGravityOffset(PlantEffect):
     """Omni: the centre of gravity beside the middle by x_m, y_m in B. Pendulum: higher above the axle by height_m."""
 
+    needs = ("centre_of_gravity",)
     card = Card(
         name="centre_of_gravity_offset", title="Centre of gravity offset", home="plant",
         equation="omni: c = c_nominal + (x_m, y_m); pendulum: z = z_nominal + height_m",
@@ -98,24 +77,19 @@ class CentreOfGravityOffset(PlantEffect):
     )
 
     def parameters(self, body):
-        if body.kind == "omni":
-            return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.15, 0.15, (0.005, 0.03), tolerance=5e-4) for axis in "xy")
-        least = -0.8 * body.plant.centre_of_gravity_m
-        return (Parameter("height_m", "m", 0.0, least, 0.3, (0.003, 0.02), tolerance=3e-4),)
+        return tuple(
+            Parameter(c.name, "m", 0.0, c.low, c.high, c.probes, tolerance=c.tolerance)
+            for c in body.robot.centre_of_gravity(body.plant)
+        )
 
-    def change(self, plant, values):
-        if "height_m" in values:
-            centre = plant.centre_of_gravity_m + values["height_m"]
-        else:
-            x, y = plant.centre_of_gravity_m
-            centre = [x + values["x_m"], y + values["y_m"]]
-        return dataclasses.replace(plant, centre_of_gravity_m=centre)
+    def change(self, robot, plant, values):
+        return robot.off_centre(plant, values)
 
 
-class WheelRadiusError(PlantEffect):
+class WheelRadiusError(NumberError):
     """All true radii times (1 + share); odometry and controller keep the nominal one."""
 
-    kinds = ("omni", "pendulum", "rover")
+    needs = ("radius",)
     kinematic = True
     card = Card(
         name="wheel_radius_error", title="Wheel radius error", home="plant", equation="r = (1 + share) r_nominal",
@@ -127,19 +101,11 @@ class WheelRadiusError(PlantEffect):
         "changes it only. A wrong encoder scale leaves the forces alone, so accelerate too",
     )
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
-
-    def change(self, plant, values):
-        if not hasattr(plant, "wheel_radius_m"):
-            return _worn(plant, values["share"], range(len(plant.geometry.wheels)))
-        return _grown(plant, values["share"], "wheel_radius_m")
-
 
 class SingleWheelRadiusError(PlantEffect):
     """The true radius of one wheel times (1 + share)."""
 
-    kinds = ("omni", "pendulum", "rover")
+    needs = ("radius",)
     choices = ("wheel",)
     kinematic = True
     card = Card(
@@ -154,14 +120,14 @@ class SingleWheelRadiusError(PlantEffect):
     def parameters(self, body):
         return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
 
-    def change(self, plant, values):
-        return _worn(plant, values["share"], [int(values["wheel"]) - 1])
+    def change(self, robot, plant, values):
+        return robot.worn(plant, values["share"], [int(values["wheel"]) - 1])
 
 
 class WheelRadiusErrors(PlantEffect):
     """The true radius of every wheel i times (1 + share_i), each with its own share."""
 
-    kinds = ("rover",)
+    needs = ("radius", "velocity")
     card = Card(
         name="wheel_radius_errors", title="Radius errors of all wheels", home="plant",
         equation="r_i = (1 + share_i) r_nominal for every wheel i",
@@ -178,16 +144,16 @@ class WheelRadiusErrors(PlantEffect):
             for i in range(1, body.wheels + 1)
         )
 
-    def change(self, plant, values):
+    def change(self, robot, plant, values):
         for i in range(len(plant.geometry.wheels)):
-            plant = _worn(plant, values[f"share_{i + 1}"], [i])
+            plant = robot.worn(plant, values[f"share_{i + 1}"], [i])
         return plant
 
 
-class TrackError(PlantEffect):
+class TrackError(NumberError):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
-    kinds = ("omni", "pendulum", "rover")
+    needs = ("track",)
     kinematic = True
     card = Card(
         name="track_error", title="Track error", home="plant",
@@ -197,15 +163,6 @@ class TrackError(PlantEffect):
         look_alikes=("inertia_error", "yaw_inertia_error", "gyro_scale", "wheel_radius_error", "turn_scrub"),
         excitation="turning both ways over large angles, and a straight line to exclude the radius",
     )
-
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
-
-    def change(self, plant, values):
-        if hasattr(plant, "track_share"):
-            track_share = plant.track_share + values["share"] * (1.0 + plant.track_share)
-            return dataclasses.replace(plant, track_share=track_share)
-        return _grown(plant, values["share"], _one_of(plant, "wheel_distance_m", "half_track_m"))
 
 
 EFFECTS = (

@@ -24,12 +24,6 @@ def _friction_spec(body, function, parameters):
     )
 
 
-def _least(body, name):
-    """The lowest friction that can be added: minus the plant's own `name`, which of a plant unknown here is any."""
-    own = getattr(body.plant, "friction", None)
-    return -getattr(own, name, math.inf)
-
-
 @kernel
 def viscous(torque, wheel_rate, coefficient_n_m_s, out):
     for i in range(out.shape[0]):
@@ -50,7 +44,7 @@ class ViscousFriction(BlockEffect):
     )
 
     def parameters(self, body):
-        least, most = _least(body, "viscous_n_m_s"), slope_left(body)
+        least, most = body.robot.least_friction(body.plant, "viscous_n_m_s"), slope_left(body)
         tolerance = 0.03 * -least if math.isfinite(least) else 0.0
         return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=tolerance),)
 
@@ -81,7 +75,7 @@ class CoulombFriction(BlockEffect):
     )
 
     def parameters(self, body):
-        least = _least(body, "coulomb_n_m")
+        least = body.robot.least_friction(body.plant, "coulomb_n_m")
         return (Parameter("torque_n_m", "N*m", 0.0, least, math.inf, (0.03, 0.15), "torque", tolerance=0.008),)
 
     def spec(self, body, values):
@@ -181,6 +175,7 @@ class TransmissionBacklash(BlockEffect):
     """
 
     wire = "wheel_angle"
+    needs = ("torque",)
     general = True
     card = Card(
         name="transmission_backlash", title="Backlash", home="transmission",

@@ -26,7 +26,6 @@ def remember_commands(xd, velocity, out):
 class VelocityDelay(BlockEffect):
     """v(t - delay) of the held command; for a part of a tick the mean of the two commands that fall into the tick."""
 
-    kinds = ("rover",)
     wire = "velocity"
     card = Card(
         name="velocity_delay", title="Delay of the velocity command", home="actuator", equation="v'(t) = v(t - delay)",
@@ -57,7 +56,6 @@ def saturated(velocity, limit_m_s, limit_rad_s, out):
 class VelocitySaturation(BlockEffect):
     """Speed at most limit_m_s, in the commanded direction; turning clip(wz, -limit_rad_s, limit_rad_s)."""
 
-    kinds = ("rover",)
     wire = "velocity"
     card = Card(
         name="velocity_saturation", title="Speed limit", home="actuator",
@@ -87,7 +85,6 @@ def scaled(velocity, gain, out):
 class VelocityGain(BlockEffect):
     """(1 + share) v, a share for each of vx, vy and wz."""
 
-    kinds = ("rover",)
     wire = "velocity"
     card = Card(
         name="velocity_gain", title="Gain of the velocity command", home="actuator",
@@ -116,7 +113,6 @@ def coupled(velocity, yaw_per_x, yaw_per_y, out):
 class VelocityCoupling(BlockEffect):
     """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight."""
 
-    kinds = ("rover",)
     wire = "velocity"
     card = Card(
         name="velocity_coupling", title="Turning while driving", home="actuator",
@@ -148,7 +144,6 @@ def remember_lagged(xd, velocity, memory, out):
 class VelocityLag(BlockEffect):
     """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
 
-    kinds = ("rover",)
     wire = "velocity"
     card = Card(
         name="velocity_lag", title="Lag of the velocity", home="actuator",

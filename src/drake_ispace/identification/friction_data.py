@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.control.balance_gains import linearised
 from drake_ispace.control.dlqr import dlqr
 from drake_ispace.errors import InputError
 from drake_ispace.identification.armax import armax
@@ -18,14 +19,14 @@ from drake_ispace.identification.prediction_error import prediction_error, silen
 from drake_ispace.identification.structures import Problem, friction_problem
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
+from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.wiring.catalog import build_diagram
-from drake_ispace.wiring.pendulum import linear_model
 
 #: The names of the plant's coefficients in a rollout.
-COEFFICIENTS = ("pendulum_plant.friction.coulomb", "pendulum_plant.friction.viscous")
+COEFFICIENTS = tuple(f"{Pendulum.name}_plant.friction.{name}" for name in ("coulomb", "viscous"))
 #: At 200 Hz the separator's 740 Hz means nothing; the same share of the rate.
 CUT_OFF_HZ = 74.0
 _Q, _R = [5e3, 1e3, 800.0, 50.0, 100.0, 1e3], [1e4, 1e4]  # of the follower: (6.40), (6.41)
@@ -56,7 +57,7 @@ def run_recording(rollout: Rollout, scenario: Scenario, ticks: int, parameters: 
     lost = first_divergence(logs)
     if lost is not None:
         raise InputError(f"the simulated robot fell or was lost at {lost * TICK_S:.2f} s, expected one that balances")
-    return to_recording(make_run(scenario, logs, None, 0.0), "pendulum")
+    return to_recording(make_run(scenario, logs, None, 0.0), Pendulum.name)
 
 
 def friction_instruments(rollout: Rollout, scenario: Scenario, samples: int):
@@ -78,7 +79,7 @@ def friction_instruments(rollout: Rollout, scenario: Scenario, samples: int):
 def following_rollout(scenario: Scenario) -> Rollout:
     """The compiled plant of `scenario` held on a measured motion, for `friction_prediction_error`."""
     plant = scenario.pendulum.plant
-    a, b = linear_model(plant)
+    a, b = linearised(plant)
     return compile_diagram(following_diagram(plant, dlqr(a, b, _Q, _R, TICK_S)))
 
 

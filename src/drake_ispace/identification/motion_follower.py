@@ -15,8 +15,9 @@ from drake_ispace.identification.structures import tilt_of
 from drake_ispace.kernels import copy, kernel
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
+from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.bench import Bench, Part
 
 MEASURED = 8  # s, phi, theta, s_dot, phi_dot, theta_dot, tau_r, tau_l
 
@@ -78,11 +79,12 @@ class MotionFollower(Block):
 def following_diagram(plant: PendulumPlantParameters, gain: np.ndarray) -> Diagram:
     """The plant and its follower; input `measured`, output `correction`."""
     bench = Bench()
-    bench.add("pendulum_plant", PendulumPlant(plant))
+    part = Part(bench, Pendulum.name)
+    part.add("plant", PendulumPlant(plant))
     bench.add("follower", MotionFollower(gain, plant.wheel_radius_m, plant.half_track_m))
     bench.wire(
-        ("pendulum_plant.wheel_angle", "follower.wheel_angle"), ("pendulum_plant.balance", "follower.balance"),
-        ("follower.torque", "pendulum_plant.torque"),
+        (part.block("plant.wheel_angle"), "follower.wheel_angle"), (part.block("plant.balance"), "follower.balance"),
+        ("follower.torque", part.block("plant.torque")),
     )
     bench.let_in(measured="follower.measured")
     bench.show(correction="follower.correction")

@@ -20,22 +20,24 @@ from drake_ispace.identification.prediction_error import prediction_error
 from drake_ispace.identification.structures import Problem, full_state
 from drake_ispace.noise import normal, stream, uniform
 from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.robots.plants.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
 from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
-from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.servo import pendulum_servo
+from drake_ispace.wiring.bench import Bench, Part
+from drake_ispace.wiring.catalog import build_diagram
 
 #: [A_2d B_2d]' of (3.49)-(3.50): rows s, theta, u (one column of B), columns s'', theta''.
 ACTUAL = np.array([[0.0, 0.0], [PRINTED_STATE[0], PRINTED_STATE[1]], [PRINTED_INPUT[0], PRINTED_INPUT[2]]])
-_LOGS = {"pendulum_pose": 1, "pendulum_balance": 1, "pendulum_torque": 1, "pendulum_way_point": 1}
+_ROBOT = Pendulum.name
+_LOGS = {f"{_ROBOT}_{signal}": 1 for signal in ("pose", "balance", "torque", "way_point")}
 
 
 def servo_rollout(scenario: Scenario | None = None) -> Rollout:
     """The compiled Diagram `pendulum_servo` with the logs that the experiment needs."""
-    return compile_diagram(pendulum_servo(scenario or load_scenario("pendulum_servo")), log=_LOGS)
+    return compile_diagram(build_diagram(scenario or load_scenario("pendulum_servo")), log=_LOGS)
 
 
 @dataclass(frozen=True)
@@ -79,35 +81,35 @@ def servo_data(
     parameters = rollout.with_seed(seed)
     amplitude = np.array([noise.position_amplitude_m, noise.tilt_amplitude_rad])
     for i in range(2):
-        parameters[rollout.index(f"pendulum_state.amplitude[{i}]")] = amplitude[i] if loop_noise else 0.0
-    parameters[rollout.index("pendulum_state.frequency_hz")] = noise.frequency_hz
-    parameters[rollout.index("pendulum_state.white_share")] = noise.white_share
+        parameters[rollout.index(f"{_ROBOT}_state.amplitude[{i}]")] = amplitude[i] if loop_noise else 0.0
+    parameters[rollout.index(f"{_ROBOT}_state.frequency_hz")] = noise.frequency_hz
+    parameters[rollout.index(f"{_ROBOT}_state.white_share")] = noise.white_share
     logs = rollout.run(ticks, parameters)
     per_tick = max(round(rate_hz * TICK_S), 1)
     states, acceleration = _between(logs, per_tick)
     exact, torque = states[:, :2], states[:, 4]
     time = np.arange(len(exact)) * (TICK_S / per_tick)
-    key = stream(seed, "pendulum.sensor_noise")
+    key = stream(seed, f"{_ROBOT}.sensor_noise")
     white = np.random.default_rng(seed).standard_normal((len(time), 2)) if noise.white_share else 0.0
     phase = 2.0 * np.pi * np.array([uniform(key, 0, 0), uniform(key, 0, 1)])
     wave = np.sin(2.0 * np.pi * noise.frequency_hz * time[:, None] + phase) + noise.white_share * white
     if noise.white_share and loop_noise:  # at the ticks it is the loop's own
         drawn = np.array([[normal(key, k, 2), normal(key, k, 3)] for k in range(ticks)])
         wave[::per_tick] += noise.white_share * (drawn - white[::per_tick])
-    reference = np.repeat(logs["pendulum_way_point"][1:, 1], per_tick)
+    reference = np.repeat(logs[f"{_ROBOT}_way_point"][1:, 1], per_tick)
     return ServoData(per_tick / TICK_S, reference, torque, exact, exact + amplitude * wave, acceleration)
 
 
 def _between(logs, per_tick, theta=ACTUAL):
     """(N, 5) s, theta, their rates and u at `per_tick` instants of every tick, exact for a held torque, and (N, 2)
     accelerations, of the plant `theta` (3, 2)."""
-    both = _state_and_torque(logs, logs["pendulum_torque"][1:].sum(axis=1))
+    both = _state_and_torque(logs, logs[f"{_ROBOT}_torque"][1:].sum(axis=1))
     states = np.stack([both @ step.T for step in _steps(per_tick, theta)], axis=1).reshape(-1, 5)
     return states, states @ _extended(theta)[2:4].T
 
 
 def _state_and_torque(logs, torque):
-    return np.column_stack([logs["pendulum_pose"][:-1, 0], logs["pendulum_balance"][:-1, [0, 1, 3]], torque])
+    return np.column_stack([logs[f"{_ROBOT}_pose"][:-1, 0], logs[f"{_ROBOT}_balance"][:-1, [0, 1, 3]], torque])
 
 
 def _extended(theta):
@@ -141,7 +143,7 @@ def noise_free_regressors(rollout: Rollout, seconds: float, rate_hz: float, thet
     for name, value in plant_parameters(theta).items():
         parameters[rollout.index(name)] = value
     for i in range(2):
-        parameters[rollout.index(f"pendulum_state.amplitude[{i}]")] = 0.0
+        parameters[rollout.index(f"{_ROBOT}_state.amplitude[{i}]")] = 0.0
     logs = rollout.run(ticks_in(seconds), parameters)
     states, _ = _between(logs, max(round(rate_hz * TICK_S), 1), theta)
     return np.nan_to_num(states[:, [0, 1, 4]])
@@ -150,8 +152,8 @@ def noise_free_regressors(rollout: Rollout, seconds: float, rate_hz: float, thet
 def plant_parameters(theta: np.ndarray) -> dict[str, float]:
     """Names and values of the printed plant's parameters for theta (3, 2)."""
     return {
-        "pendulum_plant.state_terms[0]": theta[1, 0], "pendulum_plant.state_terms[1]": theta[1, 1],
-        "pendulum_plant.input_terms[0]": theta[2, 0], "pendulum_plant.input_terms[2]": theta[2, 1],
+        f"{_ROBOT}_plant.state_terms[0]": theta[1, 0], f"{_ROBOT}_plant.state_terms[1]": theta[1, 1],
+        f"{_ROBOT}_plant.input_terms[0]": theta[2, 0], f"{_ROBOT}_plant.input_terms[2]": theta[2, 1],
     }
 
 
@@ -161,9 +163,10 @@ def plant_rollout() -> Rollout:
     From the reference through the noise-free loop it errs: at 200 Hz the loop's 800 Hz noise is a constant that the
     real loop feels."""
     bench = Bench()
-    bench.add("pendulum_plant", LinearPendulumPlant(PendulumPlantParameters()))
-    bench.let_in(torque="pendulum_plant.torque")
-    bench.show(pendulum_pose="pendulum_plant.pose", pendulum_balance="pendulum_plant.balance")
+    part = Part(bench, _ROBOT)
+    part.add("plant", LinearPendulumPlant(PendulumPlantParameters()))
+    bench.let_in(torque=part.block("plant.torque"))
+    part.show(pose="plant.pose", balance="plant.balance")
     return compile_diagram(bench.build("printed_plant"))
 
 

@@ -12,6 +12,7 @@ from scipy.signal import lfilter, savgol_filter
 from drake_ispace.errors import InputError
 from drake_ispace.rates import TICK_S
 from drake_ispace.recording import Recording
+from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.slip import GRAVITY
 
 
@@ -100,8 +101,9 @@ def friction_problem(
     Raises:
         InputError: another robot, a channel that is missing or has another rate.
     """
-    if recording.robot != "pendulum":
-        raise InputError(f"the run is of robot {recording.robot!r}, expected pendulum")
+    balancing = [name for name, robot in robots().items() if robot.own_dynamics]
+    if recording.robot not in balancing:
+        raise InputError(f"the run is of robot {recording.robot!r}, expected {' or '.join(balancing)}")
     for name in ("torque", "encoder", "imu"):
         if name not in recording.channels:
             raise InputError(f"the run has no channel {name}, expected torque, encoder and imu")

@@ -14,7 +14,7 @@ from drake_ispace.report.hidden_effect import write_hidden_effect
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plot_comparison, plt, save
 from drake_ispace.scenario import load_scenario, with_option
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 _COMPARISONS = (
     (
@@ -73,7 +73,7 @@ def write_demo(
         for key, title, text, names, _ in _COMPARISONS:
             progress(title)
             results = compare(dict(zip(names, comparisons[key], strict=True)))
-            if key == "shared_space":
+            if len(comparisons[key]) == 1:
                 _plot_shared(results, fresh / f"{key}.png")
             else:
                 plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, fresh / f"{key}.png")
@@ -102,7 +102,7 @@ def write_demo(
 
 
 def _scenario(name, overrides, seconds, seed):
-    slip = [f"{robot}.plant.slip.ratio=[0.1, 0.1, 0.1]" for robot in ("omni", "pendulum")]
+    slip = [f"{robot}.plant.slip.ratio=[0.1, 0.1, 0.1]" for robot in CATALOG["shared_space"].robots]
     scenario = with_option(load_scenario(name, slip + overrides), "seed", seed)
     return scenario if seconds is None else with_option(scenario, "seconds", seconds)
 

@@ -17,8 +17,8 @@ from drake_ispace.recording import Recording
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.explain_plots import plot_path, plot_residuals
 from drake_ispace.report.pages import render, write_text
-from drake_ispace.scenario import ROBOTS, Scenario, difference
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.scenario import Scenario, difference
+from drake_ispace.wiring.catalog import build_diagram, entry_of
 from drake_ispace.yaml_guard import dump_yaml
 
 MARK = "explanation.json"
@@ -74,9 +74,8 @@ def write_files(
 
 def robot_of(model: Scenario, runs: Sequence[Recording]) -> str:
     """The section of the scenario that describes the robot of the runs, whatever they call it."""
-    blocks = {block.get_name() for block in build_diagram(model).GetSystems()}
-    robots = [name for name in ROBOTS if f"{name}_plant" in blocks]
-    return runs[0].robot if runs and runs[0].robot in robots else robots[0]
+    known = entry_of(model).robots
+    return runs[0].robot if runs and runs[0].robot in known else known[0]
 
 
 def new_blocks(explanation: Explanation, robot: str, diagram: Diagram) -> list[str]:

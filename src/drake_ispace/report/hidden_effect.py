@@ -17,8 +17,9 @@ from drake_ispace.discrepancy.explanation import Explanation
 from drake_ispace.discrepancy.hide import hide
 from drake_ispace.report.explain_page import write_files
 from drake_ispace.scenario import load_scenario
+from drake_ispace.wiring.catalog import entry_of
 
-MODEL, ROBOT = "omni_multirate", "omni"
+MODEL = "omni_multirate"
 #: What is hidden: a floor that slopes by 1.7 and -1.1 degrees, of which neither controller nor model knows.
 HIDDEN = {"floor_tilt": {"slope_x_rad": 0.03, "slope_y_rad": -0.02}}
 _RUNS, _HELD_OUT, _SECONDS = ("square", "figure_eight"), ("circle",), 14.0
@@ -43,7 +44,7 @@ def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = l
     """
     tell("hiding an effect")
     model = load_scenario(MODEL)
-    runs = hide(model, ROBOT, HIDDEN, (*_RUNS, *_HELD_OUT), seed, _SECONDS)
+    runs = hide(model, entry_of(model).robots[0], HIDDEN, (*_RUNS, *_HELD_OUT), seed, _SECONDS)
     named = {name: replace(recording, path=Path(name)) for name, recording in runs.items()}
     training, held_out = [named[name] for name in _RUNS], [named[name] for name in _HELD_OUT]
     explanation = explain(model, training, held_out=held_out, seed=seed, tell=tell)

@@ -14,29 +14,29 @@ from drake_ispace.places import check_folder
 from drake_ispace.rates import TICK_S, VISION_TICKS
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plt, save
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import Run, simulate
 from drake_ispace.space.camera import View, view_of
 from drake_ispace.space.depth_map import FREE, ROBOT, SpaceMap, map_of, points
 from drake_ispace.space.eye import Eye
 from drake_ispace.space.image_localizer import room_eye, room_renderer
-from drake_ispace.space.kinect import Space
 from drake_ispace.space.markers import Sighting
 from drake_ispace.space.overlay import annotate
 from drake_ispace.space.renderer import Picture
+from drake_ispace.space.room import Space
 from drake_ispace.space.scene import robot_box
 from drake_ispace.space.top_view import TopView, top_view_of, trapezoid
+from drake_ispace.wiring.catalog import CATALOG
 
-_NAMES = ("omni", "pendulum")
 _OBSTACLES = [
     [0.75, -0.45, 0.5, 0.35, 0.25, 0.25],
     [-0.85, 0.35, 0.2, 0.25, 0.25, 0.35],
     [0.35, 0.65, -0.3, 0.4, 0.15, 0.15],
 ]
-_POSES = {"omni": (-0.35, -0.45, 0.6), "pendulum": (0.15, 0.1, 2.2)}
+_POSES = dict(zip(CATALOG["shared_space"].robots, ((-0.35, -0.45, 0.6), (0.15, 0.1, 2.2)), strict=True))
 #: Free, unknown, obstacle, robot: black, grey, yellow, blue.
 _MAP = ListedColormap(["#101010", "#606060", "#f1c40f", "#2980b9"])
-_TRACK = {"omni": "#c0392b", "pendulum": "#f1c40f"}
 _SECTIONS = (
     (
         "views",
@@ -129,8 +129,8 @@ def write_vision_page(
 def _look(seed):
     space = Space()
     space.scenery.obstacles = _OBSTACLES
-    boxes = [robot_box(name, space, _POSES[name]) for name in _NAMES]
-    view, eye = view_of(space.camera), room_eye(space, _NAMES)
+    boxes = [robot_box(name, space, _POSES[name]) for name in _POSES]
+    view, eye = view_of(space.camera), room_eye(space, _POSES)
     picture = room_renderer(space, seed).render(boxes)
     sightings = eye.locate(picture.colour)
     areas = [robot_box(name, space, (one.x, one.y, one.phi)).footprint(0.04) for name, one in sightings.items() if one]
@@ -226,23 +226,23 @@ def _corners(x, y, yaw, length, width):
 def _strip(run: Run, out: Path, frames: int = 5):
     """Both views of a run at some instants."""
     space = run.scenario.space
-    renderer, eye = room_renderer(space, run.scenario.seed), room_eye(space, _NAMES)
+    renderer, eye = room_renderer(space, run.scenario.seed), room_eye(space, _POSES)
     top = top_view_of(view_of(space.camera), space.width_m, space.depth_m, space.localizer.pixel_m)
     rows = len(run.time_s)
     figure, axes = plt.subplots(2, frames, figsize=(4.0 * frames, 6.4), layout="constrained")
     for (above, below), share in zip(axes.T, (np.arange(frames) + 0.5) / frames, strict=True):
         tick = int(share * rows) // VISION_TICKS * VISION_TICKS
-        boxes = [robot_box(name, space, run.signals[f"{name}_pose"][tick]) for name in _NAMES]
+        boxes = [robot_box(name, space, run.signals[f"{name}_pose"][tick]) for name in _POSES]
         picture = renderer.render(boxes, tick=tick)
         above.imshow(annotate(picture.colour, eye, eye.locate(picture.colour))[..., ::-1])
         above.set_title(f"{tick * TICK_S:.1f} s")
         above.set_axis_off()
         below.imshow(top.warp(picture.colour)[..., ::-1], extent=_extent(space))
-        for name in _NAMES:
+        for name in _POSES:
             way, fixes = run.signals[f"{name}_way_point"], run.signals[f"{name}_fix"][: tick + 1]
             moving = way[:, 0] >= 0.0
             below.plot(*way[moving, 1:3].T, "--", color="white", lw=0.7)
             seen = fixes[fixes[:, 1] > 0.0]
-            below.plot(*seen[::VISION_TICKS, 2:4].T, ".", color=_TRACK[name], ms=3)
+            below.plot(*seen[::VISION_TICKS, 2:4].T, ".", color=robots()[name].path_colour, ms=3)
         _floor(below, space, "")
     save(figure, out)

@@ -26,13 +26,14 @@ from drake_ispace.control.paths import build_path
 from drake_ispace.errors import InputError, shown
 from drake_ispace.metrics import measure
 from drake_ispace.rates import ticks_in
+from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.scenario import ROBOTS, Scenario, blaming, difference
+from drake_ispace.scenario import Scenario, blaming, difference
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.typed_tree import read
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 #: Columns of every robot; metrics.py says what they are.
 METRICS = (
@@ -321,15 +322,15 @@ def _text(data):
 
 def _plain(scenario):
     """The scenario as plain data that means the same on every machine; the seed is the campaign's."""
-    robots = {}
-    for name in ROBOTS:
-        robot = getattr(scenario, name)
-        if robot.trajectory.csv is not None:
-            vertices = build_path(robot.trajectory, f"{name}.trajectory").points_m
+    sections = {}
+    for name in robots():
+        section = getattr(scenario, name)
+        if section.trajectory.csv is not None:
+            vertices = build_path(section.trajectory, f"{name}.trajectory").points_m
             points = np.vstack([vertices[0::2], vertices[-1:]]).tolist()  # an edge of a Path is two rows
-            trajectory = dataclasses.replace(robot.trajectory, csv=None, points_m=points)
-            robots[name] = dataclasses.replace(robot, trajectory=trajectory)
-    data = difference(dataclasses.replace(scenario, seed=0, **robots))
+            trajectory = dataclasses.replace(section.trajectory, csv=None, points_m=points)
+            sections[name] = dataclasses.replace(section, trajectory=trajectory)
+    data = difference(dataclasses.replace(scenario, seed=0, **sections))
     return {"diagram": scenario.diagram, "seconds": scenario.seconds} | data
 
 
@@ -337,9 +338,8 @@ def _plain(scenario):
 
 
 def _robots(plan):
-    """The robots of every scenario."""
-    names = [rollout_of(_text(data)).logged for data in plan.scenarios.values()]
-    return [[name.removesuffix("_pose") for name in logged if name.endswith("_pose")] for logged in names]
+    """Names of the robots of every scenario."""
+    return [list(CATALOG[data["diagram"]].robots) for data in plan.scenarios.values()]
 
 
 def _columns(robots):

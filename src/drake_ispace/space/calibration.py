@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_ispace.errors import InputError, shown
 from drake_ispace.space.camera import R_CS, camera_matrix
-from drake_ispace.space.kinect import Camera
+from drake_ispace.space.room import Camera
 from drake_ispace.space.top_view import CORNERS
 
 _WORST_PIXELS = 25.0

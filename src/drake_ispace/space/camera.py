@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from drake_ispace.errors import InputError
-from drake_ispace.space.kinect import Camera
+from drake_ispace.space.room import Camera
 
 #: Rows: S's left-handed neighbours in OpenCV's camera frame C (x right, y down, z along the view). p_C = R_CS p_S.
 R_CS = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])

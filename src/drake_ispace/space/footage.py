@@ -13,8 +13,8 @@ from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.quantity import quantity
 from drake_ispace.space.camera import camera_matrix, view_of
 from drake_ispace.space.eye import Eye, Look
-from drake_ispace.space.kinect import Camera
 from drake_ispace.space.markers import Colour, Target
+from drake_ispace.space.room import Camera
 from drake_ispace.space.top_view import TopView, corners_from_points, trapezoid
 from drake_ispace.typed_tree import read
 from drake_ispace.yaml_guard import load_yaml

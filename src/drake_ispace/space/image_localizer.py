@@ -9,15 +9,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
+from drake_ispace.messages import FIX
 from drake_ispace.noise import stream
 from drake_ispace.rates import TICK_S, VISION_TICKS
+from drake_ispace.robots.library import robots
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.eye import Eye, Look
-from drake_ispace.space.kinect import Space
-from drake_ispace.space.localizer import FIX
 from drake_ispace.space.markers import Colour, Target
 from drake_ispace.space.renderer import Renderer
-from drake_ispace.space.scene import ROBOT_COLOURS, marker_height, obstacles, robot_box
+from drake_ispace.space.room import Space
+from drake_ispace.space.scene import marker_height, obstacles, robot_box
 from drake_ispace.space.top_view import top_view_of
 
 #: The markers' colours (scene.PAINTS) as ranges of HSV; orange and purple things lie between them.
@@ -33,7 +34,7 @@ def targets(space: Space, names: Sequence[str]) -> list[Target]:
     area = markers.side_m**2
     limits = (area * (1.0 - markers.area_tolerance), area * (1.0 + markers.area_tolerance))
     return [
-        Target(name, *ROBOT_COLOURS[name], space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits)
+        Target(name, *robots()[name].colours, space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits)
         for name in names
     ]
 
@@ -107,7 +108,7 @@ class ImageLocalizer(Block):
         names: of the robots, in the order of the ports; seed: of carpet and noise, stream `kinect`.
     """
 
-    def __init__(self, space: Space, names: Sequence[str] = ("omni",), seed: int = 0):
+    def __init__(self, space: Space, names: Sequence[str], seed: int = 0):
         robots, latency = len(names), space.localizer.latency_ticks
         self.names, self.space = list(names), space
         eye, renderer, dropout = room_eye(space, names), room_renderer(space, seed), space.localizer.dropout

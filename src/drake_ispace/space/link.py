@@ -6,16 +6,32 @@ of the payload to 32-bit floats (below 1e-7 m) is not modelled.
 
 import binascii
 import struct
+from dataclasses import dataclass
 
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import FIX
 from drake_ispace.noise import stream, uniform
+from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
-from drake_ispace.space.kinect import Link
-from drake_ispace.space.localizer import FIX
+
+
+@dataclass
+class Link:
+    """The serial radio link from the room to a robot (RS-232 in the thesis)."""
+
+    # bit rate of the line, 10 bits a byte; 0: no delay
+    baud_rate: int = quantity(0, "bit/s", minimum=0)
+    # further delay of the radio
+    delay_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
+    # share of frames that never arrive
+    loss: float = quantity(0.0, minimum=0.0, maximum=1.0)
+    # share of frames that arrive damaged: the checksum finds them, they are dropped
+    corruption: float = quantity(0.0, minimum=0.0, maximum=1.0)
+
 
 _START = b"\xa5\x5a"
 

@@ -4,15 +4,41 @@ Geometric mode: each robot carries two markers; their true places, with noise, a
 the floor, and the pose is computed back from them. An image mode keeps the same ports.
 """
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from drake_ispace.block import Block, Output, Phase, Spec, Update
 from drake_ispace.kernels import copy, kernel
+from drake_ispace.messages import FIX
 from drake_ispace.noise import normal, stream, uniform
+from drake_ispace.quantity import quantity
 from drake_ispace.rates import VISION_TICKS
-from drake_ispace.space.kinect import Space
 
-FIX = 5  # a message: tick of capture, seen (1 or 0), x, y, phi
+if TYPE_CHECKING:
+    from drake_ispace.space.room import Space
+
+
+@dataclass
+class Localizer:
+    """How the room's camera sees a robot's two markers."""
+
+    # geometric: the true pose through the camera's ground resolution; image: the markers found in rendered images
+    mode: str = quantity("geometric", choices=("geometric", "image"))
+    # metres per pixel of the top view along x and y, section 5.4
+    pixel_m: list[float] = quantity([0.00487, 0.00551], "m/pixel", above=0.0, length=2)
+    # a marker is found at a whole pixel
+    whole_pixels: bool = quantity(True)
+    # of a marker's place, before rounding; assumed
+    noise_std_pixels: float = quantity(0.3, "pixels", minimum=0.0)
+    # between a robot's front and rear marker; assumed
+    marker_spacing_m: float = quantity(0.2, "m", above=0.0)
+    # from capture to the room's computer
+    latency_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
+    # share of captures in which a robot is not found
+    dropout: float = quantity(0.0, minimum=0.0, maximum=1.0)
+
 
 
 @kernel
@@ -98,7 +124,7 @@ class KinectLocalizer(Block):
         robots: n; seed: of the noise, stream `kinect`.
     """
 
-    def __init__(self, space: Space, robots: int = 1, seed=0):
+    def __init__(self, space: "Space", robots: int = 1, seed=0):
         localizer = space.localizer
         latency = localizer.latency_ticks
         record = np.zeros(FIX * robots)

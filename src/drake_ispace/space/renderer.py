@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_ispace.errors import InputError
 from drake_ispace.space.camera import View
-from drake_ispace.space.kinect import Scenery
+from drake_ispace.space.room import Scenery
 from drake_ispace.space.scene import CARPET, Box, Carpet
 
 _MOST_PIXELS = 4e6

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 
 from drake_ispace.errors import InputError
-from drake_ispace.space.kinect import Space
+from drake_ispace.robots.library import robots
+from drake_ispace.space.room import Space
 
 BGR = tuple[float, float, float]
 
@@ -15,8 +16,6 @@ PAINTS: dict[str, BGR] = {
     "red": (30.0, 20.0, 200.0), "blue": (200.0, 90.0, 20.0), "yellow": (20.0, 190.0, 210.0),
     "green": (60.0, 170.0, 20.0), "orange": (20.0, 110.0, 230.0), "purple": (160.0, 40.0, 110.0),
 }
-#: Front and rear colour of each robot; a rover is alone in its room.
-ROBOT_COLOURS = {"omni": ("red", "blue"), "pendulum": ("yellow", "green"), "rover": ("red", "blue")}
 _PLATE: BGR = (38.0, 36.0, 34.0)
 _OBSTACLE: BGR = (120.0, 150.0, 165.0)
 CARPET: BGR = (118.0, 112.0, 108.0)
@@ -61,7 +60,7 @@ class Box:
 def robot_box(name: str, space: Space, pose=(0.0, 0.0, 0.0)) -> Box:
     """The robot called `name` at `pose` (x, y [m], phi [rad]): a dark box with its two markers on top."""
     markers, spacing = space.markers, space.localizer.marker_spacing_m
-    front, rear = (PAINTS[colour] for colour in ROBOT_COLOURS[name])
+    front, rear = (PAINTS[colour] for colour in robots()[name].colours)
     patches = tuple(
         Patch(x, 0.0, markers.side_m, markers.side_m, colour)
         for x, colour in ((spacing / 2.0, front), (-spacing / 2.0, rear))

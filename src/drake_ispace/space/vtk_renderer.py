@@ -32,8 +32,8 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from drake_ispace.errors import InputError
 from drake_ispace.space.camera import R_CS, View
-from drake_ispace.space.kinect import Scenery
 from drake_ispace.space.renderer import Picture, with_noise
+from drake_ispace.space.room import Scenery
 from drake_ispace.space.scene import CARPET, Box
 
 _THIN_M = 1e-3  # of a marker, which is painted in the other renderer

@@ -1,4 +1,6 @@
-"""A small wiring bench: blocks by name, wires by "block.port"."""
+"""A small wiring bench: blocks by name, wires by "block.port"; and a robot's part of it."""
+
+from collections.abc import Sequence
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -61,3 +63,30 @@ class Bench:
     def _input(self, port):
         block, _, name = port.rpartition(".")
         return self._blocks[block].GetInputPort(name)
+
+
+class Part:
+    """The blocks of one robot on a Bench: "plant" stands for "omni_plant" where the robot is called omni.
+
+    Attributes:
+        takes_fix: the robot's inputs to which the room's fix goes.
+    """
+
+    def __init__(self, bench: Bench, name: str, takes_fix: Sequence[str] = ()):
+        self.bench, self.name, self.takes_fix = bench, name, list(takes_fix)
+
+    def block(self, name: str) -> str:
+        """The name of the robot's block, or "block.port", on the whole Bench."""
+        return f"{self.name}_{name}"
+
+    def add(self, name: str, block: System) -> System:
+        """Add `block` under the robot's `name`."""
+        return self.bench.add(self.block(name), block)
+
+    def wire(self, *pairs: tuple[str, str]) -> None:
+        """Connect each ("block.output", "block.input"), both of this robot."""
+        self.bench.wire(*[(self.block(source), self.block(target)) for source, target in pairs])
+
+    def show(self, **ports: str) -> None:
+        """Export outputs of the Diagram: signal="block.output", named "robot_signal"."""
+        self.bench.show(**{self.block(signal): self.block(port) for signal, port in ports.items()})

@@ -1,13 +1,13 @@
 """Effects of a scenario put into a Diagram: blocks into their wires, wrong numbers into the plant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, EffectBlock, PlantEffect
 from drake_ispace.effects.library import library
-from drake_ispace.wiring.bench import Bench
+from drake_ispace.wiring.bench import Bench, Part
 
 
 def chosen_effects(effects: Mapping[str, Mapping[str, float]]) -> list[tuple[Effect, dict[str, float]]]:
@@ -19,13 +19,30 @@ def changed_plant(plant, body: Body, effects: Sequence[tuple[Effect, Mapping[str
     """The plant's parameters with every PlantEffect in them."""
     for effect, values in effects:
         if isinstance(effect, PlantEffect):
-            plant = effect.change(plant, effect.neutral(body) | dict(values))
+            plant = effect.change(body.robot, plant, effect.neutral(body) | dict(values))
     return plant
 
 
 def needs_ground(effects: Sequence[tuple[Effect, Mapping[str, float]]]) -> bool:
     """Whether a force from the ground acts, for which the plant needs a port."""
     return any(isinstance(effect, BlockEffect) and effect.wire == "ground_force" for effect, _ in effects)
+
+
+def splice_chosen(
+    part: Part, body: Body, effects: Mapping[str, Mapping[str, float]], ends: Mapping[str, list[str]],
+    without: Collection[str] = (),
+) -> None:
+    """Put the effects that a scenario lists into the wires of a robot, the one place where a Diagram gets them.
+
+    ends: where the wires that leave the robot end, by name. without: wires that take none.
+    """
+    own = {
+        "torque": "plant.torque", "velocity": "plant.velocity", "wheel_angle": "encoder.wheel_angle",
+        "body_motion": "imu.body_motion",
+    }
+    wires = {wire: [part.block(end)] for wire, end in own.items()} | dict(ends)
+    kept = {wire: wires[wire] for wire in wires if wire in body.robot.wires and wire not in without}
+    splice_effects(part.bench, body, chosen_effects(effects), kept)
 
 
 def splice_effects(

@@ -1,45 +1,43 @@
 """The room: one camera for all robots, and the wires to each robot's link."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
+from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.link import CLOCK_TICKS
-from drake_ispace.scenario import ROBOTS, Scenario, body_of
+from drake_ispace.messages import FIX
+from drake_ispace.robots.library import robots
 from drake_ispace.space.link import delay_ticks
-from drake_ispace.space.localizer import FIX, KinectLocalizer
-from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.effects import chosen_effects, splice_effects
+from drake_ispace.space.localizer import KinectLocalizer
+from drake_ispace.wiring.bench import Bench, Part
+from drake_ispace.wiring.effects import splice_chosen
+
+if TYPE_CHECKING:
+    from drake_ispace.scenario import Scenario
 
 
-def add_room(
-    bench: Bench, scenario: Scenario, viewers: dict[str, list[str]], without: Collection[str] = (),
-) -> None:
-    """Let the Kinect see each plant named in `viewers` and wire its fix to the inputs listed there; then put in the
-    effects that the scenario lists for these robots, but for those in the wires named in `without`."""
-    robots = [plant.removesuffix("_plant") for plant in viewers]
-    bench.add("kinect", _localizer(scenario, robots))
-    if len(viewers) == 1:
+def add_room(bench: Bench, scenario: "Scenario", parts: Sequence[Part], without: Collection[str] = ()) -> None:
+    """Let the Kinect see the plants of `parts` and wire its fix to the inputs that take it; then put in the effects
+    that the scenario lists for these robots, but for those in the wires named in `without`."""
+    bench.add("kinect", _localizer(scenario, [part.name for part in parts]))
+    if len(parts) == 1:
         seen, delivered = ["kinect.poses"], ["kinect.fixes"]
     else:
-        bench.add("poses", Multiplexer([3] * len(viewers)))
-        bench.add("fixes", Demultiplexer([FIX] * len(viewers)))
+        bench.add("poses", Multiplexer([3] * len(parts)))
+        bench.add("fixes", Demultiplexer([FIX] * len(parts)))
         bench.wire(("poses.y0", "kinect.poses"), ("kinect.fixes", "fixes.u0"))
-        seen = [f"poses.u{i}" for i in range(len(viewers))]
-        delivered = [f"fixes.y{i}" for i in range(len(viewers))]
-    for (plant, inputs), pose, fix in zip(viewers.items(), seen, delivered, strict=True):
-        bench.wire((f"{plant}.pose", pose), *[(fix, target) for target in inputs])
-    for robot, pose, inputs in zip(robots, seen, viewers.values(), strict=True):
-        wires = {
-            "torque": [f"{robot}_plant.torque"], "wheel_angle": [f"{robot}_encoder.wheel_angle"],
-            "body_motion": [f"{robot}_imu.body_motion"], "pose": [pose], "fix": inputs,
-            "velocity": [f"{robot}_plant.velocity"],
-        }
-        wires = {name: ends for name, ends in wires.items() if name not in without}
-        splice_effects(bench, body_of(scenario, robot), chosen_effects(getattr(scenario, robot).effects), wires)
+        seen = [f"poses.u{i}" for i in range(len(parts))]
+        delivered = [f"fixes.y{i}" for i in range(len(parts))]
+    for part, pose, fix in zip(parts, seen, delivered, strict=True):
+        bench.wire((part.block("plant.pose"), pose), *[(fix, part.block(target)) for target in part.takes_fix])
+    for part, pose in zip(parts, seen, strict=True):
+        ends = {"pose": [pose], "fix": [part.block(target) for target in part.takes_fix]}
+        splice_chosen(part, body_of(scenario, robots()[part.name]), getattr(scenario, part.name).effects, ends, without)
 
 
-def oldest_fix_ticks(scenario: Scenario, order_size: int) -> int:
+def oldest_fix_ticks(scenario: "Scenario", order_size: int) -> int:
     """The age of a fix when it reaches a robot: of the camera's frame, camera latency, then the link, and what a wrong
     clock adds to it."""
     space = scenario.space
@@ -48,15 +46,15 @@ def oldest_fix_ticks(scenario: Scenario, order_size: int) -> int:
         from drake_ispace.space.image_localizer import oldest_frame_ticks
 
         age += oldest_frame_ticks(space.camera.frame_rate_hz)
-    if any("clock_offset" in getattr(scenario, robot).effects for robot in ROBOTS):
+    if any("clock_offset" in getattr(scenario, name).effects for name in robots()):
         age += CLOCK_TICKS
     return age
 
 
-def _localizer(scenario, robots):
+def _localizer(scenario, names):
     """The block of `space.localizer.mode`; both have the same ports."""
     if scenario.space.localizer.mode == "image":
         from drake_ispace.space.image_localizer import ImageLocalizer
 
-        return ImageLocalizer(scenario.space, robots, scenario.seed)
-    return KinectLocalizer(scenario.space, len(robots), scenario.seed)
+        return ImageLocalizer(scenario.space, names, scenario.seed)
+    return KinectLocalizer(scenario.space, len(names), scenario.seed)

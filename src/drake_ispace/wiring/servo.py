@@ -3,83 +3,74 @@
 Both robots move along one straight line; the room watches, as everywhere, and carries the way point to the robot.
 """
 
-from pydrake.systems.framework import Diagram
-
 from drake_ispace.control.adaptive_compensator import AdaptiveCompensator
 from drake_ispace.control.balance_controller import BalanceController
+from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.friction_compensator import FrictionCompensator
 from drake_ispace.control.online_identifier import OnlineIdentifier
 from drake_ispace.control.servo import ServoController
 from drake_ispace.control.straight_error import StraightError
 from drake_ispace.robots.impulse import TorqueImpulse
+from drake_ispace.robots.pendulum import AS_PRINTED
 from drake_ispace.scenario import Scenario
 from drake_ispace.sensing.sinusoid_noise import NoisyState
 from drake_ispace.wiring.bench import Bench
-from drake_ispace.wiring.pendulum import FEEDBACK, add_pendulum_body, linear_model, pendulum_gain
+from drake_ispace.wiring.pendulum import FEEDBACK, add_pendulum_body
 from drake_ispace.wiring.room import add_room
 
-_VIEW = {"pendulum_plant": ["pendulum_link.fix"]}
 
-
-def pendulum_servo(scenario: Scenario) -> Diagram:
+def pendulum_servo(scenario: Scenario, bench: Bench) -> None:
     """Fig. 3.9: servo control of position with noise on position and tilt, the experiment of section 3.4."""
-    robot = scenario.pendulum
-    bench = Bench()
-    start = add_pendulum_body(bench, scenario)
-    printed = robot.model == "linear_as_printed"
-    bench.add("pendulum_state", NoisyState(robot.sensor_noise, start, scenario.seed, "pendulum.sensor_noise"))
-    bench.add("pendulum_controller", ServoController(robot.servo, start, 1.0 if printed else -1.0))
-    bench.wire(
-        ("pendulum_plant.pose", "pendulum_state.pose"),
-        ("pendulum_plant.balance", "pendulum_state.balance"),
-        ("pendulum_state.message", "pendulum_controller.state"),
-        ("pendulum_link.order", "pendulum_controller.way_point"),
-        ("pendulum_controller.torque", "pendulum_actuator.command"),
-        ("pendulum_actuator.torque", "pendulum_plant.torque"),
+    settings = scenario.pendulum
+    part, start = add_pendulum_body(bench, scenario)
+    sign = 1.0 if settings.model == AS_PRINTED else -1.0
+    part.add("state", NoisyState(settings.sensor_noise, start, scenario.seed, f"{part.name}.sensor_noise"))
+    part.add("controller", ServoController(settings.servo, start, sign))
+    part.wire(
+        ("plant.pose", "state.pose"),
+        ("plant.balance", "state.balance"),
+        ("state.message", "controller.state"),
+        ("link.order", "controller.way_point"),
+        ("controller.torque", "actuator.command"),
+        ("actuator.torque", "plant.torque"),
     )
-    bench.show(pendulum_state="pendulum_state.message")
-    add_room(bench, scenario, _VIEW)
-    return bench.build("pendulum_servo")
+    part.show(state="state.message")
+    add_room(bench, scenario, [part])
 
 
-def pendulum_friction_compensation(scenario: Scenario) -> Diagram:
+def pendulum_friction_compensation(scenario: Scenario, bench: Bench) -> None:
     """Fig. 4.1: state feedback with friction compensation, an impulse on both wheels, an identifier listening."""
-    robot, control = scenario.pendulum, scenario.pendulum.control
-    bench = Bench()
-    start = add_pendulum_body(bench, scenario)
-    gain = pendulum_gain(robot)
-    bench.add("pendulum_error", StraightError(start))
-    bench.add("pendulum_controller", BalanceController(gain))
-    if robot.adaptation.enabled:
-        a, b = linear_model(robot.plant)
+    settings, control = scenario.pendulum, scenario.pendulum.control
+    part, start = add_pendulum_body(bench, scenario)
+    gain = balance_gain(settings.plant, control)
+    part.add("error", StraightError(start))
+    part.add("controller", BalanceController(gain))
+    if settings.adaptation.enabled:
+        a, b = linearised(settings.plant)
         band = control.friction_compensation
-        bench.add("pendulum_compensator", AdaptiveCompensator(
-            robot.adaptation, a, b, gain, band.dead_band_rad_s, band.speed_scale_rad_s
+        part.add("compensator", AdaptiveCompensator(
+            settings.adaptation, a, b, gain, band.dead_band_rad_s, band.speed_scale_rad_s
         ))
-        bench.wire(
-            ("pendulum_error.error", "pendulum_compensator.error"),
-            ("pendulum_tilt_filter.tilt", "pendulum_compensator.tilt"),
-            ("pendulum_odometry.velocity", "pendulum_compensator.velocity"),
+        part.wire(
+            ("error.error", "compensator.error"),
+            ("tilt_filter.tilt", "compensator.tilt"),
+            ("odometry.velocity", "compensator.velocity"),
         )
-        bench.show(pendulum_coefficients="pendulum_compensator.coefficients")
+        part.show(coefficients="compensator.coefficients")
     else:
-        bench.add("pendulum_compensator", FrictionCompensator(control.friction_compensation, 2))
-    bench.add("pendulum_impulse", TorqueImpulse(robot.impulse, 2))
-    bench.add("pendulum_identifier", OnlineIdentifier(robot.identifier, robot.encoder.filter_time_constant_s))
-    bench.wire(
-        ("pendulum_odometry.path", "pendulum_error.path"),
-        ("pendulum_link.order", "pendulum_error.way_point"),
+        part.add("compensator", FrictionCompensator(control.friction_compensation, 2))
+    part.add("impulse", TorqueImpulse(settings.impulse, 2))
+    part.add("identifier", OnlineIdentifier(settings.identifier, settings.encoder.filter_time_constant_s))
+    part.wire(
+        ("odometry.path", "error.path"),
+        ("link.order", "error.way_point"),
         *FEEDBACK,
-        ("pendulum_actuator.torque", "pendulum_impulse.torque"),
-        ("pendulum_impulse.torque", "pendulum_plant.torque"),
-        ("pendulum_encoder.message", "pendulum_identifier.encoder"),
-        ("pendulum_imu.message", "pendulum_identifier.imu"),
-        ("pendulum_tilt_filter.tilt", "pendulum_identifier.tilt"),
-        ("pendulum_actuator.held_command", "pendulum_identifier.torque"),
+        ("actuator.torque", "impulse.torque"),
+        ("impulse.torque", "plant.torque"),
+        ("encoder.message", "identifier.encoder"),
+        ("imu.message", "identifier.imu"),
+        ("tilt_filter.tilt", "identifier.tilt"),
+        ("actuator.held_command", "identifier.torque"),
     )
-    bench.show(
-        pendulum_error="pendulum_error.error", pendulum_parameters="pendulum_identifier.parameters",
-        pendulum_friction="pendulum_identifier.friction",
-    )
-    add_room(bench, scenario, _VIEW)
-    return bench.build("pendulum_friction_compensation")
+    part.show(error="error.error", parameters="identifier.parameters", friction="identifier.friction")
+    add_room(bench, scenario, [part])

@@ -1,8 +1,11 @@
-"""The room and its ceiling camera as parameters: Fig. 5.1, Table 5.1, section 5.4, (6.2)."""
+"""The room, its ceiling camera and what stands in it as settings: Fig. 5.1, Table 5.1, section 5.4, (6.2)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, make_dataclass
 
 from drake_ispace.quantity import quantity
+from drake_ispace.robots.library import robots
+from drake_ispace.space.link import Link
+from drake_ispace.space.localizer import Localizer
 
 
 @dataclass
@@ -34,13 +37,9 @@ class Camera:
 
 
 @dataclass
-class Markers:
-    """What a robot carries on its top: a dark plate with a front and a rear square, told apart by colour. Assumed."""
+class _MarkersOfAll:
+    """What robots carry on their tops: a dark plate with a front and a rear square of two colours. Assumed."""
 
-    # of the plates above the floor
-    omni_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
-    pendulum_height_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
-    rover_height_m: float = quantity(0.15, "m", above=0.0, maximum=1.0)
     # sides of the square plate and of the square markers
     plate_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
     side_m: float = quantity(0.09, "m", above=0.0, maximum=0.5)
@@ -48,6 +47,14 @@ class Markers:
     area_tolerance: float = quantity(0.13, above=0.0, below=1.0)
     # how far the distance of both markers may be off
     spacing_tolerance_m: float = quantity(0.006, "m", above=0.0, maximum=0.1)
+
+
+#: The markers of all robots; for each robot `{name}_height_m`, the height of its plate above the floor [m].
+Markers = make_dataclass("Markers", [
+    (f"{robot.name}_height_m", float, quantity(robot.marker_height_m, "m", above=0.0, maximum=1.0))
+    for robot in robots().values()
+], bases=(_MarkersOfAll,))
+Markers.__module__ = __name__  # for pickle
 
 
 @dataclass
@@ -68,40 +75,6 @@ class Scenery:
     depth_noise_m: float = quantity(0.0012, "m", minimum=0.0, maximum=0.1)
     # boxes: x, y [m], yaw [rad], length, width, height [m] of each
     obstacles: list[list[float]] = quantity([], "m")
-
-
-@dataclass
-class Localizer:
-    """How the room's camera sees a robot's two markers."""
-
-    # geometric: the true pose through the camera's ground resolution; image: the markers found in rendered images
-    mode: str = quantity("geometric", choices=("geometric", "image"))
-    # metres per pixel of the top view along x and y, section 5.4
-    pixel_m: list[float] = quantity([0.00487, 0.00551], "m/pixel", above=0.0, length=2)
-    # a marker is found at a whole pixel
-    whole_pixels: bool = quantity(True)
-    # of a marker's place, before rounding; assumed
-    noise_std_pixels: float = quantity(0.3, "pixels", minimum=0.0)
-    # between a robot's front and rear marker; assumed
-    marker_spacing_m: float = quantity(0.2, "m", above=0.0)
-    # from capture to the room's computer
-    latency_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
-    # share of captures in which a robot is not found
-    dropout: float = quantity(0.0, minimum=0.0, maximum=1.0)
-
-
-@dataclass
-class Link:
-    """The serial radio link from the room to a robot (RS-232 in the thesis)."""
-
-    # bit rate of the line, 10 bits a byte; 0: no delay
-    baud_rate: int = quantity(0, "bit/s", minimum=0)
-    # further delay of the radio
-    delay_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
-    # share of frames that never arrive
-    loss: float = quantity(0.0, minimum=0.0, maximum=1.0)
-    # share of frames that arrive damaged: the checksum finds them, they are dropped
-    corruption: float = quantity(0.0, minimum=0.0, maximum=1.0)
 
 
 @dataclass

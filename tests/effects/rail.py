@@ -1,0 +1,10 @@
+"""A robot of which nothing is known but that a torque turns its wheels."""
+
+import numpy as np
+
+from drake_ispace.discrepancy.own_model import OwnPlant, OwnRobot
+from drake_ispace.effects.effect import Body
+
+
+def rail(wheels=1):
+    return Body(OwnRobot("rail"), OwnPlant(None, np.zeros((wheels, wheels))), wheels)
