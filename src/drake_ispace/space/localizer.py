@@ -5,7 +5,6 @@ the floor, and the pose is computed back from them. An image mode keeps the same
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from drake_ispace.messages import FIX
 from drake_ispace.noise import normal, stream, uniform
 from drake_ispace.quantity import quantity
 from drake_ispace.rates import VISION_TICKS
-
-if TYPE_CHECKING:
-    from drake_ispace.space.room import Space
 
 
 @dataclass
@@ -120,11 +116,11 @@ class KinectLocalizer(Block):
     Captured in the sensing phase every 19 ticks, delivered `latency_ticks` later. P_ev of (6.6).
 
     Args:
-        space: size of the room, and its localiser.
+        space: a room.Space, of which size and localiser are read.
         robots: n; seed: of the noise, stream `kinect`.
     """
 
-    def __init__(self, space: "Space", robots: int = 1, seed=0):
+    def __init__(self, space, robots: int = 1, seed=0):
         localizer = space.localizer
         latency = localizer.latency_ticks
         record = np.zeros(FIX * robots)
