@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pendulum_lagrangian as derivation
 import pytest
 from pydrake.symbolic import Evaluate, Expression, Jacobian, MakeVectorContinuousVariable
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -12,7 +13,6 @@ from scipy.linalg import solve_continuous_are
 from drake_ispace.control.balance_controller import from_printed
 from drake_ispace.control.dlqr import dlqr, euler, spectral_radius, zero_order_hold
 from drake_ispace.rates import TICK_S
-from drake_ispace.robots.plants import pendulum_lagrangian as derivation
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
 from drake_ispace.robots.plants.pendulum import (
