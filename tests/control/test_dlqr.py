@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.dlqr import dlqr, euler, spectral_radius, zero_order_hold
+from drake_ispace.control.dlqr import dlqr, spectral_radius, zero_order_hold
 
 T = 0.005
 DOUBLE_INTEGRATOR = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [2.0]])
@@ -27,12 +27,6 @@ def test_holding_twice_is_holding_for_twice_as_long():
     a_2, b_2 = zero_order_hold(a, b, 0.2)
     np.testing.assert_allclose(a_2, a_d @ a_d, rtol=1e-12)
     np.testing.assert_allclose(b_2, a_d @ b_d + b_d, rtol=1e-12)
-
-
-def test_euler_is_the_thesis_approximation():
-    a_d, b_d = euler(*DOUBLE_INTEGRATOR, T)
-    np.testing.assert_array_equal(a_d, [[1.0, T], [0.0, 1.0]])
-    np.testing.assert_array_equal(b_d, [[0.0], [2.0 * T]])
 
 
 def test_dlqr_of_an_integrator_by_hand():
@@ -65,11 +59,6 @@ def test_no_neighbouring_gain_costs_less():
     best = dlqr(*DOUBLE_INTEGRATOR, q, [r], 0.1)
     for change in ([0.05, 0.0], [-0.05, 0.0], [0.0, 0.05], [0.0, -0.05]):
         assert cost(best + change) > cost(best)
-
-
-def test_the_discretisation_can_be_chosen():
-    exact, approximate = (dlqr(*DOUBLE_INTEGRATOR, [3.0, 1.0], [0.1], 0.1, d) for d in (zero_order_hold, euler))
-    assert np.abs(exact / approximate - 1.0).max() > 0.01
 
 
 def test_spectral_radius_of_a_deadbeat_loop_is_zero():

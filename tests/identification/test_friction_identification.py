@@ -10,7 +10,6 @@ from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.friction_coefficients import (
     FrictionCoefficients,
     friction_coefficients,
-    friction_matrices,
     over_compensated,
 )
 from drake_ispace.identification.friction_data import (
@@ -75,17 +74,6 @@ def test_prediction_error_finds_other_coefficients_too(scenario, rollout, follow
 
 def test_the_tilt_stays_where_the_linear_model_holds(recording):
     assert np.abs(recording.channels["truth"].column("tilt")).max() < 0.2
-
-
-def test_4_8_and_4_9_by_hand_for_three_by_two():
-    b = np.array([[1.0, 1.0], [2.0, -2.0], [-3.0, -3.0]])
-    coulomb, viscous = friction_matrices(b, b @ np.diag([0.1, 0.2]), b @ np.diag([0.3, 0.4]))
-    assert np.allclose(coulomb, np.diag([0.1, 0.2])) and np.allclose(viscous, np.diag([0.3, 0.4]))
-
-
-def test_wheels_that_cannot_be_told_apart_are_refused():
-    with pytest.raises(InputError, match="condition number"):
-        friction_matrices(np.ones((3, 2)), np.ones((3, 2)), np.ones((3, 2)))
 
 
 def test_an_input_matrix_that_is_badly_known_is_not_trusted():

@@ -73,7 +73,7 @@ def test_armax_finds_the_moving_average_that_biases_arx():
     estimate = armax(problem)
     assert np.abs(arx(problem).theta[:4, 0] - truth()).max() > 0.05
     assert np.abs(estimate.theta[:4, 0] - truth()).max() < 0.02
-    assert abs(estimate.row("e_y1(t-1)")[0] - 0.8) < 0.05
+    assert abs(estimate.theta[estimate.names.index("e_y1(t-1)"), 0] - 0.8) < 0.05
 
 
 def test_oe_is_unbiased_under_output_noise_that_biases_arx():

@@ -3,18 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pendulum_lagrangian as derivation
 import pytest
 from pydrake.symbolic import Evaluate, Expression, Jacobian, MakeVectorContinuousVariable
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.primitives import Linearize
 from scipy.linalg import solve_continuous_are
 
+import control
 from drake_ispace.control import balance_gains
 from drake_ispace.control.balance_controller import from_printed
-from drake_ispace.control.dlqr import dlqr, euler, spectral_radius, zero_order_hold
+from drake_ispace.control.dlqr import dlqr, spectral_radius
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.pendulum import PendulumSettings
-from drake_ispace.robots.plants import pendulum_lagrangian as derivation
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
 from drake_ispace.robots.plants.pendulum import (
@@ -57,6 +58,11 @@ def random_states(count=20, seed=0):
 
 def number(expressions, q, q_dot, parameters=UNLIKE):
     return derivation.numbers(expressions, derivation.environment(parameters, q, q_dot))
+
+
+def euler(a, b, period_s):
+    """A_d, B_d of the thesis's approximation (6.37)-(6.38), with the sign of (2.55): A_d = I + A T, B_d = B T."""
+    return np.eye(len(a)) + a * period_s, b * period_s
 
 
 def sc(angle):
@@ -579,7 +585,8 @@ def test_row_8_the_printed_sign_of_6_37_hangs_too():
 
 
 def test_row_8_euler_and_zero_order_hold_give_different_gains():
-    exact, approximate = (dlqr(*linear_model(FREE), Q, R, TICK_S, d)[0] for d in (zero_order_hold, euler))
+    exact = dlqr(*linear_model(FREE), Q, R, TICK_S)[0]
+    approximate = control.dlqr(*euler(*linear_model(FREE), TICK_S), np.diag(Q), np.diag(R))[0][0]
     assert np.abs(exact) == pytest.approx([0.2422, 0.2191, 1.0028, 0.2991, 0.1016, 0.1243], abs=1e-4)
     assert np.abs(approximate) == pytest.approx([0.2434, 0.2191, 1.0093, 0.3023, 0.1022, 0.1250], abs=1e-4)
 

@@ -29,7 +29,6 @@ from drake_ispace.kernels import cache_folder, kernel
 from drake_ispace.rates import MAX_TICK, TICK_S
 from drake_ispace.rollout import compile as compile_module
 from drake_ispace.rollout.compile import compile_diagram, kernel_text
-from drake_ispace.rollout.sensitivity import jacobian
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator
 from drake_ispace.wiring.bench import Bench
@@ -523,14 +522,3 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     hits = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=environment).stdout.strip()
             for _ in range(2)]
     assert hits == ["0", "1"]
-
-
-def test_sensitivity_of_a_mass_to_its_mass():
-    bench = Bench()
-    bench.add("mass", Mass(mass=2.0))
-    bench.add("push", ConstantVectorSource([4.0]))
-    bench.wire(("push.y0", "mass.force"))
-    bench.show(state="mass.state")
-    table = jacobian(compile_diagram(bench.build("pushed")), 200, ["mass.mass", "push.value[0]"])["state"]
-    t = 200 * TICK_S
-    np.testing.assert_allclose(table[-1, 1], [-4.0 / 2.0**2 * t, t / 2.0], rtol=1e-6)  # dv/dm = -F t/m^2, dv/dF = t/m

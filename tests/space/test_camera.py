@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+from camera_geometry import printed_vectors, to_plane
 
 from drake_ispace.errors import InputError
 from drake_ispace.space.camera import (
     camera_matrix,
-    image_centre_on_floor,
-    printed_vectors,
     rotation_gs,
     rotation_z,
     view_of,
@@ -30,7 +29,9 @@ def test_focal_lengths_follow_from_the_view_angles_of_table_5_1():
 
 
 def test_the_view_meets_the_floor_one_metre_ahead():
-    centre = image_centre_on_floor(Camera())
+    camera = Camera()
+    ahead = rotation_gs(camera.roll_rad, camera.pitch_rad, camera.yaw_rad)[:, 0]
+    centre = camera.height_m / -ahead[2] * ahead[:2]
     assert np.hypot(*centre) == pytest.approx(2.78 / np.tan(1.223)) == pytest.approx(1.008, abs=1e-3)
     assert np.arctan2(centre[1], centre[0]) == pytest.approx(0.5)
 
@@ -61,19 +62,19 @@ def test_the_space_would_not_fit_across_the_view():
 @pytest.mark.parametrize("height", [0.0, 0.3])
 def test_projection_undoes_the_way_to_the_floor(distortion, height):
     view = view_of(Camera(distortion=distortion))
-    places = view.to_plane(GRID, height)
+    places = to_plane(view, GRID, height)
     assert view.project(on_floor(places, height)) == pytest.approx(GRID, abs=2e-2 if any(distortion) else 1e-9)
 
 
 def test_a_ray_times_depth_along_the_view_is_the_point():
-    places = VIEW.to_plane(GRID)
+    places = to_plane(VIEW, GRID)
     depth = (on_floor(places) - VIEW.p_ws) @ VIEW.r_ws[:, 0]
     assert VIEW.p_ws + depth[:, None] * VIEW.rays(GRID) == pytest.approx(on_floor(places), abs=1e-12)
 
 
 def test_rays_above_the_horizon_meet_no_floor():
     level = view_of(Camera(pitch_rad=0.2, roll_rad=0.0))
-    assert np.isnan(level.to_plane([[319.5, 0.0]])).all() and np.isfinite(level.to_plane([[319.5, 479.0]])).all()
+    assert np.isnan(to_plane(level, [[319.5, 0.0]])).all() and np.isfinite(to_plane(level, [[319.5, 479.0]])).all()
 
 
 def test_what_lies_behind_the_camera_has_no_pixel():
@@ -83,7 +84,7 @@ def test_what_lies_behind_the_camera_has_no_pixel():
 def printed_error(pixel, **variant):
     """How far on the floor (5.3)-(5.6) as printed miss what the pixel sees [m]."""
     camera = Camera()
-    place = VIEW.to_plane([pixel])[0]
+    place = to_plane(VIEW, [pixel])[0]
     distance = np.linalg.norm([*place, 0.0] - VIEW.p_ws)
     d = rotation_z(camera.foot_yaw_rad) @ printed_vectors(camera, [pixel], [distance], **variant)[0]
     return np.hypot(*(VIEW.p_ws[:2] + VIEW.p_ws[2] / -d[2] * d[:2] - place))
@@ -106,7 +107,7 @@ def test_roll_does_nothing_in_the_printed_form_and_shifts_the_edge_in_truth():
     pixels, distance = [[320.0, 60.0], [600.0, 240.0]], [3.0, 3.0]
     level = Camera(roll_rad=0.0)
     assert printed_vectors(Camera(), pixels, distance) == pytest.approx(printed_vectors(level, pixels, distance))
-    moved = VIEW.to_plane([[639.5, 239.5]]) - view_of(level).to_plane([[639.5, 239.5]])
+    moved = to_plane(VIEW, [[639.5, 239.5]]) - to_plane(view_of(level), [[639.5, 239.5]])
     assert 0.05 < np.hypot(*moved[0]) < 0.15
 
 
@@ -116,5 +117,5 @@ def test_a_camera_that_looks_up_is_refused():
 
 
 def test_the_middle_of_the_space_is_its_origin():
-    corners = VIEW.to_plane(trapezoid(VIEW, Space().width_m, Space().depth_m))
+    corners = to_plane(VIEW, trapezoid(VIEW, Space().width_m, Space().depth_m))
     assert corners.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-9)

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from camera_geometry import printed_vectors
 
 from drake_ispace.errors import InputError
-from drake_ispace.space.camera import printed_vectors, rotation_z, view_of
+from drake_ispace.space.camera import rotation_z, view_of
 from drake_ispace.space.depth_map import (
+    CELL_M,
     FREE,
     OBSTACLE,
     ROBOT,
@@ -14,7 +16,6 @@ from drake_ispace.space.depth_map import (
     map_of,
     points,
     true_cells,
-    vectors,
 )
 from drake_ispace.space.renderer import Renderer
 from drake_ispace.space.room import Camera, Space
@@ -22,6 +23,7 @@ from drake_ispace.space.scene import Box, robot_box
 
 SPACE = Space()
 VIEW = view_of(SPACE.camera)
+RAYS = VIEW.rays(VIEW.pixel_grid()).reshape(480, 640, 3)
 BOXES = (
     Box(0.6, 0.5, 0.3, 0.30, 0.20, 0.25), Box(-0.8, -0.4, 0.0, 0.25, 0.20, 0.35), Box(0.1, 0.1, 1.0, 0.30, 0.15, 0.12),
 )
@@ -40,24 +42,21 @@ def room(depth):
 
 
 def cell(room, x, y):
-    return room.cells[int((1.0 - y) / room.cell_m), int((x + 1.25) / room.cell_m)]
+    return room.cells[int((1.0 - y) / CELL_M), int((x + 1.25) / CELL_M)]
 
 
 def nearest(room, box):
     return min(room.obstacles, key=lambda o: np.hypot(o.x_m - box.x_m, o.y_m - box.y_m))
 
 
-@pytest.mark.parametrize("of_ray", [False, True])
-def test_vectors_of_a_flat_floor_end_on_it(of_ray):
-    rays = VIEW.rays(VIEW.pixel_grid()).reshape(480, 640, 3)
-    z = -VIEW.p_ws[2] / rays[..., 2]
-    depth = z * np.linalg.norm(rays, axis=2) if of_ray else z
-    assert np.abs(points(VIEW, depth, of_ray)[..., 2]).max() < 1e-9
+def test_the_points_of_a_flat_floor_lie_on_it():
+    depth = -VIEW.p_ws[2] / RAYS[..., 2]
+    assert np.abs(points(VIEW, depth)[..., 2]).max() < 1e-9
 
 
 def test_5_5_as_corrected_and_as_printed_agree_in_the_middle_only():
-    camera, depth = Camera(), np.full((480, 640), 2.9)
-    d = vectors(VIEW, depth, of_ray=True)
+    camera, depth = Camera(), 2.9 / np.linalg.norm(RAYS, axis=2)
+    d = points(VIEW, depth) - VIEW.p_ws
     turned = rotation_z(camera.foot_yaw_rad)
     middle = turned @ printed_vectors(camera, [[319.5, 239.5]], [2.9])[0]
     assert d[239:241, 319:321].mean(axis=(0, 1)) == pytest.approx(middle, abs=1e-4)

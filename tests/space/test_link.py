@@ -1,52 +1,12 @@
-"""The radio link: frames, their checksum, delay and losses."""
+"""The radio link: delay and losses."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from drake_ispace.errors import InputError
-from drake_ispace.space.link import Link, RoomLink, delay_ticks, pack, unpack
+from drake_ispace.space.link import Link, RoomLink, delay_ticks
 
 FIX, WAY_POINT = 5, 10
-floats32 = st.floats(width=32, allow_nan=False)
-frames = st.builds(pack, st.integers(0, 2**32 - 1), st.lists(floats32, max_size=20))
-
-
-def test_a_frame_by_hand():
-    frame = pack(258, [1.0])
-    # start, one value, tick 0x0102 and 1.0 little-endian, checksum
-    assert frame[:-2] == bytes.fromhex("a55a 01 02010000 0000803f")
-    assert len(frame) == 13
-
-
-@given(st.integers(0, 2**32 - 1), st.lists(floats32, max_size=255))
-def test_what_is_packed_is_unpacked(tick, values):
-    assert unpack(pack(tick, values)) == (tick, tuple(values))
-
-
-def test_values_are_rounded_to_32_bits():
-    _, (x,) = unpack(pack(0, [1.2345678901]))
-    assert x == float(np.float32(1.2345678901))
-
-
-@given(frames, st.data())
-def test_any_damaged_byte_is_found(frame, data):
-    place = data.draw(st.integers(0, len(frame) - 1))
-    damaged = bytearray(frame)
-    damaged[place] ^= data.draw(st.integers(1, 255))
-    assert unpack(bytes(damaged)) is None
-
-
-@given(frames, st.data())
-def test_a_frame_cut_short_or_too_long_is_refused(frame, data):
-    assert unpack(frame[: data.draw(st.integers(0, len(frame) - 1))]) is None
-    assert unpack(frame + b"\0") is None
-
-
-@given(st.binary(max_size=40))
-def test_noise_on_the_line_is_no_frame(received):
-    assert unpack(received) is None
 
 
 @pytest.mark.parametrize("baud, size, ticks", [

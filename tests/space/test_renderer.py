@@ -4,6 +4,7 @@ import ctypes.util
 
 import numpy as np
 import pytest
+from camera_geometry import to_plane
 
 from drake_ispace.errors import InputError
 from drake_ispace.space.camera import view_of
@@ -47,7 +48,7 @@ def test_rays_meet_a_box_where_they_should():
 def test_depth_of_the_floor_is_that_of_geometry(clean):
     depth = clean.draw().depth
     grid = VIEW.pixel_grid()[::997]
-    points = np.column_stack([VIEW.to_plane(grid), np.zeros(len(grid))])
+    points = np.column_stack([to_plane(VIEW, grid), np.zeros(len(grid))])
     expected = (points - VIEW.p_ws) @ VIEW.r_ws[:, 0]
     assert depth.ravel()[::997] == pytest.approx(expected, abs=1e-5)
 

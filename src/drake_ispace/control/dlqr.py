@@ -13,16 +13,11 @@ def zero_order_hold(a: np.ndarray, b: np.ndarray, period_s: float) -> tuple[np.n
     return exponential[:n, :n], exponential[:n, n:]
 
 
-def euler(a: np.ndarray, b: np.ndarray, period_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """The thesis's approximation (6.37)-(6.38), with the sign of (2.55): A_d = I + A T, B_d = B T."""
-    return np.eye(len(a)) + a * period_s, b * period_s
-
-
-def dlqr(a: np.ndarray, b: np.ndarray, q, r, period_s: float, discretise=zero_order_hold) -> np.ndarray:
+def dlqr(a: np.ndarray, b: np.ndarray, q, r, period_s: float) -> np.ndarray:
     """The gain K (m, n) of u = -K x that minimises sum x'Qx + u'Ru; q, r: diagonals or matrices."""
     import control  # half of a second process's start-up, and needed by those alone who design
 
-    a_d, b_d = discretise(a, b, period_s)
+    a_d, b_d = zero_order_hold(a, b, period_s)
     q, r = (np.diag(w) if np.ndim(w) == 1 else np.asarray(w) for w in (q, r))
     gain, _, _ = control.dlqr(a_d, b_d, q, r)
     return np.asarray(gain)

@@ -21,8 +21,6 @@ from drake_ispace.quantity import quantity
 from drake_ispace.rates import TICK_S
 from drake_ispace.robots.plants.slip import GRAVITY
 
-REGRESSORS, OUTPUTS = 4, 2
-
 
 @dataclass
 class Identifier:

@@ -8,6 +8,8 @@ from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.structures import Problem
 from drake_ispace.kernels import kernel
 
+_FORGETTING, _INITIAL_VARIANCE, _TRACE_LIMIT = 1.0, 1e4, 1e12  # of the recursion
+
 
 @kernel(nogil=True)
 def _run(regressor, target, order, forgetting, trace_limit, theta, root, past, every, history, residual):
@@ -34,20 +36,17 @@ def _run(regressor, target, order, forgetting, trace_limit, theta, root, past, e
             history[k // every] = theta
 
 
-def armax(
-    problem: Problem, order: int = 1, forgetting: float = 1.0, every: int = 1, initial_variance: float = 1e4,
-    trace_limit: float = 1e12,
-) -> Estimate:
+def armax(problem: Problem, order: int = 1, every: int = 1) -> Estimate:
     """Recursive extended least squares with `order` past residuals of every output, coefficients C of (3.13)."""
     scale, spread = problem.scale, np.maximum(problem.target.std(axis=0), 1e-12)
     n, m = problem.regressor.shape[1], problem.target.shape[1]
     size = n + order * m
-    theta, root = np.zeros(size * m), np.sqrt(initial_variance) * np.eye(size).ravel()
+    theta, root = np.zeros(size * m), np.sqrt(_INITIAL_VARIANCE) * np.eye(size).ravel()
     history = np.empty((-(-len(problem.target) // every), size * m))
     residual = np.empty_like(problem.target, dtype=float)
     _run(
         np.ascontiguousarray(problem.regressor / scale), np.ascontiguousarray(problem.target / spread), order,
-        forgetting, trace_limit, theta, root, np.zeros(order * m), every, history, residual,
+        _FORGETTING, _TRACE_LIMIT, theta, root, np.zeros(order * m), every, history, residual,
     )
     units = np.concatenate([scale, np.tile(spread, order)])[:, None]
     p = np.diag(root.reshape(size, size) @ root.reshape(size, size).T)

@@ -19,6 +19,8 @@ from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.structures import Problem
 from drake_ispace.kernels import kernel
 
+_FORGETTING, _INITIAL_VARIANCE, _TRACE_LIMIT = 1.0, 1e4, 1e12  # of the recursion
+
 
 @kernel
 def _section(sos, index, memory, value):
@@ -58,10 +60,7 @@ def _run(regressor, target, sos, forgetting, trace_limit, theta, root, every, hi
             history[k // every] = theta
 
 
-def armaxd(
-    problem: Problem, cut_off_hz: float = 740.0, order: int = 2, forgetting: float = 1.0, every: int = 1,
-    initial_variance: float = 1e4, trace_limit: float = 1e12,
-) -> Estimate:
+def armaxd(problem: Problem, cut_off_hz: float = 740.0, order: int = 2, every: int = 1) -> Estimate:
     """Recursive least squares behind the separator.
 
     Args:
@@ -79,13 +78,13 @@ def armaxd(
     scale, spread = problem.scale, np.maximum(problem.target.std(axis=0), 1e-12)
     n, m = problem.regressor.shape[1], problem.target.shape[1]
     size = n + m
-    theta, root = np.zeros(size * m), np.sqrt(initial_variance) * np.eye(size).ravel()
+    theta, root = np.zeros(size * m), np.sqrt(_INITIAL_VARIANCE) * np.eye(size).ravel()
     history = np.empty((-(-len(problem.target) // every), size * m))
     residual, disturbance = np.empty((len(problem.target), m)), np.empty((len(problem.target), m))
     sos = butter(order, cut_off_hz, fs=problem.rate_hz, output="sos")
     _run(
-        np.ascontiguousarray(problem.regressor / scale), np.ascontiguousarray(problem.target / spread), sos, forgetting,
-        trace_limit, theta, root, every, history, residual, disturbance,
+        np.ascontiguousarray(problem.regressor / scale), np.ascontiguousarray(problem.target / spread), sos,
+        _FORGETTING, _TRACE_LIMIT, theta, root, every, history, residual, disturbance,
     )
     units = np.concatenate([scale, spread])[:, None]
     p = np.diag(root.reshape(size, size) @ root.reshape(size, size).T)

@@ -21,11 +21,9 @@ def arx(problem: Problem) -> Estimate:
     )
 
 
-def recursive_arx(problem: Problem, forgetting: float = 1.0, every: int = 1) -> Estimate:
+def recursive_arx(problem: Problem, every: int = 1) -> Estimate:
     """The same, sample by sample; `history` holds one of `every` samples."""
-    theta, p, history = recursive_least_squares(
-        problem.regressor, problem.target, forgetting, every=every, scale=problem.scale
-    )
+    theta, p, history = recursive_least_squares(problem.regressor, problem.target, every=every, scale=problem.scale)
     residual = problem.target - problem.regressor @ theta
     std = np.sqrt(np.outer(np.diag(p), residual.var(axis=0)))
     return Estimate("arx", problem.names, problem.outputs, theta, std, residual, problem.regressor, history)

@@ -29,10 +29,6 @@ class Estimate:
     history: np.ndarray | None = None
     notes: tuple[str, ...] = ()
 
-    def row(self, name: str) -> np.ndarray:
-        """(m,) coefficients of the regressor called `name`."""
-        return self.theta[self.names.index(name)]
-
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (n, m) of the coefficients."""
         half = norm.ppf(0.5 + level / 2.0) * self.std

@@ -1,6 +1,6 @@
 """Friction coefficients from identified matrices, (4.8)-(4.9).
 
-B^ is 2 x 1 (or 3 x 2) and has no inverse; C_cu = B^+ (B C_cu)^ is its least-squares solution. Where B^ is badly known
+B^ is 2 x 1 and has no inverse; C_cu = B^+ (B C_cu)^ is its least-squares solution. Where B^ is badly known
 or badly conditioned the quotient means nothing, and that is said.
 """
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.errors import InputError
 from drake_ispace.identification.estimate import Estimate
+
+_MARGIN = 0.2  # by which a coefficient may exceed the friction found, beyond three standard deviations
 
 
 @dataclass(frozen=True)
@@ -36,21 +37,6 @@ class FrictionCoefficients:
         return self.condition < 1e3 and self.relative_error_of_b < 0.3
 
 
-def friction_matrices(b: np.ndarray, b_coulomb: np.ndarray, b_viscous: np.ndarray, largest_condition: float = 1e3):
-    """(C_cu, C_v), each (l, l), of (4.8)-(4.9) by least squares from B (k, l), B C_cu and B C_v (k, l).
-
-    Raises:
-        InputError: B's condition number exceeds `largest_condition`: the wheels cannot be told apart.
-    """
-    condition = np.linalg.cond(b)
-    if not condition < largest_condition:
-        raise InputError(
-            f"the identified B has condition number {condition:.3g}, expected less than {largest_condition:g}"
-        )
-    inverse = np.linalg.pinv(b)
-    return inverse @ b_coulomb, inverse @ b_viscous
-
-
 def friction_coefficients(estimate: Estimate) -> FrictionCoefficients:
     """From rows sgn, omega and tau of Table 4.1's regression; rows of Y are weighted by how well B is known in each."""
     index = {name: estimate.names.index(name) for name in ("sgn", "omega", "tau")}
@@ -67,16 +53,13 @@ def friction_coefficients(estimate: Estimate) -> FrictionCoefficients:
     return FrictionCoefficients(*values, *spreads, float(np.linalg.cond(b)), float(np.sqrt(len(b)) / size))
 
 
-def over_compensated(
-    found: FrictionCoefficients, coulomb_n_m: float, viscous_n_m_s: float, margin: float = 0.2
-) -> dict:
+def over_compensated(found: FrictionCoefficients, coulomb_n_m: float, viscous_n_m_s: float) -> dict:
     """Whether a compensation adds more than the friction found from the run's total torque.
 
     A compensation above the friction pushes the wheel on: what is left of the friction is negative.
 
     Args:
         found: coefficients identified from a run, with or without compensation; coulomb_n_m, viscous_n_m_s: those used.
-        margin: the share by which a coefficient may exceed the friction found, beyond three standard deviations.
 
     Returns:
         {"coulomb_ratio", "viscous_ratio": used / found, "over": either is too much, "certain": found is trustworthy}.
@@ -86,5 +69,5 @@ def over_compensated(
         (viscous_n_m_s, found.viscous_n_m_s, found.viscous_std),
     )
     ratios = [used / value if value > 0.0 else float("inf") for used, value, _ in pairs]
-    over = [used > (1.0 + margin) * max(value, 0.0) + 3.0 * std for used, value, std in pairs]
+    over = [used > (1.0 + _MARGIN) * max(value, 0.0) + 3.0 * std for used, value, std in pairs]
     return {"coulomb_ratio": ratios[0], "viscous_ratio": ratios[1], "over": any(over), "certain": found.trustworthy}

@@ -112,10 +112,10 @@ def friction_prediction_error(
     return prediction_error(simulate, dict(zip(("coulomb", "viscous"), start, strict=True)), none, weights, True, 1e-3)
 
 
-def friction_estimates(problem: Problem, simulate=None, every: int = 1, spread: bool = True) -> dict[str, Estimate]:
+def friction_estimates(problem: Problem, simulate=None, every: int = 1) -> dict[str, Estimate]:
     """Every regression method on Table 4.1's problem: method -> estimate."""
     return {
         "arx": arx(problem), "armax": armax(problem, every=every),
         "armaxd": armaxd(problem, CUT_OFF_HZ, every=every),
-        "iv": instrumental(problem, simulate=simulate, spread=spread),
+        "iv": instrumental(problem, simulate=simulate),
     }

@@ -15,6 +15,8 @@ from drake_ispace.identification.estimate import Estimate
 from drake_ispace.identification.structures import Problem
 
 _TIMES_S = (0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.2, 2.5)
+_ROUNDS = 3  # of refinement
+_LONGEST_S = 0.1  # over which residuals may be correlated
 
 
 def reference_instruments(reference: np.ndarray, rate_hz: float, times_s=_TIMES_S) -> np.ndarray:
@@ -28,25 +30,23 @@ def reference_instruments(reference: np.ndarray, rate_hz: float, times_s=_TIMES_
 
 
 def instrumental(
-    problem: Problem, instruments: np.ndarray | None = None, simulate: Callable[[np.ndarray], np.ndarray] | None = None,
-    rounds: int = 3, spread: bool = True,
+    problem: Problem, simulate: Callable[[np.ndarray], np.ndarray] | None = None, spread: bool = True,
 ) -> Estimate:
     """Two-stage least squares, refined where a simulation is at hand.
 
     Args:
-        problem: with a reference, unless instruments (N, q), q >= n, are given.
-        simulate: theta (n, m) -> noise-free regressors (N, n) of the same loop; rounds: of refinement.
+        problem: with a reference.
+        simulate: theta (n, m) -> noise-free regressors (N, n) of the same loop.
         spread: compute the standard deviations, which takes longest.
 
     Raises:
         InputError: no reference, or one that does not move.
     """
-    if instruments is None:
-        if problem.reference is None or np.ptp(problem.reference) == 0.0:
-            raise InputError(
-                "instrumental variables need a reference that moves: expected the channel reference in the run"
-            )
-        instruments = reference_instruments(problem.reference, problem.rate_hz)
+    if problem.reference is None or np.ptp(problem.reference) == 0.0:
+        raise InputError(
+            "instrumental variables need a reference that moves: expected the channel reference in the run"
+        )
+    instruments = reference_instruments(problem.reference, problem.rate_hz)
     scale = problem.scale
     phi = problem.regressor / scale
     q, r = np.linalg.qr(instruments / np.maximum(np.sqrt(np.mean(instruments**2, axis=0)), 1e-300))
@@ -55,7 +55,7 @@ def instrumental(
     theta = np.linalg.lstsq(projected, problem.target, rcond=None)[0]
     notes = _weak(phi, projected, problem.names)
     if simulate is not None:
-        for _ in range(rounds):
+        for _ in range(_ROUNDS):
             projected = simulate(theta / scale[:, None]) / scale
             theta = np.linalg.lstsq(projected.T @ phi, projected.T @ problem.target, rcond=None)[0]
     residual = problem.target - phi @ theta
@@ -73,10 +73,10 @@ def _weak(phi, projected, names):
                  for n, s in zip(names, share, strict=True) if s < 0.02)
 
 
-def _std(z, phi, residual, rate_hz, longest_s=0.1):
+def _std(z, phi, residual, rate_hz):
     """(n, m), for residuals that are not white: Newey and West's sum over lags up to 0.1 s, at most 200 samples."""
     inverse = np.linalg.pinv(z.T @ phi)
-    lags = min(int(longest_s * rate_hz), 200, len(z) - 1)
+    lags = min(int(_LONGEST_S * rate_hz), 200, len(z) - 1)
     std = np.empty((phi.shape[1], residual.shape[1]))
     for j in range(residual.shape[1]):
         moment = z * residual[:, j : j + 1]

@@ -7,6 +7,8 @@ from scipy.stats import chi2
 
 from drake_ispace.identification.estimate import Estimate
 
+_LAGS = 20
+
 
 @dataclass(frozen=True)
 class ResidualTest:
@@ -15,8 +17,8 @@ class ResidualTest:
     Attributes:
         output: its name; lags: of the sums.
         whiteness, whiteness_p: Ljung and Box's Q over `lags` and its p-value; small p: not white.
-        cross, cross_p: name of a regressor -> N * sum of squared cross-correlations over lags 0 .. `lags`, p-value
-            (exact for white regressors; otherwise it errs on the side of refusing).
+        cross_p: name of a regressor -> p-value of N * sum of squared cross-correlations over lags 0 .. `lags` (exact
+            for white regressors; otherwise it errs on the side of refusing).
         white, independent: p >= 1 % (cross-correlations: with Bonferroni's correction).
     """
 
@@ -24,7 +26,6 @@ class ResidualTest:
     lags: int
     whiteness: float
     whiteness_p: float
-    cross: dict[str, float]
     cross_p: dict[str, float]
 
     @property
@@ -44,17 +45,17 @@ def ljung_box(residual: np.ndarray, lags: int) -> tuple[float, float]:
     return q, float(chi2.sf(q, lags))
 
 
-def residual_tests(estimate: Estimate, lags: int = 20, skip: int = 0) -> list[ResidualTest]:
+def residual_tests(estimate: Estimate, skip: int = 0) -> list[ResidualTest]:
     """One per output; `skip`: samples at the beginning that are left out (a recursive method still converges)."""
     results = []
     for j, output in enumerate(estimate.outputs):
         residual = estimate.residual[skip:, j]
         cross = {}
         for i, name in enumerate(estimate.names[: estimate.regressor.shape[1]]):
-            correlation = _correlations(residual, estimate.regressor[skip:, i], lags)
+            correlation = _correlations(residual, estimate.regressor[skip:, i], _LAGS)
             cross[name] = float(len(residual) * np.sum(correlation**2))
-        p = {name: float(chi2.sf(value, lags + 1)) for name, value in cross.items()}
-        results.append(ResidualTest(output, lags, *ljung_box(residual, lags), cross, p))
+        p = {name: float(chi2.sf(value, _LAGS + 1)) for name, value in cross.items()}
+        results.append(ResidualTest(output, _LAGS, *ljung_box(residual, _LAGS), p))
     return results
 
 

@@ -33,6 +33,7 @@ from drake_ispace.wiring.catalog import build_diagram
 ACTUAL = np.array([[0.0, 0.0], [PRINTED_STATE[0], PRINTED_STATE[1]], [PRINTED_INPUT[0], PRINTED_INPUT[2]]])
 _ROBOT = Pendulum.name
 _LOGS = {f"{_ROBOT}_{signal}": 1 for signal in ("pose", "balance", "torque", "way_point")}
+_CORNER_HZ = 8.0  # of the low-pass behind which Y is differentiated
 
 
 def servo_rollout(scenario: Scenario | None = None) -> Rollout:
@@ -68,20 +69,19 @@ class ServoData:
 
 
 def servo_data(
-    rollout: Rollout, seconds: float, seed: int, noise: SinusoidNoise, rate_hz: float = 2000.0, loop_noise: bool = True,
+    rollout: Rollout, seconds: float, seed: int, noise: SinusoidNoise, rate_hz: float = 2000.0,
 ) -> ServoData:
-    """Run the experiment once.
+    """Run the experiment once; the controller sees the noise too, at its own 200 Hz.
 
     Args:
         rollout: of `servo_rollout`; seconds: length; seed: of the noise's phases.
         rate_hz: rounded to a whole number of samples a tick.
-        loop_noise: the controller sees the noise too (at its own 200 Hz); False: only the log does.
     """
     ticks = ticks_in(seconds)
     parameters = rollout.with_seed(seed)
     amplitude = np.array([noise.position_amplitude_m, noise.tilt_amplitude_rad])
     for i in range(2):
-        parameters[rollout.index(f"{_ROBOT}_state.amplitude[{i}]")] = amplitude[i] if loop_noise else 0.0
+        parameters[rollout.index(f"{_ROBOT}_state.amplitude[{i}]")] = amplitude[i]
     parameters[rollout.index(f"{_ROBOT}_state.frequency_hz")] = noise.frequency_hz
     parameters[rollout.index(f"{_ROBOT}_state.white_share")] = noise.white_share
     logs = rollout.run(ticks, parameters)
@@ -93,7 +93,7 @@ def servo_data(
     white = np.random.default_rng(seed).standard_normal((len(time), 2)) if noise.white_share else 0.0
     phase = 2.0 * np.pi * np.array([uniform(key, 0, 0), uniform(key, 0, 1)])
     wave = np.sin(2.0 * np.pi * noise.frequency_hz * time[:, None] + phase) + noise.white_share * white
-    if noise.white_share and loop_noise:  # at the ticks it is the loop's own
+    if noise.white_share:  # at the ticks it is the loop's own
         drawn = np.array([[normal(key, k, 2), normal(key, k, 3)] for k in range(ticks)])
         wave[::per_tick] += noise.white_share * (drawn - white[::per_tick])
     reference = np.repeat(logs[f"{_ROBOT}_way_point"][1:, 1], per_tick)
@@ -124,8 +124,8 @@ def _steps(per_tick, theta):
     return [expm(_extended(theta) * (TICK_S * j / per_tick)) for j in range(per_tick)]
 
 
-def _state_variable_filter(rate_hz, corner_hz=8.0):
-    w = 2.0 * np.pi * corner_hz
+def _state_variable_filter(rate_hz):
+    w = 2.0 * np.pi * _CORNER_HZ
     denominator = np.poly([-w] * 3)
     (b0, a0, _), (b2, a2, _) = (
         cont2discrete(([w**3], denominator), 1.0 / rate_hz, "bilinear"),

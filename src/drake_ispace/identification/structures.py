@@ -15,6 +15,12 @@ from drake_ispace.recording import Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.slip import GRAVITY
 
+# of a run of the pendulum
+_RADIUS_M = 0.08  # of its wheels
+_DEAD_BAND_RAD_S = 0.1  # wheel speed whose sign counts as known
+_LOW_PASS_S = 0.02  # that every signal passes
+_CORRECTION_S = 20.0  # over which the specific force corrects the tilt
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -60,9 +66,9 @@ def full_state(position, tilt, torque, acceleration, rate_hz, reference=None) ->
     )
 
 
-def optimised(position, tilt, torque, acceleration, rate_hz, reference=None) -> Problem:
+def optimised(position, tilt, torque, acceleration, rate_hz) -> Problem:
     """Section 3.4.3: components that the state matrix does not contain are left out, here s: [theta, u]."""
-    return full_state(position, tilt, torque, acceleration, rate_hz, reference).without("s")
+    return full_state(position, tilt, torque, acceleration, rate_hz).without("s")
 
 
 def time_series(y: np.ndarray, u: np.ndarray, na: int, nb: int, delay: int = 1, rate_hz: float = 1.0) -> Problem:
@@ -85,18 +91,15 @@ def time_series(y: np.ndarray, u: np.ndarray, na: int, nb: int, delay: int = 1, 
     return Problem(tuple(names), outputs, np.column_stack(columns), y[first:], rate_hz)
 
 
-def friction_problem(
-    recording: Recording, radius_m: float = 0.08, dead_band_rad_s: float = 0.1, time_constant_s: float = 0.02
-) -> Problem:
+def friction_problem(recording: Recording) -> Problem:
     """Table 4.1 from a run of the pendulum: [theta, sgn w, w, tau] -> [s'', theta''], both wheels summed.
 
     Y is differentiated once only: s'' from the accelerometer with gravity taken off, theta'' a difference of the gyro.
-    The tilt is `tilt_of`'s. Wheel speed is a count difference; every
-    signal passes the same low-pass, so that the linear relation holds between the filtered ones.
+    The tilt is `tilt_of`'s. Wheel speed is a count difference; every signal passes the same low-pass, so that the
+    linear relation holds between the filtered ones.
 
     Args:
-        recording: with channels torque, encoder and imu, all every 5 ms; radius_m: of the wheels, for the tilt.
-        dead_band_rad_s: wheel speed whose sign counts as known; time_constant_s: of the low-pass.
+        recording: with channels torque, encoder and imu, all every 5 ms.
 
     Raises:
         InputError: another robot, a channel that is missing or has another rate.
@@ -120,8 +123,8 @@ def friction_problem(
 
     tau = rows("torque")[:-1].sum(axis=1)  # held on [t_k, t_k+1)
     imu, angle = rows("imu"), rows("encoder")
-    tilt = tilt_of(imu, angle, radius_m)
-    memory = float(np.exp(-TICK_S / time_constant_s))
+    tilt = tilt_of(imu, angle, _RADIUS_M)
+    memory = float(np.exp(-TICK_S / _LOW_PASS_S))
 
     def smooth(signal):
         return lfilter([1.0 - memory], [1.0, -memory], signal, axis=0)
@@ -129,7 +132,7 @@ def friction_problem(
     speed = smooth(np.diff(angle, axis=0) / TICK_S)
     level = (imu[1:, 0] + GRAVITY * np.sin(tilt[1:])) / np.cos(tilt[1:])
     middle = 0.5 * (tilt[1:] + tilt[:-1])
-    signs = np.where(np.abs(speed) > dead_band_rad_s, np.sign(speed), 0.0).sum(axis=1)
+    signs = np.where(np.abs(speed) > _DEAD_BAND_RAD_S, np.sign(speed), 0.0).sum(axis=1)
     regressor = np.column_stack([smooth(middle), smooth(signs), speed.sum(axis=1), smooth(tau)])
     target = np.column_stack([smooth(level), smooth(np.diff(imu[:, 4]) / TICK_S)])
     reference = None
@@ -144,8 +147,8 @@ def friction_problem(
     )
 
 
-def tilt_of(imu: np.ndarray, angle: np.ndarray, radius_m: float, correction_s: float = 20.0) -> np.ndarray:
-    """Tilt [rad] (N,) after the run: the gyro's integral, its mean corrected by the specific force over `correction_s`.
+def tilt_of(imu: np.ndarray, angle: np.ndarray, radius_m: float) -> np.ndarray:
+    """Tilt [rad] (N,) after the run: the gyro's integral, its mean corrected by the specific force over 20 s.
 
     The rate's mean is the gyro's bias, as the tilt stays bounded. The specific force also holds the robot's own
     acceleration, which goes with its friction: it is taken off, from the wheels' second derivative over 0.2 s. (Left
@@ -158,7 +161,7 @@ def tilt_of(imu: np.ndarray, angle: np.ndarray, radius_m: float, correction_s: f
     wheels = 0.5 * angle.sum(axis=1) + TICK_S * np.cumsum(rate)
     own = radius_m * savgol_filter(wheels, 41, 2, deriv=2, delta=TICK_S)
     lean = np.arctan2(own - imu[:, 0], imu[:, 2])
-    keep = np.exp(-TICK_S / correction_s)
+    keep = np.exp(-TICK_S / _CORRECTION_S)
     middle = 0.5 * (rate + np.concatenate([[0.0], rate[:-1]]))
     return lfilter([1.0], [1.0, -keep], keep * TICK_S * middle + (1.0 - keep) * lean)
 

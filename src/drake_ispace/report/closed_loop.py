@@ -16,7 +16,6 @@ from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.wiring.catalog import build_diagram
 
-_COLUMNS = 6  # of a way point's table: time, x, y, velocity (2), rate of turn
 _SAME_RAD = 0.02
 _AT_REST_M_S = 1e-200  # a way point at rest still has a heading; too slow to matter for anything else
 

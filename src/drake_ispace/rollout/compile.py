@@ -22,7 +22,6 @@ from drake_ispace.noise import stream
 from drake_ispace.rates import MAX_TICK
 from drake_ispace.rollout import views
 from drake_ispace.rollout.emit import Emitter
-from drake_ispace.rollout.layout import Layout
 from drake_ispace.rollout.network import Network, Port, take_apart
 
 
@@ -50,7 +49,6 @@ class Rollout:
     digest: str
     _function: object = field(repr=False)
     _network: Network = field(repr=False)
-    _layout: Layout = field(repr=False)
 
     def run(
         self, ticks: int, parameters=None, continuous_state=None, discrete_state=None, inputs=None,
@@ -162,13 +160,12 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         discrete_state=packed("discrete_state"),
         logged={name: (network.source_size(port), divisor) for name, (port, divisor) in wanted.items()},
         kernels=emitter.kernels, digest=digest, _function=_machine_code(emitter, digest), _network=network,
-        _layout=emitter.layout,
     )
 
 
-def kernel_text(diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None) -> str:
-    """`Rollout.source` without compiling anything; arguments and errors as `compile_diagram`."""
-    return _emitted(diagram, context, log)[2].source
+def kernel_text(diagram: Diagram) -> str:
+    """`Rollout.source` without compiling anything, every output logged; errors as `compile_diagram`."""
+    return _emitted(diagram, None, None)[2].source
 
 
 def _emitted(diagram, context, log) -> tuple[Network, dict[str, tuple[Port, int]], Emitter]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Diagram
 
 from drake_ispace.errors import InputError
 from drake_ispace.kernels import text_of
@@ -70,15 +70,13 @@ class LaneRollout:
         return logs
 
 
-def compile_lanes(
-    diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None, lanes: int = 32,
-) -> LaneRollout:
-    """Compile `diagram` for `lanes` runs at once; other arguments as `compile_diagram`.
+def compile_lanes(diagram: Diagram, log: Mapping[str, int] | None = None, lanes: int = 32) -> LaneRollout:
+    """Compile `diagram` for `lanes` runs at once; log: as of `compile_diagram`.
 
     Raises:
         InputError: exported inputs, or a kernel that gains nothing from lanes, named with the reason.
     """
-    single = compile_diagram(diagram, context, log)
+    single = compile_diagram(diagram, log=log)
     if single.inputs:
         raise InputError("lanes: exported inputs are not laid out in lanes, expected a Diagram without inputs")
     for name, kernel in single.kernels.items():

@@ -1,4 +1,4 @@
-"""The camera as geometry: rays of pixels, projection, and their meeting with planes above the floor.
+"""The camera as geometry: rays of pixels, and projection.
 
 Frames as in Fig. 5.1: W in the middle of the space on its floor, z up; G on the floor below the camera; G1 at the
 camera, parallel to G; S at the camera, x along the view, y left, z up; S1 where the view meets the floor. Pixels count
@@ -73,13 +73,6 @@ class View:
             plane = (pixels - self.matrix[:2, 2]) / self.matrix[[0, 1], [0, 1]]
         return np.column_stack([np.ones(len(plane)), -plane]) @ self.r_ws.T
 
-    def to_plane(self, pixels, height_m: float = 0.0) -> np.ndarray:
-        """(n, 2) x, y in W [m] where the rays of (n, 2) pixels meet the plane z = height_m; NaN where they do not."""
-        rays = self.rays(pixels)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            z = (height_m - self.p_ws[2]) / rays[:, 2]
-            return np.where((z > 0.0)[:, None], self.p_ws[:2] + z[:, None] * rays[:, :2], np.nan)
-
     def pixel_grid(self, offset=(0.0, 0.0)) -> np.ndarray:
         """(rows * columns, 2) all pixels, row by row, shifted by `offset`."""
         columns, rows = self.size
@@ -111,28 +104,3 @@ def view_of(camera: Camera) -> View:
         tuple(camera.size_pixels), camera_matrix(camera), np.array(camera.distortion),
         rotation_z(camera.foot_yaw_rad) @ r_gs, np.array([*camera.foot_m, camera.height_m]),
     )
-
-
-def image_centre_on_floor(camera: Camera) -> np.ndarray:
-    """(2,) origin of S1 in G [m]: where the view meets the floor."""
-    ahead = rotation_gs(camera.roll_rad, camera.pitch_rad, camera.yaw_rad)[:, 0]
-    return camera.height_m / -ahead[2] * ahead[:2]
-
-
-def printed_vectors(camera: Camera, pixels, range_m, *, yaw_from_pitch: bool = False) -> np.ndarray:
-    """(n, 3) d of (5.3)-(5.6) in G1 [m], as printed: each pixel's angles are added to those of the camera.
-
-    Args:
-        pixels: (n, 2), v downward; the printed sign of (5.3) wants rows that count upward, so they are turned.
-        range_m: (n,) D_x, the distance along the ray.
-        yaw_from_pitch: (5.4) starts from alpha, a slip for gamma.
-    """
-    pixels = np.asarray(pixels, dtype=float).reshape(-1, 2)
-    columns, rows = camera.size_pixels
-    pitch = camera.pitch_rad + camera.view_angle_rad[1] * (rows / 2.0 - (rows - 0.5 - pixels[:, 1])) / rows
-    start = camera.pitch_rad if yaw_from_pitch else camera.yaw_rad
-    yaw = start + camera.view_angle_rad[0] * (columns / 2.0 - (pixels[:, 0] + 0.5)) / columns
-    distance = np.broadcast_to(range_m, len(pixels))
-    return np.array([
-        rotation_gs(camera.roll_rad, a, g) @ [d, 0.0, 0.0] for a, g, d in zip(pitch, yaw, distance, strict=True)
-    ])

@@ -11,6 +11,7 @@ from drake_ispace.errors import InputError
 from drake_ispace.space.camera import View
 
 FREE, UNKNOWN, OBSTACLE, ROBOT = 0, 1, 2, 3
+CELL_M = 0.02  # side of a cell
 
 _FLOOR_M = 0.05  # what is higher stands on the floor: four standard deviations of the depth noise at 3 m
 _TOP_M = 0.012  # of a point from the plane of the top face that it belongs to, after the median filter
@@ -36,22 +37,19 @@ class SpaceMap:
     Attributes:
         cells: (rows, columns) FREE, UNKNOWN (hidden behind something), OBSTACLE or ROBOT; columns along x of W, the
             first row at the largest y, as the top view.
-        height: (rows, columns) of the highest point [m], NaN where unknown.
-        cell_m: side of a cell; obstacles: without the robots.
+        obstacles: without the robots.
     """
 
     cells: np.ndarray
-    height: np.ndarray
-    cell_m: float
     obstacles: tuple[Obstacle, ...]
 
 
-def vectors(view: View, depth: np.ndarray, of_ray: bool = False) -> np.ndarray:
-    """(rows, columns, 3) d of (5.5) in W [m], from the camera to what each pixel sees: composed rotation times
-    pinhole ray, in place of (5.3)-(5.6) (`camera.printed_vectors`). NaN where there is no depth.
+def points(view: View, depth: np.ndarray) -> np.ndarray:
+    """(rows, columns, 3) what each pixel sees, in W [m], NaN where there is no depth: from the camera on, composed
+    rotation times pinhole ray, in place of d of (5.3)-(5.6).
 
     Args:
-        depth: (rows, columns) along the view [m], 0 or NaN for none, or along each ray with `of_ray`.
+        depth: (rows, columns) along the view [m], 0 or NaN for none.
 
     Raises:
         InputError: a depth image of another size than the view's.
@@ -60,24 +58,16 @@ def vectors(view: View, depth: np.ndarray, of_ray: bool = False) -> np.ndarray:
     if depth.shape != view.size[::-1]:
         raise InputError(f"depth image: expected {view.size[0]} x {view.size[1]} pixels, got shape {depth.shape}")
     rays = view.rays(view.pixel_grid()).reshape(*depth.shape, 3)
-    if of_ray:
-        rays = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan)[..., None] * rays
-
-
-def points(view: View, depth: np.ndarray, of_ray: bool = False) -> np.ndarray:
-    """(rows, columns, 3) what each pixel sees, in W [m]; as `vectors`."""
-    return view.p_ws + vectors(view, depth, of_ray)
+    return view.p_ws + np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan)[..., None] * rays
 
 
 def map_of(
     view: View, depth: np.ndarray, width_m: float, depth_m: float, robots: Iterable[np.ndarray] = (),
-    cell_m: float = 0.02,
 ) -> SpaceMap:
     """The map of the space in a depth image.
 
     Args:
-        depth: (rows, columns) along the view [m]; width_m, depth_m: of the space; cell_m: of the map.
+        depth: (rows, columns) along the view [m]; width_m, depth_m: of the space.
         robots: (4, 2) corners in W [m] of the area of each robot that was found by its markers.
 
     Raises:
@@ -86,7 +76,7 @@ def map_of(
     smooth = cv2.medianBlur(np.nan_to_num(np.asarray(depth, dtype=np.float32)), 5)
     seen = points(view, smooth)
     flat = seen[np.isfinite(seen[..., 2])]
-    rows, columns = round(depth_m / cell_m), round(width_m / cell_m)
+    rows, columns = round(depth_m / CELL_M), round(width_m / CELL_M)
     column, row = _cell(flat[:, :2], width_m, depth_m, rows, columns)
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     height = np.full((rows, columns), -np.inf)
@@ -102,7 +92,7 @@ def map_of(
         cells[(mask > 0) & standing] = ROBOT
     found, kept = _obstacles(view, seen, cells, width_m, depth_m)
     cells[(cells == OBSTACLE) & ~kept] = FREE
-    return SpaceMap(cells, height, cell_m, tuple(found))
+    return SpaceMap(cells, tuple(found))
 
 
 def _cell(places, width_m, depth_m, rows, columns, whole=True):
@@ -151,7 +141,7 @@ def free_space_overlap(cells: np.ndarray, truth: np.ndarray) -> float:
     return float((one & other).sum() / max((one | other).sum(), 1))
 
 
-def true_cells(boxes, width_m: float, depth_m: float, cell_m: float = 0.02) -> np.ndarray:
+def true_cells(boxes, width_m: float, depth_m: float, cell_m: float = CELL_M) -> np.ndarray:
     """(rows, columns) FREE or OBSTACLE: which middles of cells lie in the footprint of one of the scene's boxes."""
     rows, columns = round(depth_m / cell_m), round(width_m / cell_m)
     x, y = np.meshgrid(

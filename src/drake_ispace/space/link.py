@@ -1,11 +1,9 @@
 """The radio link from the room to a robot: framed serial messages, delayed by the line, sometimes lost.
 
-`pack` and `unpack` are the frame on the wire; the block models when a frame arrives and whether it does. The rounding
-of the payload to 32-bit floats (below 1e-7 m) is not modelled.
+The block models when a frame arrives and whether it does. The rounding of the payload to 32-bit floats (below 1e-7 m)
+is not modelled.
 """
 
-import binascii
-import struct
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,24 +31,9 @@ class Link:
     corruption: float = quantity(0.0, minimum=0.0, maximum=1.0)
 
 
-_START = b"\xa5\x5a"
-
-
-def pack(tick: int, values) -> bytes:
-    """A frame: start bytes, count, tick of sending, the values as 32-bit floats, CRC-16 of all but the start."""
-    body = struct.pack(f"<BI{len(values)}f", len(values), tick, *values)
-    return _START + body + struct.pack("<H", binascii.crc_hqx(body, 0xFFFF))
-
-
-def unpack(frame: bytes) -> tuple[int, tuple[float, ...]] | None:
-    """(tick, values) of a whole and undamaged frame, else None."""
-    if len(frame) < 9 or frame[:2] != _START or len(frame) != 9 + 4 * frame[2]:
-        return None
-    body, (checksum,) = frame[2:-2], struct.unpack("<H", frame[-2:])
-    if binascii.crc_hqx(body, 0xFFFF) != checksum:
-        return None
-    _, tick, *values = struct.unpack(f"<BI{frame[2]}f", body)
-    return tick, tuple(values)
+_FRAME_BYTES = 2 + 1 + 4 + 2  # start, count of values, tick of sending, checksum
+_VALUE_BYTES = 4
+_BITS_PER_BYTE = 10  # on a serial line: with start and stop bit
 
 
 def delay_ticks(link: Link, order_size: int) -> int:
@@ -61,7 +44,7 @@ def delay_ticks(link: Link, order_size: int) -> int:
     """
     if link.baud_rate == 0:
         return link.delay_ticks
-    bits = 10 * len(pack(0, [0.0] * (FIX + order_size)))
+    bits = _BITS_PER_BYTE * (_FRAME_BYTES + _VALUE_BYTES * (FIX + order_size))
     if bits > link.baud_rate:
         raise InputError(
             f"space.link.baud_rate: {link.baud_rate} bit/s, expected at least {bits} (a frame a second) or 0"

@@ -9,7 +9,7 @@ kappa = 0 for the literature's (wheel rotation only, (2.34)-(2.36)):
     m33 = m_b z^2 + I_yy + 2 (1 - kappa)^2 I_w + 2 (1 - n kappa)^2 I_r
     m22 = (m_b z^2 + I_xx) sin^2 + I_zz cos^2 + 2 (I_wz + I_rz) + 2 m_w b^2 + 2 (b/r)^2 (I_w + n^2 I_r)
 
-`pendulum_lagrangian.py` derives the same from the energies; a test compares them. With wheels of two radii r_R, r_L
+The tests derive the same from the energies (`tests/robots/pendulum_lagrangian.py`). With wheels of two radii r_R, r_L
 each wheel has its own: 2/r^2 becomes 1/r_R^2 + 1/r_L^2, 2/r becomes 1/r_R + 1/r_L, and yaw is coupled to the rest by
 
     m12 = b (I_w + n^2 I_r) (1/r_R^2 - 1/r_L^2),    m23 = b ((1 - kappa) I_w + n (1 - n kappa) I_r) (1/r_R - 1/r_L).

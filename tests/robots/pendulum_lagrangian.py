@@ -1,4 +1,4 @@
-"""The pendulum's equations of motion derived from its energies, (2.2)-(2.48), as a check on `pendulum.py`.
+"""The pendulum's equations of motion derived from its energies, (2.2)-(2.48), as a check on the plant.
 
 Read it top to bottom: positions, velocities, inertias, energies, Lagrange's equations, rolling constraints, reduction
 to v = [s_dot, phi_dot, theta_dot]. Corrections to the print (docs/fidelity.md, rows 1 to 4): the body's mass is m_b
