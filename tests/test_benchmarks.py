@@ -3,6 +3,7 @@
 import functools
 import json
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,17 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("[!_]*.py"))
+UNDRAWN = {"diagnosis", "rollout_speed"}  # have no picture
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_the_script_runs_in_its_tiniest_form(script, monkeypatch, capsys, tmp_path):
+    monkeypatch.syspath_prepend(FOLDER)
+    monkeypatch.setattr(sys, "argv", [script, "--tiny", "--figures", str(tmp_path)])
+    runpy.run_path(str(FOLDER / f"{script}.py"), run_name="__main__")
+    assert len(capsys.readouterr().out.splitlines()) > 5
+    assert script in UNDRAWN or list(tmp_path.glob("*.png"))
 
 
 @functools.cache
