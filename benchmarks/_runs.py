@@ -18,6 +18,7 @@ from drake_ispace.simulation import Run, simulate
 # Drake does not free a Diagram with Python blocks, so the processes are replaced now and then. (The executor's own
 # max_tasks_per_child hangs under Python 3.11.)
 _RUNS_PER_PROCESS = 25
+TINY_S = 1.5  # simulated time of a run that is only to run
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,16 @@ def summary(run: Run) -> dict:
     return measure(run, run.robots[0]).to_data()
 
 
-def run_all(jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary) -> dict[object, dict]:
-    """label -> summarise(run) of every job; `summarise` is a function at the top level of a module."""
+def run_all(
+    jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary, at_most_s: float | None = None,
+) -> dict[object, dict]:
+    """label -> summarise(run) of every job; `summarise` is a function at the top level of a module.
+
+    at_most_s: simulated time at which every run ends; so short ones are run in this process.
+    """
     jobs, results = list(jobs), []
+    if at_most_s is not None:
+        return {job.label: _run(summarise, job, at_most_s) for job in jobs}
     workers = min(os.cpu_count() or 1, len(jobs))
     for batch in range(0, len(jobs), workers * _RUNS_PER_PROCESS):
         with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
@@ -50,18 +58,29 @@ def run_all(jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary) -> 
     return {job.label: result for job, result in zip(jobs, results, strict=True)}
 
 
-def _run(summarise, job):
-    return summarise(simulate(load_scenario(job.scenario, job.overrides)))
+def _run(summarise, job, at_most_s=float("inf")):
+    scenario = load_scenario(job.scenario, job.overrides)
+    scenario.seconds = min(scenario.seconds, at_most_s)
+    return summarise(simulate(scenario))
 
 
-def options(description: str) -> argparse.Namespace:
-    """json, quick, seed and figures from the command line."""
+def options(description: str, **more: dict) -> argparse.Namespace:
+    """json, quick, tiny, seed and figures from the command line, and `at_most_s`, as run_all takes it.
+
+    more: further options, name -> arguments of argparse's add_argument. What is tiny is quick, too.
+    """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else")
     parser.add_argument("--quick", action="store_true", help="fewer and shorter runs")
+    parser.add_argument("--tiny", action="store_true", help="only to see that every part runs, in a few seconds")
     parser.add_argument("--seed", type=int, default=0, help="of every random draw, default 0")
     parser.add_argument("--figures", type=Path, help="folder to write pictures to; left out: none are drawn")
-    return parser.parse_args()
+    for name, settings in more.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", **settings)
+    asked = parser.parse_args()
+    asked.quick |= asked.tiny
+    asked.at_most_s = TINY_S if asked.tiny else None
+    return asked
 
 
 def values(**settings) -> tuple[str, ...]:

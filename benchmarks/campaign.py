@@ -22,30 +22,33 @@ from drake_ispace.rollout.table import read_campaign
 from drake_ispace.scenario import load_scenario
 
 VARY = {"omni_plant.mass_kg": "normal(7.31, 0.4)", "omni_plant.slip.ratio_x": "uniform(0, 0.2)"}
-SECONDS = 20.0
+SECONDS, TINY_S = 20.0, 0.5
 
 _CHILD = """
 import json, resource, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from campaign import campaign
-runs, seed, out, cluster = json.loads(sys.argv[1])
-done = campaign(runs, seed, Path(out), cluster)
+runs, seconds, seed, out, cluster = json.loads(sys.argv[1])
+done = campaign(runs, seconds, seed, Path(out), cluster)
 print(json.dumps({"wall_s": done.wall_s, "runs_now": done.runs_now,
                   "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0}))
 """
 
 
-def campaign(runs: int, seed: int, out: Path | None = None, cluster: str | None = None, threads: int = 2) -> Campaign:
+def campaign(
+    runs: int, seconds: float, seed: int, out: Path | None = None, cluster: str | None = None, threads: int = 2,
+) -> Campaign:
     """The campaign that all of this is about."""
-    scenario = load_scenario("omni_multirate", [f"seconds={SECONDS}"])
+    scenario = load_scenario("omni_multirate", [f"seconds={seconds}"])
     threads = None if cluster else threads
     return run_campaign(scenario, runs, vary=VARY, seed=seed, out=out, threads=threads, cluster=cluster)
 
 
-def start(runs: int, seed: int, out: Path, cluster: str | None = None) -> subprocess.Popen:
+def start(runs: int, seconds: float, seed: int, out: Path, cluster: str | None = None) -> subprocess.Popen:
     """The campaign in a process of its own, so that its memory is its own and it can be killed."""
-    words = [sys.executable, "-c", _CHILD, json.dumps([runs, seed, str(out), cluster]), str(Path(__file__).parent)]
+    asked = json.dumps([runs, seconds, seed, str(out), cluster])
+    words = [sys.executable, "-c", _CHILD, asked, str(Path(__file__).parent)]
     return subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
 
@@ -57,25 +60,25 @@ def finished(process: subprocess.Popen) -> dict:
     return json.loads(printed)
 
 
-def thread_ratio(runs: int, rounds: int) -> tuple[float, dict[int, float]]:
+def thread_ratio(runs: int, seconds: float, rounds: int) -> tuple[float, dict[int, float]]:
     """(median over rounds of the rate with two threads by that with one, median seconds), alternating."""
     wall: dict[int, list[float]] = {1: [], 2: []}
     for number in range(rounds):
         for threads in (1, 2) if number % 2 else (2, 1):
-            wall[threads].append(campaign(runs, number, threads=threads).wall_s)
+            wall[threads].append(campaign(runs, seconds, number, threads=threads).wall_s)
     ratios = [one / two for one, two in zip(wall[1], wall[2], strict=True)]
     return statistics.median(ratios), {threads: statistics.median(walls) for threads, walls in wall.items()}
 
 
-def killed_and_resumed(runs: int, seed: int, out: Path, whole: Path) -> dict:
+def killed_and_resumed(runs: int, seconds: float, seed: int, out: Path, whole: Path) -> dict:
     """Kill the campaign about half-way, call it again, compare with the uninterrupted one in `whole`."""
-    process = start(runs, seed, out)
+    process = start(runs, seconds, seed, out)
     while process.poll() is None and 500 * len(list(out.glob("part-*.parquet"))) < runs // 2:
         time.sleep(0.01)
     process.kill()
     process.communicate()
     kept = read_campaign(out).num_rows
-    resumed = finished(start(runs, seed, out))
+    resumed = finished(start(runs, seconds, seed, out))
     return {
         "rows_kept": kept, "rows_done_again": resumed["runs_now"],
         "same_table": read_campaign(out).equals(read_campaign(whole)),
@@ -104,25 +107,26 @@ def cluster_of_two(folder: Path):
 
 def main() -> None:
     chosen = options(__doc__)
-    runs = 1000 if chosen.quick else 10_000
+    runs, seconds = 1000 if chosen.quick else 10_000, TINY_S if chosen.tiny else SECONDS
+    rounds = 1 if chosen.tiny else 3 if chosen.quick else 5
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        campaign(2, chosen.seed)  # compiled and cached from here on
-        whole = finished(start(runs, chosen.seed, folder / "whole"))
-        tenth = finished(start(runs // 10, chosen.seed, folder / "tenth"))
-        ratio, walls = thread_ratio(runs // 10, 3 if chosen.quick else 5)
+        campaign(2, seconds, chosen.seed)  # compiled and cached from here on
+        whole = finished(start(runs, seconds, chosen.seed, folder / "whole"))
+        tenth = finished(start(runs // 10, seconds, chosen.seed, folder / "tenth"))
+        ratio, walls = thread_ratio(runs // 10, seconds, rounds)
         data = {
-            "runs": runs, "seconds": SECONDS, "cores": os.cpu_count(), "wall_s": whole["wall_s"],
-            "runs_per_s": runs / whole["wall_s"], "realtime_factor": runs * SECONDS / whole["wall_s"],
+            "runs": runs, "seconds": seconds, "cores": os.cpu_count(), "wall_s": whole["wall_s"],
+            "runs_per_s": runs / whole["wall_s"], "realtime_factor": runs * seconds / whole["wall_s"],
             "peak_memory_mb": whole["peak_mb"], "peak_memory_of_a_tenth_mb": tenth["peak_mb"], "threads_2_vs_1": ratio,
             "run_1_thread_ms": 1e3 * walls[1] / (runs // 10), "run_2_threads_ms": 1e3 * walls[2] / (runs // 10),
-            "killed": killed_and_resumed(runs, chosen.seed, folder / "killed", folder / "whole"),
+            "killed": killed_and_resumed(runs, seconds, chosen.seed, folder / "killed", folder / "whole"),
         }
         try:
             import dask.distributed  # noqa: F401
 
             with cluster_of_two(folder) as address:
-                remote = finished(start(runs, chosen.seed, folder / "remote", address))
+                remote = finished(start(runs, seconds, chosen.seed, folder / "remote", address))
             same = read_campaign(folder / "remote").equals(read_campaign(folder / "whole"))
             data["dask"] = {"wall_s": remote["wall_s"], "same_table": same}
         except ImportError:
@@ -130,12 +134,12 @@ def main() -> None:
         if chosen.figures:
             from drake_ispace.report.montecarlo_plot import plot_campaign
 
-            plot_campaign(campaign(runs, chosen.seed, folder / "whole"), chosen.figures / "montecarlo.png")
+            plot_campaign(campaign(runs, seconds, chosen.seed, folder / "whole"), chosen.figures / "montecarlo.png")
     if chosen.json:
         print_json(data)
         return
     rows = [[key, f"{value:,.4g}" if isinstance(value, float) else value] for key, value in data.items()]
-    print_table(f"{runs:,} runs of {SECONDS:g} s of omni_multirate", ["quantity", "value"], rows)
+    print_table(f"{runs:,} runs of {seconds:g} s of omni_multirate", ["quantity", "value"], rows)
 
 
 if __name__ == "__main__":

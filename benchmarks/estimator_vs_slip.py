@@ -63,9 +63,9 @@ def trace(run):
 def main():
     asked = options(__doc__)
     found = cases(asked.quick)
-    results = run_all(jobs(asked.seed, found), outcome)
+    results = run_all(jobs(asked.seed, found), outcome, asked.at_most_s)
     if asked.figures:
-        draw(asked.seed, results, asked.figures / "estimator_vs_slip.png")
+        draw(asked, results, asked.figures / "estimator_vs_slip.png")
     if asked.json:
         print_json({"seed": asked.seed, "runs": [
             {"slip": kind, "s": s, **{name: results[kind, s, name] for name in LOOPS}} for kind, s in found
@@ -83,11 +83,11 @@ def row(result):
     return f"{mean:.1f} ({largest:.1f}) mm", f"{result['final_x_m']:.4f} m", "reached" if result["reached"] else "NOT"
 
 
-def draw(seed, results, out):
+def draw(asked, results, out):
     from drake_ispace.report.plots import plt, save
 
     shown = {("printed gains", s): (PRINTED + slip(s, "additive"), 20.0) for s in (0.0, 1.3)}
-    curves = run_all(jobs(seed, shown), trace)
+    curves = run_all(jobs(asked.seed, shown), trace, asked.at_most_s)
     figure, axes = plt.subplots(1, 2, figsize=(10.5, 3.9), layout="constrained")
     colours = {"estimator": "#c0392b", "conventional": "#2980b9"}
     axes[0].axhline(GOAL_M, color="0.2", ls="--", lw=1.0, label="reference")

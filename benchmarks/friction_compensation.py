@@ -1,17 +1,13 @@
 """Figs. 4.4 and 4.5: a push on both wheels from 1.2 to 1.6 s under each friction compensation.
 
-    python benchmarks/friction_compensation.py [--json] [--quick] [--pictures FOLDER]
+    python benchmarks/friction_compensation.py [--json] [--quick] [--figures FOLDER]
 
 Integrals of |position| and |tilt| from 1.2 to 10 s, their ratios to no compensation, what is left at rest, and whether
 a run tells that its compensation is too large.
 """
 
-import argparse
-import json
-import sys
-from pathlib import Path
-
 import numpy as np
+from _runs import options, print_json
 
 from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.dlqr import zero_order_hold
@@ -137,19 +133,16 @@ def picture(curves, folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    parser.add_argument("--quick", action="store_true", help="few seeds")
-    parser.add_argument("--pictures", type=Path, help="folder for the figure")
-    asked = parser.parse_args()
-    table, curves = responses(5 if asked.quick else 200)
-    data = {"response": table, "rest": at_rest(), "over_compensation": detection(2 if asked.quick else 20),
-            "viscous_limit": linear_limit()}
-    if asked.pictures:
-        picture(curves, asked.pictures)
+    asked = options(__doc__)
+    table, curves = responses(1 if asked.tiny else 5 if asked.quick else 200)
+    data = {
+        "response": table, "rest": at_rest(), "viscous_limit": linear_limit(),
+        "over_compensation": detection(1 if asked.tiny else 2 if asked.quick else 20),
+    }
+    if asked.figures:
+        picture(curves, asked.figures)
     if asked.json:
-        json.dump(data, sys.stdout, indent=2, allow_nan=False)
-        print()
+        print_json(data)
         return
     print("push of 0.05 N m on both wheels, 1.2 to 1.6 s; medians")
     for name, row in table.items():

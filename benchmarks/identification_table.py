@@ -1,23 +1,20 @@
 """Chapters 3 and 4: error index of ARX, ARMAX, ARMAXD, IV and PEM, friction coefficients, identification on line.
 
-    python benchmarks/identification_table.py [--json] [--quick] [--pictures FOLDER]
+    python benchmarks/identification_table.py [--json] [--quick] [--figures FOLDER]
 
 The servo experiment of section 3.4: printed plant and gains, 20 s, a pulse of 1 m, 2 kHz log, 800 Hz noise of 1 mm and
 0.05 rad at phases drawn per seed. E_er is (3.74) with n = 6: [s, theta, u] -> [s'', theta''].
 """
 
-import argparse
-import json
 import os
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # BLAS threads slow small products down tenfold
 
 import numba
 import numpy as np
+from _runs import options, print_json
 
 from drake_ispace.control import online_identifier
 from drake_ispace.identification import servo_data
@@ -40,7 +37,7 @@ from drake_ispace.rates import TICK_S, ticks_in
 from drake_ispace.scenario import load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
 
-SECONDS, RATE_HZ = 20.0, 2000.0
+SECONDS, TINY_S, RATE_HZ = 20.0, 6.0, 2000.0
 FREQUENCIES = (100.0, 300.0, 500.0, 700.0, 800.0, 900.0, 970.0)
 AMPLITUDES = (0.2, 1.0, 5.0)
 PRINTED = {"arx": 31.02, "armaxd": 26.5}
@@ -61,22 +58,27 @@ def each(function, seeds):
         return np.array(list(pool.map(function, range(seeds))))
 
 
+def fewer(seeds):
+    """A quarter of them, but two where there are as many."""
+    return max(seeds // 4, min(seeds, 2))
+
+
 def spread(values):
     return {"median": float(np.median(values)), "p05": float(np.quantile(values, 0.05)),
             "p95": float(np.quantile(values, 0.95))}
 
 
-def servo_table(seeds):
+def servo_table(seeds, seconds):
     """Every method at the thesis's noise: method -> spread of E_er."""
     rollout, plant = servo_data.servo_rollout(), servo_data.plant_rollout()
 
     def one(seed, filtered, white):
-        data = servo_data.servo_data(rollout, SECONDS, seed, noise(white=white), RATE_HZ)
+        data = servo_data.servo_data(rollout, seconds, seed, noise(white=white), RATE_HZ)
         problem = data.problem(filtered)
         first = arx(problem)
 
         def simulate(theta):
-            return servo_data.noise_free_regressors(rollout, SECONDS, RATE_HZ, theta)
+            return servo_data.noise_free_regressors(rollout, seconds, RATE_HZ, theta)
 
         row = [index_of(first.theta), index_of(armax(problem, every=1000).theta),
                index_of(armaxd(problem, every=1000).theta)]
@@ -93,22 +95,22 @@ def servo_table(seeds):
              "armaxd, optimised")
     tables = {}
     for label, filtered, white, count in (
-        ("as printed", False, 0.0, seeds), ("and white noise of half the amplitude", False, 0.5, max(seeds // 4, 2)),
-        ("the same, Y filtered from the noisy data", True, 0.5, max(seeds // 4, 2)),
+        ("as printed", False, 0.0, seeds), ("and white noise of half the amplitude", False, 0.5, fewer(seeds)),
+        ("the same, Y filtered from the noisy data", True, 0.5, fewer(seeds)),
     ):
         rows = each(lambda seed, f=filtered, w=white: one(seed, f, w), count)
         tables[label] = {name: spread(rows[:, i]) | {"seeds": count} for i, name in enumerate(names)}
     return tables
 
 
-def servo_map(seeds):
-    """Median E_er of ARX and of ARMAXD over amplitude and frequency: two arrays (amplitudes, frequencies)."""
+def servo_map(seeds, seconds):
+    """Median E_er of ARX and of ARMAXD, and how often ARMAXD wins: three arrays (amplitudes, frequencies)."""
     rollout = servo_data.servo_rollout()
     arx_map, armaxd_map, wins = (np.empty((len(AMPLITUDES), len(FREQUENCIES))) for _ in range(3))
     for i, share in enumerate(AMPLITUDES):
         for j, frequency in enumerate(FREQUENCIES):
             def one(seed, frequency=frequency, share=share):
-                problem = servo_data.servo_data(rollout, SECONDS, seed, noise(frequency, share), RATE_HZ).problem()
+                problem = servo_data.servo_data(rollout, seconds, seed, noise(frequency, share), RATE_HZ).problem()
                 return index_of(arx(problem).theta), index_of(armaxd(problem, every=1000).theta)
 
             rows = each(one, seeds)
@@ -120,7 +122,7 @@ def servo_map(seeds):
 def friction_table(seeds):
     """Method -> spread of both coefficients, at the IMU's own noise and at ten times it."""
     tables = {}
-    count = max(seeds // 4, 3)
+    count = max(seeds // 4, min(seeds, 3))
     for label, factor in (("IMU as assumed", 1.0), ("ten times its noise", 10.0)):
         scenario = load_scenario("pendulum_friction_excitation", [
             f"pendulum.imu.accelerometer_noise_density={3e-3 * factor}",
@@ -156,7 +158,7 @@ def _rest(step, xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit,
 
 
 def online(quick):
-    """The identifier in the loop: convergence from zero, cost of a tick, a million ticks without excitation."""
+    """The identifier in the loop: convergence from zero, cost of a tick, many ticks without excitation."""
     scenario = load_scenario("pendulum_friction_excitation")
     rollout = friction_rollout(scenario)
     ticks = ticks_in(scenario.seconds)
@@ -186,19 +188,19 @@ def online(quick):
     }
 
 
-def pictures(folder, maps):
+def pictures(folder, maps, seconds):
     from drake_ispace.report.identification_plots import plot_convergence, plot_gain_map, plot_signals
 
     folder.mkdir(parents=True, exist_ok=True)
     rollout = servo_data.servo_rollout()
-    data = servo_data.servo_data(rollout, SECONDS, 0, noise(), RATE_HZ)
+    data = servo_data.servo_data(rollout, seconds, 0, noise(), RATE_HZ)
     problem, time_s = data.problem(), np.arange(len(data.torque)) / data.rate_hz
     plot_signals(time_s[::7], {
         "s [m]": {"measured": data.measured[::7, 0], "exact": data.exact[::7, 0], "reference": data.reference[::7]},
         "tilt [rad]": {"measured": data.measured[::7, 1], "exact": data.exact[::7, 1]},
         "u [N m]": {"torque of both wheels": data.torque[::7]},
     }, folder / "servo_data.png")
-    plot_convergence({"ARX": recursive_arx(problem, every=40), "ARMAXD": armaxd(problem, every=40)}, SECONDS,
+    plot_convergence({"ARX": recursive_arx(problem, every=40), "ARMAXD": armaxd(problem, every=40)}, seconds,
                      folder / "servo_convergence.png", ACTUAL, rows=3)
     plot_gain_map([f"{f:g}" for f in FREQUENCIES], list(AMPLITUDES), maps[1] / maps[0], folder / "armaxd_gain.png")
     scenario = load_scenario("pendulum_friction_excitation")
@@ -240,20 +242,17 @@ def report(servo, maps, friction, live):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    parser.add_argument("--quick", action="store_true", help="few seeds")
-    parser.add_argument("--pictures", type=Path, help="folder for the figures")
-    asked = parser.parse_args()
-    seeds = 6 if asked.quick else 200
-    servo, maps = servo_table(seeds), servo_map(4 if asked.quick else 200)
+    asked = options(__doc__)
+    seeds, of_map = (1, 1) if asked.tiny else (6, 4) if asked.quick else (200, 200)
+    seconds = TINY_S if asked.tiny else SECONDS
+    servo, maps = servo_table(seeds, seconds), servo_map(of_map, seconds)
     friction, live = friction_table(seeds), online(asked.quick)
-    if asked.pictures:
-        pictures(asked.pictures, maps)
+    if asked.figures:
+        pictures(asked.figures, maps, seconds)
     if not asked.json:
         report(servo, maps, friction, live)
         return
-    json.dump({
+    print_json({
         "E_er": {name: servo["as printed"][name]["median"] for name in ("arx", "armax", "armaxd", "iv", "pem")},
         "friction": {name: {key: row[key]["median"] for key in ("coulomb", "viscous")}
                      for name, row in friction["IMU as assumed"].items()},
@@ -261,8 +260,7 @@ def main():
         "map": {"amplitudes": AMPLITUDES, "frequencies_hz": FREQUENCIES, "arx": maps[0].tolist(),
                 "armaxd": maps[1].tolist(), "armaxd_wins": maps[2].tolist()},
         "online": live,
-    }, sys.stdout, indent=2, allow_nan=False)
-    print()
+    })
 
 
 if __name__ == "__main__":

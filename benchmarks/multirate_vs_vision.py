@@ -162,12 +162,12 @@ def main():
     if asked.quick:
         scales, latencies = (0.5, 1.0), (0, 38)
     computed = radii()
-    runs = run_all(table_jobs(asked.seed, asked.quick), outcome)
-    mapped = run_all(map_jobs(asked.seed, scales, latencies), outcome)
+    runs = run_all(table_jobs(asked.seed, asked.quick), outcome, asked.at_most_s)
+    mapped = run_all(map_jobs(asked.seed, scales, latencies), outcome, asked.at_most_s)
     maps = {base: ratio_map(mapped, base, gains, scales, latencies) for base, gains in map_bases().items()}
     who = verdicts(runs)
     if asked.figures:
-        draw_step(asked.seed, asked.figures / "multirate_vs_vision_step.png")
+        draw_step(asked, asked.figures / "multirate_vs_vision_step.png")
         draw_map(maps, asked.figures / "multirate_vs_vision_map.png")
     if asked.json:
         print_json({
@@ -210,11 +210,12 @@ def cell_text(cell):
     return f"{cell['ratio']:.2f}"
 
 
-def draw_step(seed, out):
+def draw_step(asked, out):
     from drake_ispace.report.plots import plt, save
 
-    jobs = [job for job in table_jobs(seed, quick=True) if job.label[0] in ("step, printed gains", f"step, {CALM_YAW}")]
-    curves = run_all(jobs, traces)
+    cases = ("step, printed gains", f"step, {CALM_YAW}")
+    jobs = [job for job in table_jobs(asked.seed, quick=True) if job.label[0] in cases]
+    curves = run_all(jobs, traces, asked.at_most_s)
     names = {
         ("step, printed gains", "multi-rate"): ("multi-rate, printed gains", "#c0392b", "-"),
         ("step, printed gains", "vision"): ("vision, printed gains", "#2980b9", "-"),

@@ -7,10 +7,9 @@ the median over the repetitions, with the least and the most. What runs on one c
 apart.
 docs/performance.md holds the results of one machine.
 
-    python benchmarks/rollout_speed.py [--json] [--quick] [--peers-python PYTHON]
+    python benchmarks/rollout_speed.py [--json] [--quick] [--tiny] [--peers-python PYTHON]
 """
 
-import argparse
 import json
 import os
 import statistics
@@ -23,7 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from _runs import print_json, print_table
+from _runs import options, print_json, print_table
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from rollout_speed import plain_loop as plain
 from rollout_speed.hand_written import OPTIONS, HandWritten
@@ -45,6 +44,8 @@ _PEERS = {
     "control": "one function for all, the plant sampled by hand: it connects no continuous to a sampled system",
 }
 _SAME = 1e-8
+_REPETITIONS = {"tiny": 1, "quick": 5, "full": 9}
+_TICKS = {"tiny": 400, "quick": 4000, "full": 20_000}  # of a run whose speed is compared with another's
 _OFTEN = 20  # a compiled run of a few ticks is too short for the clock
 _FIRST_USE = """
 import sys, time
@@ -101,10 +102,10 @@ def per_tick(seconds: list[float], ticks: int) -> float:
     return statistics.median(seconds) / ticks * 1e9
 
 
-def compiled_vs_drake(repetitions, quick):
+def compiled_vs_drake(repetitions, size):
     """The same Diagram in Drake's Simulator and compiled, with every output logged every tick, and with no log."""
     results = {}
-    ticks = 400 if quick else 2000
+    ticks = {"tiny": 100, "quick": 400, "full": 2000}[size]
     for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
         for logged in (True, False):
             simulator = make_simulator(make())[0] if logged else _bare_simulator(make())
@@ -137,7 +138,7 @@ def _bare_simulator(diagram):
     return simulator
 
 
-def compiled_vs_c(repetitions, quick):
+def compiled_vs_c(repetitions, size):
     """Time beside the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
     results = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -146,7 +147,7 @@ def compiled_vs_c(repetitions, quick):
                 builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
             except FileNotFoundError as error:
                 return {"skipped": str(error)}
-            ticks = (20_000 if quick else 100_000) * (10 if name == "plain_loop" else 1)
+            ticks = {"tiny": 2000, "quick": 20_000, "full": 100_000}[size] * (10 if name == "plain_loop" else 1)
             results[name] = _beside(builds, unlogged(make()), ticks, repetitions)
     return results
 
@@ -174,11 +175,12 @@ def _final_state(rollout, ticks):
     return np.concatenate([x, d])
 
 
-def horizon(repetitions, quick):
+def horizon(repetitions, size):
     """Time per tick and growth of memory with the length of a run; ratio: the longest to the shortest, per tick."""
     rollout = unlogged(omni_multirate())
-    lengths = {f"{seconds} s": round(seconds / TICK_S) for seconds in (1, 10, 100, 1000)}
-    often = {name: max(1, lengths["100 s"] // ticks) for name, ticks in lengths.items()}
+    longest = 10 if size == "tiny" else 1000  # s
+    lengths = {f"{seconds} s": round(seconds / TICK_S) for seconds in (1, 10, 100, 1000) if seconds <= longest}
+    often = {name: max(1, round(min(longest, 100) / TICK_S) // ticks) for name, ticks in lengths.items()}
 
     def run(name):
         return on_this_core(lambda: [rollout.run(lengths[name]) for _ in range(often[name])]) / often[name]
@@ -187,7 +189,7 @@ def horizon(repetitions, quick):
     taken = in_turns(repetitions, {name: lambda name=name: run(name) for name in lengths})
     each = {name: [s / lengths[name] for s in seconds] for name, seconds in taken.items()}
     return {
-        **ratio(each["1000 s"], each["1 s"]),
+        **ratio(each[f"{longest} s"], each["1 s"]),
         "ns_per_tick": {name: per_tick(seconds, lengths[name]) for name, seconds in taken.items()},
         "memory_growth_kib": _resident_kib() - before,
     }
@@ -197,9 +199,9 @@ def _resident_kib():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
 
 
-def robots(repetitions, quick):
+def robots(repetitions, size):
     """A tick of both robots in one room to a tick of the omni robot alone."""
-    ticks = 4000 if quick else 20_000
+    ticks = _TICKS[size]
     rollouts = {"omni_multirate": unlogged(omni_multirate()), "shared_space": unlogged(shared_space())}
     taken = in_turns(repetitions, {n: lambda r=r: on_this_core(lambda: r.run(ticks)) for n, r in rollouts.items()})
     return {
@@ -208,11 +210,11 @@ def robots(repetitions, quick):
     }
 
 
-def threads_2_vs_1(repetitions, quick):
+def threads_2_vs_1(repetitions, size):
     """Rollouts a second on two threads to one. `ratio`: by the wall, other programs on this machine count against it;
     `less_waiting`: without the time that a thread was ready to run and had no core."""
     rollout = unlogged(omni_multirate())
-    runs, ticks = 16, 4000 if quick else 20_000
+    runs, ticks = 16, _TICKS[size]
 
     def work(count):
         started, waited = time.perf_counter(), _waited_s()
@@ -243,11 +245,11 @@ def _waited_s():
         return 0.0
 
 
-def lanes_vs_runs(repetitions, quick):
+def lanes_vs_runs(repetitions, size):
     """Runs a second of the plain loop in SIMD lanes to one run after the other, every run with its own parameters."""
     lanes = compile_lanes(plain.plain_loop(), log={"position": MAX_TICK})
     generator = np.random.default_rng(0)
-    runs, ticks = lanes.lanes, 2000 if quick else 10_000
+    runs, ticks = lanes.lanes, _TICKS[size] // 2
     values = lanes.single.parameters
     parameters = values * (1.0 + 0.01 * generator.standard_normal((runs, len(values))))
     one_by_one = lambda: [lanes.single.run(ticks, row) for row in parameters]  # noqa: E731
@@ -260,9 +262,9 @@ def lanes_vs_runs(repetitions, quick):
     }
 
 
-def peers(repetitions, quick, python):
+def peers(repetitions, size, python):
     """The plain loop in other simulators: how many times longer, how far the state log is from ours, over all ticks."""
-    ticks = 400 if quick else 4000
+    ticks = {"tiny": 100, "quick": 400, "full": 4000}[size]
     rollout = unlogged(plain.plain_loop())
     many = 200_000
     taken = in_turns(repetitions, {"ours": lambda: on_this_core(lambda: rollout.run(many))})
@@ -275,7 +277,7 @@ def peers(repetitions, quick, python):
         "k_p": plain.K_P, "k_d": plain.K_D,
     }
     request = {
-        "ticks": ticks, "repetitions": 1 if quick else repetitions,
+        "ticks": ticks, "repetitions": repetitions if size == "full" else 1,
         "constants": {name: value.tolist() for name, value in constants.items()}
         | {"memory": plain.MEMORY, "tick_s": TICK_S, "vision_ticks": VISION_TICKS},
     }
@@ -304,10 +306,10 @@ def peers(repetitions, quick, python):
     return results
 
 
-def first_use(quick):
+def first_use(size):
     """Name -> seconds to compile in an empty cache; name -> import, build, load in a second process."""
     compile_s, second = {}, {}
-    for name in ["omni_multirate"] if quick else CATALOG:
+    for name in {"tiny": ["odometry_replay"], "quick": ["omni_multirate"], "full": CATALOG}[size]:
         with tempfile.TemporaryDirectory() as folder:
             environment = os.environ | {"DRAKE_ISPACE_CACHE": folder}
             took = []
@@ -321,29 +323,26 @@ def first_use(quick):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="one JSON document on standard output, nothing else")
-    parser.add_argument("--quick", action="store_true", help="shorter runs, within 50 s")
-    parser.add_argument("--peers-python", default=sys.executable, help="a Python that has the other simulators")
-    options = parser.parse_args()
-    repetitions = 5 if options.quick else 9
-    results = {}
+    python = {"default": sys.executable, "help": "a Python that has the other simulators"}
+    asked = options(__doc__, peers_python=python)
+    size = "tiny" if asked.tiny else "quick" if asked.quick else "full"
+    repetitions, results = _REPETITIONS[size], {}
 
     def add(name, result, words):
         results[name] = result
-        if not options.json:
+        if not asked.json:
             show(name, words, result)
 
     with ThreadPoolExecutor(1) as beside:  # other processes, timed by their own clocks
-        started = beside.submit(first_use, options.quick)
+        started = beside.submit(first_use, size)
         for part in (compiled_vs_drake, compiled_vs_c, horizon, robots, lanes_vs_runs):
-            add(part.__name__, part(repetitions, options.quick), part.__doc__)
-        add("peers", peers(repetitions, options.quick, options.peers_python), peers.__doc__)
+            add(part.__name__, part(repetitions, size), part.__doc__)
+        add("peers", peers(repetitions, size, asked.peers_python), peers.__doc__)
         compile_s, second_process_s = started.result()
     add("compile_s", compile_s, first_use.__doc__)
     add("second_process_s", second_process_s, first_use.__doc__)
-    add("threads_2_vs_1", threads_2_vs_1(repetitions, options.quick), threads_2_vs_1.__doc__)
-    if options.json:
+    add("threads_2_vs_1", threads_2_vs_1(repetitions, size), threads_2_vs_1.__doc__)
+    if asked.json:
         print_json(results)
 
 

@@ -114,13 +114,14 @@ def main():
     scales, angles, dampings = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0), (90, 120), (True, False)
     if asked.quick:
         scales, angles, dampings = (1.0, 5.0), (90,), (True,)
-    still = run_all(sweep_jobs(asked.seed, scales, angles, dampings), outcome)
-    printed = run_all(printed_jobs(asked.seed, ("ideal", "default") if asked.quick else ROBOTS), outcome)
+    still = run_all(sweep_jobs(asked.seed, scales, angles, dampings), outcome, asked.at_most_s)
+    robots = ("ideal", "default") if asked.quick else ROBOTS
+    printed = run_all(printed_jobs(asked.seed, robots), outcome, asked.at_most_s)
     slide = [Job(name, loop, values(seed=asked.seed, seconds=24.0)) for name, loop in LOOPS.items()]
     sliding = {} if asked.quick else run_all(slide, summary)
     cases = list(dict.fromkeys(key[:3] for key in still))
     if asked.figures:
-        draw(asked.seed, still, asked.figures / "static_way_point.png")
+        draw(asked, still, asked.figures / "static_way_point.png")
     if asked.json:
         print_json({
             "seed": asked.seed,
@@ -165,11 +166,11 @@ def shown(value, unit):
     return None if value is None else f"{value:.1f} {unit}"
 
 
-def draw(seed, still, out):
+def draw(asked, still, out):
     from drake_ispace.report.plots import plt, save
 
     scale = 1.0
-    curves = run_all(sweep_jobs(seed, (scale,), (90, 120), (True,)), trace)
+    curves = run_all(sweep_jobs(asked.seed, (scale,), (90, 120), (True,)), trace, asked.at_most_s)
     figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.2), layout="constrained", width_ratios=[1.0, 1.6])
     colours = {"tracker": "#c0392b", "Jacobian": "#2980b9"}
     for degrees in (90, 120):

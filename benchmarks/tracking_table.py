@@ -112,14 +112,14 @@ def main():
     asked = options(__doc__)
     seeds = range(asked.seed, asked.seed + (1 if asked.quick else 3))
     laws = QUICK if asked.quick else tuple(LAWS)
-    runs = run_all(tracking_jobs(seeds, laws), outcome)
+    runs = run_all(tracking_jobs(seeds, laws), outcome, asked.at_most_s)
     tracking = [
         {"path": path, "law": law, "diverged": sum(runs[path, law, s]["diverged"] for s in seeds),
          **spread([runs[path, law, s] for s in seeds], KEYS)} for path in PATHS for law in laws
     ]
     long_runs = {} if asked.quick else run_all(long_jobs(asked.seed), outcome)
     models, compensations = ("smooth", "elastoplastic"), ("none", "default") if asked.quick else tuple(COMPENSATIONS)
-    rests = run_all(rest_jobs(seeds, models, compensations), swing)
+    rests = run_all(rest_jobs(seeds, models, compensations), swing, asked.at_most_s)
     resting = []
     for model in models:
         for name in compensations:
@@ -129,7 +129,7 @@ def main():
                 **spread(rows, ("position_swing_m", "tilt_swing_deg", "mean_offset_m")),
             })
     if asked.figures:
-        draw_paths(asked.seed, asked.figures / "tracking_paths.png")
+        draw_paths(asked, asked.figures / "tracking_paths.png")
     if asked.json:
         print_json({"seeds": list(seeds), "tracking": tracking, "resting": resting, "long_runs": long_runs})
         return
@@ -164,16 +164,17 @@ def trace(run):
     return {"pose": run.signals[f"{robot}_pose"], "odometry": run.signals[f"{robot}_odometry"][start:, 1:3]}
 
 
-def draw_paths(seed, out):
+def draw_paths(asked, out):
     from drake_ispace.control.paths import Trajectory, build_path
     from drake_ispace.report.plots import plt, save
 
     pairs = {"omni": ("omni, as printed", OMNI), "pendulum": ("pendulum, as printed", PENDULUM)}
-    curves = run_all(tracking_jobs([seed], [law for pair in pairs.values() for law in pair]), trace)
+    laws = [law for pair in pairs.values() for law in pair]
+    curves = run_all(tracking_jobs([asked.seed], laws), trace, asked.at_most_s)
     figure, axes = plt.subplots(1, 4, figsize=(13.0, 3.7), layout="constrained")
     cells = [(robot, path) for robot in pairs for path in PATHS]
     for axis, (robot, path) in zip(axes, cells, strict=True):
-        printed, default = (curves[path, law, seed] for law in pairs[robot])
+        printed, default = (curves[path, law, asked.seed] for law in pairs[robot])
         axis.plot(*build_path(Trajectory(kind=path), "path").points_m.T, color="0.2", ls="--", lw=1.0, label="path")
         axis.plot(*default["odometry"].T, color="#8e44ad", lw=0.9, label="default: odometry alone")
         axis.plot(*printed["pose"][:, :2].T, color="#2980b9", lw=1.2, label="as printed")

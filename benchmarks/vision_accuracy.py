@@ -1,9 +1,10 @@
 """How well the room sees: poses from images over the whole space, distractors and occlusion, both robots in the loop on
 images against the geometric mode fitted to them, footprints and free space from depth, real footage, and speed.
 
-    python benchmarks/vision_accuracy.py [--quick] [--json] [--figures docs/pictures]
+    python benchmarks/vision_accuracy.py [--quick] [--tiny] [--json] [--figures docs/pictures]
 """
 
+import itertools
 import os
 import time
 from dataclasses import replace
@@ -204,8 +205,8 @@ def depth_maps(rooms, seed):
     return np.array(corners), np.array(heights), np.array(overlaps), np.array(seen_overlaps)
 
 
-def speed(seed):
-    """Pictures per second of each stage, both robots in the room."""
+def speed(seed, repetitions):
+    """Pictures per second of each stage, both robots in the room: the median over the repetitions."""
     space = Space()
     view, rng = view_of(space.camera), np.random.default_rng(seed)
     renderer, eye = Renderer(view, space.scenery, seed=seed), room_eye(space, ROBOTS)
@@ -226,7 +227,7 @@ def speed(seed):
     rates = {}
     for name, stage in stages.items():
         times = []
-        for _ in range(12):
+        for _ in range(repetitions):
             started = time.perf_counter()
             stage()
             times.append(time.perf_counter() - started)
@@ -234,15 +235,16 @@ def speed(seed):
     return rates
 
 
-def footage():
-    """Real footage: frames, robots found, worst distance from the listed places [pixels], distances of the crosses."""
+def footage(most):
+    """Real footage, `most` frames of it: how many, robots found, worst distance from the listed places [pixels],
+    distances of the crosses; None where there is none."""
     if not FOOTAGE.is_file():
         return None
     from drake_ispace.space.footage import frames, load_scene, scene_eye, scene_top
 
     scene = load_scene("vsss")
     eye, worst, seen, count = scene_eye(scene), 0.0, 0, 0
-    for _, image in frames(FOOTAGE):
+    for _, image in itertools.islice(frames(FOOTAGE), most):
         found = {name: one for name, one in eye.locate(image).items() if one is not None}
         worst = max([worst, *(float(np.hypot(*(one.pixel - FOOTAGE_ROBOTS[name]))) for name, one in found.items())])
         seen, count = seen + len(found), count + 1
@@ -270,16 +272,20 @@ def footage():
 
 def main():
     asked = options(__doc__)
-    images, hard, rooms, seconds = (40, 40, 5, 8.0) if asked.quick else (300, 300, 30, 30.0)
+    images, hard, rooms, cameras, repetitions, most, seconds = 300, 300, 30, 20, 12, None, 30.0
+    if asked.tiny:
+        images, hard, rooms, cameras, repetitions, most, seconds = 2, 2, 1, 1, 1, 3, 1.25
+    elif asked.quick:
+        images, hard, rooms, cameras, repetitions, most, seconds = 40, 40, 5, 3, 12, None, 8.0
     errors, poses, unseen = accuracy(images, asked.seed)
     distance, angle = 1e3 * np.hypot(errors[:, 0], errors[:, 1]), np.degrees(np.abs(errors[:, 2]))
-    clicked = with_clicked_corners(*(3, 5) if asked.quick else (20, 5), asked.seed)
+    clicked = with_clicked_corners(cameras, 5, asked.seed)
     clicked_mm, clicked_deg = 1e3 * np.hypot(clicked[:, 0], clicked[:, 1]), np.degrees(np.abs(clicked[:, 2]))
     wrong, seen, hidden = hard_pictures(hard, asked.seed)
     settings, bias = fit_geometric(errors)
     loop = in_the_loop(settings, seconds, asked.seed)
     corners, heights, overlaps, seen_overlaps = depth_maps(rooms, asked.seed)
-    rates, real = speed(asked.seed), footage()
+    rates, real = speed(asked.seed, repetitions), footage(most)
     data = {
         "poses": 2 * images,
         "not_seen": unseen,

@@ -1,7 +1,17 @@
 """What several tests share."""
 
+import os
+
+# Threads of OpenBLAS spin while they wait for a core that another test has: on a busy machine `explain` takes four
+# times as long. The variable is read when NumPy is imported, here and in every program that a test starts.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import hypothesis
 import numpy as np
 import pytest
+
+hypothesis.settings.register_profile("whatever_else_the_machine_does", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("whatever_else_the_machine_does")
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -225,20 +224,17 @@ def test_draw_to_depth_zero_closes_the_box(run):
     assert "omni_plant" not in run("draw", "omni_multirate", "--depth", "0")
 
 
-# -------------------------------------------------------------------------------------------- what it imports, how fast
+# ------------------------------------------------------------------------------------------------------ what it imports
 
 
-def test_help_answers_at_once_and_without_drake():
-    program = "import sys, time\nfrom drake_ispace.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
-    program += "print('heavy:', [name for name in ('pydrake', 'numba', 'numpy', 'scipy') if name in sys.modules])"
-    took_s = []
-    for _ in range(5):
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        shown = python("-c", program)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        took_s.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+def test_help_imports_nothing_heavy():
+    program = (
+        "import sys\nfrom drake_ispace.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
+        "heavy = ['pydrake', 'numba', 'numpy', 'scipy', 'control', 'cv2', 'matplotlib', 'pyarrow', 'joblib']\n"
+        "print('heavy:', [name for name in heavy if name in sys.modules])"
+    )
+    shown = python("-c", program)
     assert "heavy: []" in shown.stdout and "simulate" in shown.stdout
-    assert min(took_s) < 0.3  # of the processor: the clock on the wall depends on what else it is doing
 
 
 LIGHT = {

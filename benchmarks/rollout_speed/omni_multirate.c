@@ -28,10 +28,10 @@ typedef struct {
 } Friction;
 
 typedef struct {
-    double mass, inertia, wheel_inertia, wheels[N][3];
+    double mass, inertia, centre_of_gravity[2], wheel_inertia, wheels[N][3];
     Friction friction;
     Slip slip;
-    double stream[2];
+    double stream[2], ground_force[3];
 } Plant;
 
 typedef struct {
@@ -137,7 +137,12 @@ static double friction_torque(double rate, double deflection, const Friction *f)
 }
 
 static double traction_slip(int axis, double force, double mass, const Slip *s) {
-    double share = force / (s->mu * mass * 9.80665);
+    if (s->gain[axis] == 0.0)
+        return 0.0 * force;
+    double normal = s->mu * mass * 9.80665;
+    if (axis == 2)
+        normal *= s->lever;
+    double share = force / normal;
     return s->gain[axis] * clip(share, -1.0, 1.0);
 }
 
@@ -162,7 +167,8 @@ static void derivatives(const Motion *m, const Memory *d, const double torque[N]
     const Slip *slip = &p->slip;
     double c = cos(m->phi), s = sin(m->phi);
     double wx = c * m->vx + s * m->vy, wy = -s * m->vx + c * m->vy, wz = m->wz;
-    double fx = 0.0 * wx, fy = 0.0 * wx, moment = 0.0 * wx;
+    double fx = 0.0 * wx + p->ground_force[0], fy = 0.0 * wx + p->ground_force[1];
+    double moment = 0.0 * wx + p->ground_force[2];
     double drive_x = 0.0 * wx, drive_y = 0.0 * wx, drive_moment = 0.0 * wx;
     double nxx = 0.0, nxy = 0.0, nyy = 0.0, nxz = 0.0, nyz = 0.0, nzz = 0.0;
     for (int i = 0; i < N; i++) {
@@ -193,10 +199,13 @@ static void derivatives(const Motion *m, const Memory *d, const double torque[N]
         out->y = axis_rate(1, s * wx + c * wy, 0.0, noise[1], m->x, m->y, slip);
     }
     double turn = out->phi, cx = turn * wy, cy = -turn * wx, i_w = p->wheel_inertia;
-    double b0 = fx - i_w * (nxx * cx + nxy * cy), b1 = fy - i_w * (nxy * cx + nyy * cy);
+    double away_x = p->mass * p->centre_of_gravity[0], away_y = p->mass * p->centre_of_gravity[1];
+    double b0 = fx - i_w * (nxx * cx + nxy * cy) + away_x * wz * turn;
+    double b1 = fy - i_w * (nxy * cx + nyy * cy) + away_y * wz * turn;
     double b2 = moment - i_w * (nxz * cx + nyz * cy);
-    double m00 = p->mass + i_w * nxx, m01 = i_w * nxy, m02 = i_w * nxz;
-    double m11 = p->mass + i_w * nyy, m12 = i_w * nyz, m22 = p->inertia + i_w * nzz;
+    double m00 = p->mass + i_w * nxx, m01 = i_w * nxy, m02 = i_w * nxz - away_y;
+    double m11 = p->mass + i_w * nyy, m12 = i_w * nyz + away_x;
+    double m22 = p->inertia + away_x * p->centre_of_gravity[0] + away_y * p->centre_of_gravity[1] + i_w * nzz;
     double k00 = m11 * m22 - m12 * m12, k01 = m02 * m12 - m01 * m22, k02 = m01 * m12 - m02 * m11;
     double k11 = m00 * m22 - m02 * m02, k12 = m01 * m02 - m00 * m12, k22 = m00 * m11 - m01 * m01;
     double determinant = m00 * k00 + m01 * k01 + m02 * k02;

@@ -50,7 +50,7 @@ def scenarios(draw):
     return load_scenario(name, overrides)
 
 
-@hypothesis.settings(max_examples=12, deadline=None, derandomize=True)
+@hypothesis.settings(max_examples=12)
 @hypothesis.given(scenarios())
 def test_drawn_parameters_and_seeds_agree(scenario):
     assert parity(scenario)["max_abs_difference"] == 0.0
