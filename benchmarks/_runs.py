@@ -11,9 +11,9 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+import drake_ispace as di
 from drake_ispace.metrics import measure
-from drake_ispace.scenario import load_scenario
-from drake_ispace.simulation import Run, simulate
+from drake_ispace.simulation import Run
 
 # Drake does not free a Diagram with Python blocks, so the processes are replaced now and then. (The executor's own
 # max_tasks_per_child hangs under Python 3.11.)
@@ -51,7 +51,7 @@ def run_all(jobs: Iterable[Job], summarise: Callable[[Run], dict] = summary) -> 
 
 
 def _run(summarise, job):
-    return summarise(simulate(load_scenario(job.scenario, job.overrides)))
+    return summarise(di.simulate(di.load_scenario(job.scenario, job.overrides)))
 
 
 def options(description: str) -> argparse.Namespace:

@@ -14,10 +14,9 @@ from contextlib import contextmanager
 
 from _runs import options, print_json, print_table
 
+import drake_ispace as di
 from drake_ispace.discrepancy import hypothesize, replay, survey, whitening
-from drake_ispace.discrepancy.explain import explain
-from drake_ispace.discrepancy.hide import MOTIONS, hide
-from drake_ispace.scenario import load_scenario
+from drake_ispace.discrepancy.hide import MOTIONS
 
 TARGET_S, WISHED_S = 60.0, 20.0
 SECONDS = 20.0
@@ -75,7 +74,7 @@ def diagnosis(robot: str, runs: list, held_out: list, seed: int) -> dict:
 
     with watched(PARTS) as parts:
         cpu, started = time.process_time(), time.perf_counter()
-        found = explain(f"{robot}_multirate", runs, held_out, seed=seed, tell=tell)
+        found = di.explain(f"{robot}_multirate", runs, held_out, seed=seed, tell=tell)
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu
     spans = [b - a for a, b in zip(marks, [*marks[1:], started + wall], strict=True)]
     return {
@@ -87,9 +86,9 @@ def diagnosis(robot: str, runs: list, held_out: list, seed: int) -> dict:
 
 def measure(robot: str, seconds: float, motions: Sequence[str], seed: int, repetitions: int) -> dict:
     """Compile (the first call), then the diagnosis of median wall time of `repetitions` warm ones."""
-    scenario = load_scenario(f"{robot}_multirate")
-    runs = list(hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
-    held_out = list(hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
+    scenario = di.load_scenario(f"{robot}_multirate")
+    runs = list(di.hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
+    held_out = list(di.hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
     first = diagnosis(robot, runs, held_out, seed)
     warm = sorted((diagnosis(robot, runs, held_out, seed) for _ in range(repetitions)), key=lambda d: d["wall_s"])
     middle = warm[len(warm) // 2]

@@ -11,9 +11,9 @@ Shown are
 import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
+import drake_ispace as di
 from drake_ispace.control.dlqr import spectral_radius
 from drake_ispace.rates import TICK_S
-from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.pendulum import linear_model, pendulum_gain
 
 LOOPS = {"tracker": "pendulum_multirate", "Jacobian": "pendulum_jacobian_tracking"}
@@ -61,7 +61,7 @@ def trace(run):
 
 def scaled_yaw(scale, damped):
     """Own gains with K_phi times `scale`, and the yaw rate's gain times its root where `damped`."""
-    gain = -pendulum_gain(load_scenario("pendulum_multirate").pendulum)[0]
+    gain = -pendulum_gain(di.load_scenario("pendulum_multirate").pendulum)[0]
     gain[1] *= scale
     gain[4] *= np.sqrt(scale) if damped else 1.0
     return gain
@@ -70,7 +70,7 @@ def scaled_yaw(scale, damped):
 def radius(gain):
     """Spectral radius of the balance loop at 5 ms with the right wheel's printed-sign gains (6,)."""
     left = gain * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-    a, b = linear_model(load_scenario("pendulum_multirate").pendulum.plant)
+    a, b = linear_model(di.load_scenario("pendulum_multirate").pendulum.plant)
     return spectral_radius(a, b, -np.vstack([gain, left]), TICK_S)
 
 
