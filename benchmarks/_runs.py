@@ -11,9 +11,9 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
+import drake_ispace as di
 from drake_ispace.metrics import measure
-from drake_ispace.scenario import load_scenario
-from drake_ispace.simulation import Run, simulate
+from drake_ispace.simulation import Run
 
 # Drake does not free a Diagram with Python blocks, so the processes are replaced now and then. (The executor's own
 # max_tasks_per_child hangs under Python 3.11.)
@@ -59,9 +59,9 @@ def run_all(
 
 
 def _run(summarise, job, at_most_s=float("inf")):
-    scenario = load_scenario(job.scenario, job.overrides)
+    scenario = di.load_scenario(job.scenario, job.overrides)
     scenario.seconds = min(scenario.seconds, at_most_s)
-    return summarise(simulate(scenario))
+    return summarise(di.simulate(scenario))
 
 
 def options(description: str, **more: dict) -> argparse.Namespace:

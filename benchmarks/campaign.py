@@ -17,9 +17,9 @@ from pathlib import Path
 
 from _runs import options, print_json, print_table
 
-from drake_ispace.rollout.campaign import Campaign, run_campaign
+import drake_ispace as di
+from drake_ispace.rollout.campaign import Campaign
 from drake_ispace.rollout.table import read_campaign
-from drake_ispace.scenario import load_scenario
 
 VARY = {"omni_plant.mass_kg": "normal(7.31, 0.4)", "omni_plant.slip.ratio_x": "uniform(0, 0.2)"}
 SECONDS, TINY_S = 20.0, 0.5
@@ -40,9 +40,9 @@ def campaign(
     runs: int, seconds: float, seed: int, out: Path | None = None, cluster: str | None = None, threads: int = 2,
 ) -> Campaign:
     """The campaign that all of this is about."""
-    scenario = load_scenario("omni_multirate", [f"seconds={seconds}"])
+    scenario = di.load_scenario("omni_multirate", [f"seconds={seconds}"])
     threads = None if cluster else threads
-    return run_campaign(scenario, runs, vary=VARY, seed=seed, out=out, threads=threads, cluster=cluster)
+    return di.montecarlo(scenario, runs, vary=VARY, seed=seed, out=out, threads=threads, cluster=cluster)
 
 
 def start(runs: int, seconds: float, seed: int, out: Path, cluster: str | None = None) -> subprocess.Popen:

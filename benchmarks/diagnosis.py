@@ -14,11 +14,9 @@ from contextlib import contextmanager
 
 from _runs import options, print_json, print_table
 
+import drake_ispace as di
 from drake_ispace.discrepancy import hypothesize, replay, survey, whitening
-from drake_ispace.discrepancy.explain import explain
-from drake_ispace.discrepancy.hide import MOTIONS, hide
-from drake_ispace.effects.library import library
-from drake_ispace.scenario import load_scenario
+from drake_ispace.discrepancy.hide import MOTIONS
 
 TARGET_S, WISHED_S = 60.0, 20.0
 SECONDS = 20.0
@@ -76,7 +74,7 @@ def diagnosis(robot: str, runs: list, held_out: list, effects: list | None, seed
 
     with watched(PARTS) as parts:
         cpu, started = time.process_time(), time.perf_counter()
-        found = explain(f"{robot}_multirate", runs, held_out, effects, seed=seed, tell=tell)
+        found = di.explain(f"{robot}_multirate", runs, held_out, effects, seed=seed, tell=tell)
         wall, cpu = time.perf_counter() - started, time.process_time() - cpu
     spans = [b - a for a, b in zip(marks, [*marks[1:], started + wall], strict=True)]
     return {
@@ -90,9 +88,9 @@ def measure(
     robot: str, seconds: float, motions: Sequence[str], effects: list | None, seed: int, repetitions: int,
 ) -> dict:
     """Compile (the first call), then the diagnosis of median wall time of `repetitions` warm ones."""
-    scenario = load_scenario(f"{robot}_multirate")
-    runs = list(hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
-    held_out = list(hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
+    scenario = di.load_scenario(f"{robot}_multirate")
+    runs = list(di.hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
+    held_out = list(di.hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
     first = diagnosis(robot, runs, held_out, effects, seed)
     again = [diagnosis(robot, runs, held_out, effects, seed) for _ in range(repetitions)]
     warm = sorted(again, key=lambda d: d["wall_s"])
@@ -111,7 +109,7 @@ def main() -> None:
         motions, seconds, repetitions = ["square", "figure_eight"], 8.0, 1
     if chosen.tiny:
         robots = ["omni"]
-        effects = [library()[name] for name in ("floor_tilt", "coulomb_friction", "mass_error")]
+        effects = [di.effects()[name] for name in ("floor_tilt", "coulomb_friction", "mass_error")]
     found = {robot: measure(robot, seconds, motions, effects, chosen.seed, repetitions) for robot in robots}
     data = {
         "runs": len(motions), "seconds": seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],

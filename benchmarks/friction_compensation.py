@@ -9,6 +9,7 @@ a run tells that its compensation is too large.
 import numpy as np
 from _runs import options, print_json
 
+import drake_ispace as di
 from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.dlqr import zero_order_hold
 from drake_ispace.identification.arx import arx
@@ -16,7 +17,6 @@ from drake_ispace.identification.friction_coefficients import friction_coefficie
 from drake_ispace.identification.friction_data import friction_rollout, run_recording, silence
 from drake_ispace.identification.structures import friction_problem
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.scenario import load_scenario
 
 TRUTH = (0.0061, 0.0106)
 CASES = {
@@ -43,8 +43,8 @@ def integrals(logs):
 
 def responses(seeds):
     """case -> medians over seeds of the integrals and their ratios to no compensation."""
-    scenario = load_scenario("pendulum_friction_compensation")
-    rollout, adaptive = friction_rollout(scenario), load_scenario(
+    scenario = di.load_scenario("pendulum_friction_compensation")
+    rollout, adaptive = friction_rollout(scenario), di.load_scenario(
         "pendulum_friction_compensation", ["pendulum.adaptation.enabled=true"])
     adapting, ticks = friction_rollout(adaptive), ticks_in(scenario.seconds)
     rows, curves = {}, {}
@@ -67,7 +67,7 @@ def at_rest(seconds=40.0):
     (quiet), IMU as assumed (noisy), without noise and with a dead band of 0.1 rad/s, the sign faded over 0.2 (wide). A
     tilt of 5 mrad starts it."""
     table = {}
-    scenario = load_scenario(
+    scenario = di.load_scenario(
         "pendulum_friction_compensation", ["pendulum.impulse.torque_n_m=0", "pendulum.initial_tilt_rad=0.005"])
     rollout, ticks = friction_rollout(scenario), ticks_in(seconds)
     for name, (coulomb, viscous) in CASES.items():
@@ -86,7 +86,7 @@ def at_rest(seconds=40.0):
 
 def detection(seeds):
     """multiple of the truth that is compensated -> share of runs that say so, from a run that drives back and forth."""
-    scenario = load_scenario("pendulum_friction_excitation", ["pendulum.control.friction_compensation.enabled=true"])
+    scenario = di.load_scenario("pendulum_friction_excitation", ["pendulum.control.friction_compensation.enabled=true"])
     rollout, ticks = friction_rollout(scenario), ticks_in(scenario.seconds)
     table = {}
     for multiple in (0.5, 1.0, 1.5, 2.0):
@@ -106,7 +106,7 @@ def detection(seeds):
 
 def linear_limit():
     """The multiple of true *viscous* friction beyond which its compensation makes the linear loop unstable."""
-    scenario = load_scenario("pendulum_friction_compensation")
+    scenario = di.load_scenario("pendulum_friction_compensation")
     a, b = linearised(scenario.pendulum.plant)
     gain, plant = balance_gain(scenario.pendulum.plant, scenario.pendulum.control), scenario.pendulum.plant
     r, h = plant.wheel_radius_m, plant.half_track_m

@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from _runs import options, print_json
 
+import drake_ispace as di
 from drake_ispace.control import online_identifier
 from drake_ispace.identification import servo_data
 from drake_ispace.identification.armax import armax
@@ -34,7 +35,6 @@ from drake_ispace.identification.instrumental import instrumental
 from drake_ispace.identification.servo_data import ACTUAL
 from drake_ispace.identification.structures import error_index, friction_problem
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.scenario import load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
 
 SECONDS, TINY_S, RATE_HZ = 20.0, 6.0, 2000.0
@@ -124,7 +124,7 @@ def friction_table(seeds):
     tables = {}
     count = max(seeds // 4, min(seeds, 3))
     for label, factor in (("IMU as assumed", 1.0), ("ten times its noise", 10.0)):
-        scenario = load_scenario("pendulum_friction_excitation", [
+        scenario = di.load_scenario("pendulum_friction_excitation", [
             f"pendulum.imu.accelerometer_noise_density={3e-3 * factor}",
             f"pendulum.imu.gyro_noise_density={1.5e-4 * factor}",
         ])
@@ -159,7 +159,7 @@ def _rest(step, xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit,
 
 def online(quick):
     """The identifier in the loop: convergence from zero, cost of a tick, many ticks without excitation."""
-    scenario = load_scenario("pendulum_friction_excitation")
+    scenario = di.load_scenario("pendulum_friction_excitation")
     rollout = friction_rollout(scenario)
     ticks = ticks_in(scenario.seconds)
     logs = rollout.run(ticks, rollout.with_seed(0))
@@ -203,7 +203,7 @@ def pictures(folder, maps, seconds):
     plot_convergence({"ARX": recursive_arx(problem, every=40), "ARMAXD": armaxd(problem, every=40)}, seconds,
                      folder / "servo_convergence.png", ACTUAL, rows=3)
     plot_gain_map([f"{f:g}" for f in FREQUENCIES], list(AMPLITUDES), maps[1] / maps[0], folder / "armaxd_gain.png")
-    scenario = load_scenario("pendulum_friction_excitation")
+    scenario = di.load_scenario("pendulum_friction_excitation")
     rollout = friction_rollout(scenario)
     logs = rollout.run(ticks_in(scenario.seconds), rollout.with_seed(0))
     logs = {name: rows[20:] for name, rows in logs.items()}  # from the first way point on

@@ -11,11 +11,11 @@ Shown are
 import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
+import drake_ispace as di
 from drake_ispace.control.dlqr import spectral_radius, zero_order_hold
 from drake_ispace.control.omni_gains import omni_gains
 from drake_ispace.rates import TICK_S, VISION_S, VISION_TICKS
 from drake_ispace.robots.plants.omni import mass_matrix
-from drake_ispace.scenario import load_scenario
 
 LOOPS = {"multi-rate": "omni_multirate", "vision": "omni_vision_feedback"}
 PRINTED_WEIGHTS = values(omni__control__q=[1.4e4, 1.4e4, 975.0, 17.5e4, 17.55e4, 1e4])  # (6.24)
@@ -55,7 +55,7 @@ def radii():
     """Design -> gains and spectral radii per loop and axis."""
     found = {}
     for design, overrides in DESIGNS.items():
-        robot = load_scenario("omni_multirate", overrides).omni
+        robot = di.load_scenario("omni_multirate", overrides).omni
         mass = np.diag(mass_matrix(robot.plant))
         for loop, period_s, radius in (
             ("multi-rate", TICK_S, multirate_radius), ("vision", VISION_S, vision_radius)
@@ -74,7 +74,7 @@ def given(k_p, k_d):
 
 def vision_gains():
     """k_p, k_d (3,) of DLQR at 95 ms, default weights and printed ones."""
-    designs = [load_scenario("omni_multirate", overrides).omni for overrides in ((), PRINTED_WEIGHTS)]
+    designs = [di.load_scenario("omni_multirate", overrides).omni for overrides in ((), PRINTED_WEIGHTS)]
     return [[np.diag(k) for k in omni_gains(robot.plant, robot.control, VISION_S)] for robot in designs]
 
 
@@ -124,7 +124,7 @@ def map_jobs(seed, scales, latencies):
 
 def ratio_map(results, base, gains, scales, latencies):
     """For each gain and latency: the ratio (None where a loop was lost), who was lost, and the computed radius."""
-    rows, mass = [], np.diag(mass_matrix(load_scenario("omni_multirate").omni.plant))
+    rows, mass = [], np.diag(mass_matrix(di.load_scenario("omni_multirate").omni.plant))
     for scale in scales:
         row = []
         for latency in latencies:

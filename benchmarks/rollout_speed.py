@@ -27,12 +27,12 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from rollout_speed import plain_loop as plain
 from rollout_speed.hand_written import OPTIONS, HandWritten
 
+import drake_ispace as di
 from drake_ispace.rates import MAX_TICK, TICK_S, VISION_TICKS
-from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.rollout.compile import Rollout
 from drake_ispace.rollout.lanes import compile_lanes
-from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator
-from drake_ispace.wiring.catalog import CATALOG, build_diagram
+from drake_ispace.wiring.catalog import CATALOG
 
 _NOISY = ["omni.plant.slip.ratio=[0.1,0.1,0.1]", "omni.plant.slip.noise_std=[0.1,0.1,0.1]"]  # camera noise: by default
 _PEERS = {
@@ -49,11 +49,9 @@ _TICKS = {"tiny": 400, "quick": 4000, "full": 20_000}  # of a run whose speed is
 _OFTEN = 20  # a compiled run of a few ticks is too short for the clock
 _FIRST_USE = """
 import sys, time
-from drake_ispace.rollout.compile import compile_diagram
-from drake_ispace.scenario import load_scenario
-from drake_ispace.wiring.catalog import build_diagram
+from drake_ispace import build_diagram, compile_diagram
 imported = time.process_time()
-diagram = build_diagram(load_scenario(sys.argv[1]))
+diagram = build_diagram(sys.argv[1])
 built = time.process_time()
 compile_diagram(diagram).run(10)
 print(imported, built - imported, time.process_time() - built)
@@ -61,16 +59,16 @@ print(imported, built - imported, time.process_time() - built)
 
 
 def omni_multirate():
-    return build_diagram(load_scenario("omni_multirate", _NOISY))
+    return di.build_diagram(di.load_scenario("omni_multirate", _NOISY))
 
 
 def shared_space():
-    return build_diagram(load_scenario("shared_space", _NOISY))
+    return di.build_diagram(di.load_scenario("shared_space", _NOISY))
 
 
 def unlogged(diagram) -> Rollout:
     """The Diagram compiled with nothing logged but the first row of one output."""
-    return compile_diagram(diagram, log={diagram.get_output_port(0).get_name(): MAX_TICK})
+    return di.compile_diagram(diagram, log={diagram.get_output_port(0).get_name(): MAX_TICK})
 
 
 def on_this_core(function: Callable) -> float:
@@ -109,7 +107,7 @@ def compiled_vs_drake(repetitions, size):
     for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
         for logged in (True, False):
             simulator = make_simulator(make())[0] if logged else _bare_simulator(make())
-            rollout = compile_diagram(make()) if logged else unlogged(make())
+            rollout = di.compile_diagram(make()) if logged else unlogged(make())
             reached = [0]
 
             def drake(simulator=simulator, reached=reached):

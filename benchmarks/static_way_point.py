@@ -11,10 +11,10 @@ Shown are
 import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
+import drake_ispace as di
 from drake_ispace.control.balance_gains import balance_gain, linearised
 from drake_ispace.control.dlqr import spectral_radius
 from drake_ispace.rates import TICK_S
-from drake_ispace.scenario import load_scenario
 
 LOOPS = {"tracker": "pendulum_multirate", "Jacobian": "pendulum_jacobian_tracking"}
 DISTANCE_M, NEAR_M = 0.6, 0.1
@@ -61,7 +61,7 @@ def trace(run):
 
 def scaled_yaw(scale, damped):
     """Own gains with K_phi times `scale`, and the yaw rate's gain times its root where `damped`."""
-    settings = load_scenario("pendulum_multirate").pendulum
+    settings = di.load_scenario("pendulum_multirate").pendulum
     gain = -balance_gain(settings.plant, settings.control)[0]
     gain[1] *= scale
     gain[4] *= np.sqrt(scale) if damped else 1.0
@@ -71,7 +71,7 @@ def scaled_yaw(scale, damped):
 def radius(gain):
     """Spectral radius of the balance loop at 5 ms with the right wheel's printed-sign gains (6,)."""
     left = gain * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-    a, b = linearised(load_scenario("pendulum_multirate").pendulum.plant)
+    a, b = linearised(di.load_scenario("pendulum_multirate").pendulum.plant)
     return spectral_radius(a, b, -np.vstack([gain, left]), TICK_S)
 
 

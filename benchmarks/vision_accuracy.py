@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 from _runs import options, print_json, print_table
 
+import drake_ispace as di
 from drake_ispace.metrics import measure
 from drake_ispace.rates import VISION_TICKS
-from drake_ispace.scenario import load_scenario
-from drake_ispace.simulation import simulate
 from drake_ispace.space.calibration import calibrate
 from drake_ispace.space.camera import view_of
 from drake_ispace.space.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
@@ -156,7 +155,7 @@ def in_the_loop(settings, seconds, seed):
         rows[name] = {}
         for mode, overrides in modes.items():
             sets = [f"seconds={seconds}", f"seed={seed}", f"{name}.trajectory.kind=square", *overrides]
-            run = simulate(load_scenario(f"{name}_multirate", sets))
+            run = di.simulate(di.load_scenario(f"{name}_multirate", sets))
             fixes = run.signals[f"{name}_fix"]
             _, first = np.unique(fixes[:, 0], return_index=True)
             result = measure(run, name)

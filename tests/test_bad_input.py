@@ -2,7 +2,7 @@
 
 import pytest
 
-import drake_ispace.compare
+import drake_ispace.comparison
 import drake_ispace.discrepancy.explain
 import drake_ispace.discrepancy.hide
 import drake_ispace.drawing
@@ -328,7 +328,7 @@ def test_a_bad_table_of_points_is_refused(folder, capsys, text, parts):
 
 def test_nothing_is_simulated_before_every_name_is_checked(folder, capsys, monkeypatch):
     (folder / "scenario.yaml").write_text("diagram: omni_vision_feedback\nomni: {plant: {wheel_distance_m: 1e-12}}\n")
-    monkeypatch.setattr(drake_ispace.compare, "simulate_diagram", pytest.fail)
+    monkeypatch.setattr(drake_ispace.comparison, "simulate_diagram", pytest.fail)
     assert refused(["compare", "omni_multirate", "./scenario.yaml", *SHORT], capsys).startswith(
         "drake-ispace: ./scenario.yaml: "
     )

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from drake_ispace.compare import compare, on_one_reference
+from drake_ispace.comparison import compare, on_one_reference
 from drake_ispace.control.paths import Trajectory, build_path
 from drake_ispace.metrics import measure
 from drake_ispace.rates import TICK_S

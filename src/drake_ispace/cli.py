@@ -214,7 +214,7 @@ def compare(
     scenarios = {name: _scenario(name, seconds, set_, seed) for name in names}
     if out is not None:
         check_folder(out)
-    from drake_ispace.compare import compare as run_all
+    from drake_ispace.comparison import compare as run_all
 
     total = sum(scenario.seconds for scenario in scenarios.values())
     with progress(total, "compare") as advance:
@@ -252,7 +252,8 @@ def montecarlo(
     """Run a scenario many times with varied parameters and noise: the spread of its tracking error."""
     scenario = _scenario(name, seconds, set_, seed)
     _diagram(name, scenario)
-    from drake_ispace.rollout.campaign import parameters_of, run_campaign
+    from drake_ispace.rollout.campaign import montecarlo as run_all
+    from drake_ispace.rollout.campaign import parameters_of
     from drake_ispace.rollout.draws import split_vary
     from drake_ispace.rollout.table import spread
 
@@ -264,7 +265,7 @@ def montecarlo(
             print_table(["parameter", "value"], [[key, f"{value:.6g}"] for key, value in values.items()])
         return
     with progress(runs, scenario.diagram, "runs") as advance:
-        campaign = run_campaign(
+        campaign = run_all(
             scenario, runs, vary=split_vary(vary or []), seed=scenario.seed, out=out, threads=threads, cluster=cluster,
             progress=lambda done, total: advance(done),
         )

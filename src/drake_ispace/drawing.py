@@ -16,7 +16,9 @@ from pydrake.systems.framework import Diagram, System
 
 from drake_ispace.errors import InputError, shown
 from drake_ispace.places import whole_file
+from drake_ispace.scenario import Scenario
 from drake_ispace.schedule import schedule
+from drake_ispace.wiring.catalog import build_diagram
 
 SUFFIXES = (".dot", ".svg", ".png")
 
@@ -89,16 +91,24 @@ def dot_text(diagram: System, depth: int | None = None, highlight: Collection[st
     return _named(text, boxes)
 
 
-def draw(diagram: System, out: Path, depth: int | None = None, highlight: Collection[str] = ()) -> None:
-    """Draw `diagram` into the file `out`, by its suffix .dot, .svg or .png; other arguments as `dot_text`.
+def draw(
+    diagram: System | Scenario | str | Path, out: str | Path, depth: int | None = None, highlight: Collection[str] = ()
+) -> None:
+    """Draw a Diagram, or that of a scenario, its name or its file, into a file.
+
+    Args:
+        diagram: what to draw. out: the file; its suffix .dot, .svg or .png says what is written.
+        depth, highlight: as `dot_text`.
 
     Raises:
-        InputError: another suffix, no pygraphviz, Graphviz failed, or a place that cannot be written.
+        InputError: as `build_diagram`, another suffix, no pygraphviz, Graphviz failed, or a place that cannot be
+            written.
     """
     out = Path(out)
     if out.suffix not in SUFFIXES:
         raise InputError(f"{out}: a picture is .dot, .svg or .png, not {shown(out.suffix)}")
-    picture = dot_text(diagram, depth, highlight).encode()
+    system = diagram if isinstance(diagram, System) else build_diagram(diagram)
+    picture = dot_text(system, depth, highlight).encode()
     if out.suffix != ".dot":
         picture = _rendered(picture, out)
     with whole_file(out) as beside:

@@ -6,6 +6,7 @@ packaged scenarios, one per Diagram and one per `*_as_printed` variant, lie in `
 
 import dataclasses
 import typing
+from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import resources
@@ -78,6 +79,40 @@ def load_scenario(name_or_file: str, overrides: typing.Sequence[str] = ()) -> Sc
     for robot in robots().values():
         _check(scenario, robot, where)
     return scenario
+
+
+def as_scenario(given: Scenario | str | Path) -> Scenario:
+    """The Scenario itself, or the one of that name or in that file.
+
+    Raises:
+        InputError: neither of these, or as `load_scenario`.
+    """
+    if isinstance(given, Scenario):
+        return given
+    if not isinstance(given, str | Path):
+        raise InputError(f"expected a Scenario, or the name or file of one, got {shown(given)}")
+    return load_scenario(str(given))
+
+
+def named_scenarios(
+    given: Scenario | str | Path | Sequence[Scenario | str | Path] | Mapping[str, Scenario | str | Path]
+) -> dict[str, Scenario]:
+    """One scenario or several by name: a mapping's own names, else a scenario's name, file or Diagram.
+
+    Raises:
+        InputError: none at all, the same name twice, or as `as_scenario`.
+    """
+    if isinstance(given, Mapping):
+        pairs = list(given.items())
+    else:
+        listed = [given] if isinstance(given, Scenario | str | Path) else given
+        pairs = [(one.diagram if isinstance(one, Scenario) else str(one), one) for one in listed]
+    names = [name for name, _ in pairs]
+    if not names:
+        raise InputError("there is no scenario, expected at least one")
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"{shown(twice[0])} is named twice, expected different names, as in a mapping of your own")
+    return {name: as_scenario(one) for name, one in pairs}
 
 
 def with_option(scenario: Scenario, name: str, value) -> Scenario:

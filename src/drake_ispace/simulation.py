@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
@@ -10,7 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.scenario import Scenario
+from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 _FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
@@ -48,12 +49,15 @@ class Run:
         return list(entry_of(self.scenario).robots)
 
 
-def simulate(scenario: Scenario, progress: Callable[[float], None] | None = None) -> Run:
-    """Build and run `scenario`; `progress` is told the simulated time [s] now and then.
+def simulate(scenario: Scenario | str | Path, progress: Callable[[float], None] | None = None) -> Run:
+    """Build the Diagram of a scenario, its name or its file, and run it for the scenario's seconds.
+
+    progress: is told the simulated time [s] now and then.
 
     Raises:
-        InputError: values that do not go together.
+        InputError: as `load_scenario`, or values that do not go together.
     """
+    scenario = as_scenario(scenario)
     return simulate_diagram(build_diagram(scenario), scenario, progress)
 
 

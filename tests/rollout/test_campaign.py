@@ -8,7 +8,7 @@ import pytest
 
 from drake_ispace.errors import InputError
 from drake_ispace.metrics import measure
-from drake_ispace.rollout.campaign import METRICS, CampaignStopped, make_plan, run_campaign
+from drake_ispace.rollout.campaign import METRICS, CampaignStopped, make_plan, montecarlo
 from drake_ispace.rollout.draws import find_parameter, noise_seed, parse_distribution, split_vary
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.rollout.table import read_campaign, spread
@@ -26,7 +26,7 @@ def scenario():
 @pytest.fixture(scope="module")
 def whole(scenario):
     """The table of an uninterrupted campaign of two batches."""
-    return run_campaign(scenario, 150, vary=VARY, threads=1).table
+    return montecarlo(scenario, 150, vary=VARY, threads=1).table
 
 
 # -- draws ---------------------------------------------------------------------------------------------------------
@@ -125,7 +125,7 @@ def test_one_parameter_under_two_spellings_is_refused(scenario):
 
 def test_a_row_holds_the_metrics_of_its_run(scenario, whole):
     fixed = load_scenario("omni_multirate", ["seconds=2"])
-    table = run_campaign(fixed, 3).table
+    table = montecarlo(fixed, 3).table
     row = table.to_pylist()[2]
     metrics = measure(simulate_compiled(with_option(fixed, "seed", row["seed"])), "omni")
     assert [row[name] for name in METRICS] == [getattr(metrics, name) for name in METRICS]
@@ -138,11 +138,11 @@ def test_varied_values_stand_in_their_rows(scenario, whole):
 
 
 def test_threads_do_not_change_the_table(scenario, whole):
-    assert run_campaign(scenario, 150, vary=VARY, threads=2).table.equals(whole)
+    assert montecarlo(scenario, 150, vary=VARY, threads=2).table.equals(whole)
 
 
 def test_a_run_that_diverges_is_a_row_that_says_so(scenario):
-    table = run_campaign(scenario, 2, vary={MASS: "choice(0.05)"}).table
+    table = montecarlo(scenario, 2, vary={MASS: "choice(0.05)"}).table
     row = table.to_pylist()[0]
     assert row["diverged"] and 0.0 < row["diverged_at_s"] <= 2.0
     assert all(row[name] is None for name in METRICS)
@@ -152,7 +152,7 @@ def test_a_run_that_diverges_is_a_row_that_says_so(scenario):
 def test_scenarios_and_parameter_sets_share_their_draws(scenario):
     named = {"base": scenario, "heavy": load_scenario("omni_multirate", ["seconds=2", "omni.plant.mass_kg=9"])}
     sets, vary = [{}, {SLIP: 0.1}], {"omni_encoder.memory": "uniform(0.5, 0.9)"}
-    table = run_campaign(named, 2, parameter_sets=sets, vary=vary).table
+    table = montecarlo(named, 2, parameter_sets=sets, vary=vary).table
     assert table["scenario"].to_pylist() == ["base"] * 4 + ["heavy"] * 4
     assert table[SLIP].to_pylist() == [0.0, 0.0, 0.1, 0.1] * 2
     assert table["seed"].to_pylist() == [noise_seed(0, 0), noise_seed(0, 1)] * 4
@@ -161,7 +161,7 @@ def test_scenarios_and_parameter_sets_share_their_draws(scenario):
 
 
 def test_robots_of_one_space_have_columns_of_their_own():
-    campaign = run_campaign(load_scenario("shared_space", ["seconds=1"]), 1)
+    campaign = montecarlo(load_scenario("shared_space", ["seconds=1"]), 1)
     assert {"omni.iae_m_s", "pendulum.iae_m_s"} <= set(campaign.metrics) <= set(campaign.table.column_names)
 
 
@@ -177,13 +177,13 @@ def test_a_path_from_a_file_travels_with_the_plan(scenario, tmp_path):
 
 
 def test_the_folder_reads_back_as_the_same_table(scenario, whole, tmp_path):
-    campaign = run_campaign(scenario, 150, vary=VARY, out=tmp_path)
+    campaign = montecarlo(scenario, 150, vary=VARY, out=tmp_path)
     assert campaign.table.equals(whole) and read_campaign(tmp_path).equals(whole)
 
 
 def test_a_finished_campaign_runs_nothing_again(scenario, tmp_path):
-    run_campaign(scenario, 3, out=tmp_path)
-    assert run_campaign(scenario, 3, out=tmp_path).runs_now == 0
+    montecarlo(scenario, 3, out=tmp_path)
+    assert montecarlo(scenario, 3, out=tmp_path).runs_now == 0
 
 
 def test_ctrl_c_keeps_what_is_done_and_the_same_call_resumes(scenario, whole, tmp_path):
@@ -192,48 +192,48 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_call_resumes(scenario, whole, tm
             raise KeyboardInterrupt
 
     with pytest.raises(CampaignStopped, match=r"after \d+ of 150 runs, they are kept"):
-        run_campaign(scenario, 150, vary=VARY, out=tmp_path, threads=1, progress=interrupt)
+        montecarlo(scenario, 150, vary=VARY, out=tmp_path, threads=1, progress=interrupt)
     kept = read_campaign(tmp_path).num_rows
-    resumed = run_campaign(scenario, 150, vary=VARY, out=tmp_path)
+    resumed = montecarlo(scenario, 150, vary=VARY, out=tmp_path)
     assert 0 < kept < 150 and resumed.runs_now == 150 - kept
     assert resumed.table.equals(whole)
 
 
 def test_a_lost_part_is_done_again(scenario, whole, tmp_path):
-    run_campaign(scenario, 150, vary=VARY, out=tmp_path)
+    montecarlo(scenario, 150, vary=VARY, out=tmp_path)
     next(tmp_path.glob("part-*.parquet")).unlink()
-    assert run_campaign(scenario, 150, vary=VARY, out=tmp_path).table.equals(whole)
+    assert montecarlo(scenario, 150, vary=VARY, out=tmp_path).table.equals(whole)
 
 
 def test_leftovers_of_a_killed_process_are_removed(scenario, tmp_path):
-    run_campaign(scenario, 1, out=tmp_path)
+    montecarlo(scenario, 1, out=tmp_path)
     left = tmp_path / ".0123.part-000000001.parquet"
     left.write_text("half")
-    run_campaign(scenario, 1, out=tmp_path)
+    montecarlo(scenario, 1, out=tmp_path)
     assert not left.exists()
 
 
 def test_another_plan_in_the_folder_is_refused(scenario, tmp_path):
-    run_campaign(scenario, 1, out=tmp_path)
+    montecarlo(scenario, 1, out=tmp_path)
     with pytest.raises(InputError, match=r"another campaign lies there, its runs is 1, not 2"):
-        run_campaign(scenario, 2, out=tmp_path)
+        montecarlo(scenario, 2, out=tmp_path)
 
 
 def test_rows_of_other_code_are_not_mixed(scenario, tmp_path):
-    run_campaign(scenario, 1, out=tmp_path)
+    montecarlo(scenario, 1, out=tmp_path)
     plan = (tmp_path / "campaign.yaml").read_text()
     code = make_plan(scenario, 1, {}, ({},), 0).code["omni_multirate"]
     (tmp_path / "campaign.yaml").write_text(plan.replace(code, "0" * len(code)))
     with pytest.raises(InputError, match=r"computed by other code \('omni_multirate'\), expected the same version"):
-        run_campaign(scenario, 1, out=tmp_path)
+        montecarlo(scenario, 1, out=tmp_path)
 
 
 def test_a_damaged_part_is_named(scenario, tmp_path):
-    run_campaign(scenario, 1, out=tmp_path)
+    montecarlo(scenario, 1, out=tmp_path)
     part = tmp_path / "part-000000000.parquet"
     os.truncate(part, part.stat().st_size // 2)
     with pytest.raises(InputError, match=r"part-000000000\.parquet: cannot be read"):
-        run_campaign(scenario, 1, out=tmp_path)
+        montecarlo(scenario, 1, out=tmp_path)
 
 
 def test_two_campaigns_do_not_write_into_one_folder(scenario, tmp_path):
@@ -241,10 +241,10 @@ def test_two_campaigns_do_not_write_into_one_folder(scenario, tmp_path):
 
     def second(done, total):
         with pytest.raises(InputError, match="another campaign is writing there"):
-            run_campaign(scenario, 1, out=tmp_path)
+            montecarlo(scenario, 1, out=tmp_path)
         said.append(done)
 
-    run_campaign(scenario, 1, out=tmp_path, progress=second)
+    montecarlo(scenario, 1, out=tmp_path, progress=second)
     assert said
 
 
@@ -254,14 +254,14 @@ def test_two_campaigns_do_not_write_into_one_folder(scenario, tmp_path):
 def test_a_cluster_without_dask_names_the_extra(scenario, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "dask.distributed", None)
     with pytest.raises(InputError, match=r"pip install drake_ispace\[cluster\]"):
-        run_campaign(scenario, 1, cluster="tcp://127.0.0.1:8786")
+        montecarlo(scenario, 1, cluster="tcp://127.0.0.1:8786")
 
 
 @pytest.mark.parametrize("options", [{"cluster": "here"}, {"cluster": "tcp://127.0.0.1:8786", "threads": 2}])
 def test_what_is_no_cluster_is_refused(scenario, options):
     pytest.importorskip("dask.distributed", reason="needs the extra [cluster]: dask, distributed")
     with pytest.raises(InputError, match="expected"):
-        run_campaign(scenario, 1, **options)
+        montecarlo(scenario, 1, **options)
 
 
 @pytest.mark.slow
@@ -270,5 +270,5 @@ def test_a_cluster_of_two_processes_gives_the_same_table(scenario, whole, tmp_pa
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
     ) as cluster:
-        run_campaign(scenario, 150, vary=VARY, out=tmp_path, cluster=cluster.scheduler_address)
+        montecarlo(scenario, 150, vary=VARY, out=tmp_path, cluster=cluster.scheduler_address)
     assert read_campaign(tmp_path).equals(whole)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
-from drake_ispace.compare import compare
+from drake_ispace.comparison import compare
 from drake_ispace.errors import InputError
 from drake_ispace.metrics import measure
 from drake_ispace.rates import TICK_S

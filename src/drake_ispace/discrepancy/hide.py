@@ -18,7 +18,7 @@ from drake_ispace.recording import Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.robot import TORQUE
 from drake_ispace.rollout.engine import simulate_compiled
-from drake_ispace.scenario import Scenario
+from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 #: Kinds of motion: name -> what differs from the scenario's trajectory. All stay within 0.9 m x 0.6 m of the middle.
@@ -38,13 +38,14 @@ _SLIP_NOISE = 0.02
 
 
 def hide(
-    scenario: Scenario, robot: str, effects: Mapping[str, Mapping[str, float]], motions: Sequence[str] = tuple(MOTIONS),
-    seed: int = 0, seconds: float = 20.0,
+    scenario: Scenario | str | Path, robot: str, effects: Mapping[str, Mapping[str, float]],
+    motions: Sequence[str] = tuple(MOTIONS), seed: int = 0, seconds: float = 20.0,
 ) -> dict[str, Recording]:
     """Runs of `robot` with `effects` in it, under the scenario's own controller, which knows nothing of them.
 
     Args:
-        scenario: the model; its Diagram has the robot. effects: name -> parameters, besides those of the scenario.
+        scenario: the model, its name or its file; its Diagram has the robot.
+        effects: name -> parameters, besides those of the scenario.
         motions: of MOTIONS; one may occur several times. seed: of all noise, another for each run; seconds: of each.
 
     Returns:
@@ -58,6 +59,7 @@ def hide(
         raise InputError(f"there is no robot {shown(robot)}, {expected_one_of(robot, robots())}")
     if unknown := [motion for motion in motions if motion not in MOTIONS]:
         raise InputError(f"there is no motion {shown(unknown[0])}, {expected_one_of(unknown[0], MOTIONS)}")
+    scenario = as_scenario(scenario)
     given = checked_effects(effects, body_of(scenario, robots()[robot]), "effects")
     runs = {}
     for i, motion in enumerate(motions):

@@ -47,13 +47,11 @@ from unittest import mock
 
 import numpy as np
 
+import drake_ispace as di
 from drake_ispace.block import Output, Spec
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
-from drake_ispace.effects.library import library
 from drake_ispace.kernels import kernel
-from PACKAGE.scenario import load_scenario
-from PACKAGE.simulation import simulate
 
 
 @kernel
@@ -91,9 +89,9 @@ class TorqueOffset(BlockEffect):
 EFFECTS = [TorqueOffset()]
 
 if __name__ == "__main__":  # try it before it is installed
-    with mock.patch.dict(library(), {effect.card.name: effect for effect in EFFECTS}):
+    with mock.patch.dict(di.effects(), {effect.card.name: effect for effect in EFFECTS}):
         settings = ["seconds=1", "omni.effects.torque_offset.wheel=2", "omni.effects.torque_offset.offset_n_m=0.05"]
-        run = simulate(load_scenario("omni_multirate", settings))
+        run = di.simulate(di.load_scenario("omni_multirate", settings))
         print(run.signals["omni_pose"][-1])
 ```
 
@@ -112,7 +110,7 @@ omni:
   effects:
     torque_offset: {wheel: 2, offset_n_m: 0.05}
 ```
-'''.replace("PACKAGE", __package__.partition(".")[0])  # what the example imports, this module does not
+'''
 
 
 def effects_markdown() -> str:

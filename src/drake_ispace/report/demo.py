@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.compare import compare
+from drake_ispace.comparison import compare
 from drake_ispace.drawing import draw
 from drake_ispace.metrics import Metrics
 from drake_ispace.places import check_own_folder, fresh_folder

@@ -30,7 +30,7 @@ from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.scenario import Scenario, blaming, difference
+from drake_ispace.scenario import Scenario, blaming, difference, named_scenarios
 from drake_ispace.simulation import first_divergence, make_run
 from drake_ispace.typed_tree import read
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
@@ -98,15 +98,16 @@ class Plan:
         return list(dict.fromkeys([key for parameters in self.parameter_sets for key in parameters] + list(self.vary)))
 
 
-def run_campaign(
-    scenarios: Scenario | Mapping[str, Scenario], runs: int, *, vary: Mapping[str, str] | None = None,
-    parameter_sets: Sequence[Mapping[str, float]] = ({},), seed: int = 0, out: Path | None = None,
-    threads: int | None = None, cluster: str | None = None, progress: Callable[[int, int], None] | None = None,
+def montecarlo(
+    scenarios: Scenario | str | Path | Mapping[str, Scenario | str | Path], runs: int, *,
+    vary: Mapping[str, str] | None = None, parameter_sets: Sequence[Mapping[str, float]] = ({},), seed: int = 0,
+    out: Path | None = None, threads: int | None = None, cluster: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Campaign:
     """Roll out every scenario with every parameter set under `runs` seeds.
 
     Args:
-        scenarios: one, or several by name; each is compiled once.
+        scenarios: one (or its name or file), or several by names of your own; each is compiled once.
         runs: per scenario and parameter set.
         vary: parameter -> "normal(mean, std)", "uniform(a, b)", "loguniform(a, b)" or "choice(a, b, ...)", in the
             parameter's own unit. Parameters are those of the compiled blocks (`Rollout.parameter_names`), so a varied
@@ -119,8 +120,8 @@ def run_campaign(
         progress: is told (rows done, rows in all).
 
     Raises:
-        InputError: unknown parameters or distributions, values out of range, a folder with another plan, a cluster
-            that does not answer or a missing library.
+        InputError: as `named_scenarios`, unknown parameters or distributions, values out of range, a folder with
+            another plan, a cluster that does not answer or a missing library.
         CampaignStopped: Ctrl-C; rows done so far are in `out`.
     """
     plan = make_plan(scenarios, runs, vary or {}, parameter_sets, seed)
@@ -146,19 +147,19 @@ def run_campaign(
 
 
 def make_plan(
-    scenarios: Scenario | Mapping[str, Scenario], runs: int, vary: Mapping[str, str],
+    scenarios: Scenario | str | Path | Mapping[str, Scenario | str | Path], runs: int, vary: Mapping[str, str],
     parameter_sets: Sequence[Mapping[str, float]], seed: int,
 ) -> Plan:
-    """The Plan of `run_campaign`, every name and number checked.
+    """The Plan of `montecarlo`, every name and number checked.
 
     Raises:
-        InputError: as `run_campaign`.
+        InputError: as `montecarlo`.
     """
-    named = {scenarios.diagram: scenarios} if isinstance(scenarios, Scenario) else dict(scenarios)
+    named = named_scenarios(scenarios)
     if not 1 <= runs <= _MOST_RUNS:
         raise InputError(f"--runs: expected 1 to {_MOST_RUNS} runs, got {runs}")
-    if not named or not parameter_sets:
-        raise InputError("a campaign needs at least one scenario and one parameter set, got none")
+    if not parameter_sets:
+        raise InputError("a campaign needs at least one parameter set, got none")
     data = {name: _plain(scenario) for name, scenario in named.items()}
     rollouts = {name: rollout_of(_text(scenario)) for name, scenario in data.items()}
 

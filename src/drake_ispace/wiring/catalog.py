@@ -1,10 +1,12 @@
 """The Diagrams by name: those of the package, then those that robots bring along."""
 
+from pathlib import Path
+
 from pydrake.systems.framework import Diagram
 
 from drake_ispace.errors import InputError, expected_one_of, shown
 from drake_ispace.robots.library import robots
-from drake_ispace.scenario import Scenario
+from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.entry import Entry
 from drake_ispace.wiring.omni import omni_conventional_multirate, omni_multirate, omni_vision_feedback
 from drake_ispace.wiring.pendulum import pendulum_jacobian_tracking, pendulum_multirate, pendulum_vision_feedback
@@ -41,10 +43,11 @@ def entry_of(scenario: Scenario) -> Entry:
     return CATALOG[scenario.diagram]
 
 
-def build_diagram(scenario: Scenario) -> Diagram:
-    """The Diagram that `scenario.diagram` names.
+def build_diagram(scenario: Scenario | str | Path) -> Diagram:
+    """The Diagram of a scenario, its name or its file.
 
     Raises:
-        InputError: no Diagram of that name, or values that do not go together.
+        InputError: as `load_scenario`, no Diagram of that name, or values that do not go together.
     """
+    scenario = as_scenario(scenario)
     return entry_of(scenario).build(scenario)

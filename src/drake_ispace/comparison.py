@@ -1,11 +1,12 @@
 """The same reference and the same seed through several Diagrams."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from drake_ispace.metrics import Metrics, measure
 from drake_ispace.robots.library import robots
-from drake_ispace.scenario import Scenario, blaming
+from drake_ispace.scenario import Scenario, blaming, named_scenarios
 from drake_ispace.simulation import Run, simulate_diagram
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
@@ -43,16 +44,22 @@ def on_one_reference(scenarios: Sequence[Scenario]) -> list[Scenario]:
 
 
 def compare(
-    named: dict[str, Scenario], progress: Callable[[str, float], None] | None = None
+    scenarios: Sequence[Scenario | str | Path] | Mapping[str, Scenario | str | Path],
+    progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, tuple[Run, str, Metrics]]:
     """Run every scenario on the first one's reference.
+
+    Args:
+        scenarios: Scenarios, their names or their files; a mapping has them under names of your own.
+        progress: is told (name, simulated time [s]) now and then.
 
     Returns:
         name -> (run, robot, metrics); a Diagram of two robots gives "name.omni" and "name.pendulum".
 
     Raises:
-        InputError: values that do not go together, found before the first run starts.
+        InputError: as `named_scenarios`, or values that do not go together, found before the first run starts.
     """
+    named = named_scenarios(scenarios)
     scenarios = dict(zip(named, on_one_reference(list(named.values())), strict=True))
     diagrams = {}
     for name, scenario in scenarios.items():

@@ -1,6 +1,6 @@
 """`compare`: what the runs of a comparison share."""
 
-from drake_ispace.compare import on_one_reference
+from drake_ispace.comparison import on_one_reference
 from drake_ispace.scenario import load_scenario
 
 POSE = [0.1, 0.2, 0.3]
