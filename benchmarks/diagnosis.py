@@ -15,8 +15,11 @@ from contextlib import contextmanager
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
-from drake_ispace.discrepancy import hypothesize, replay, survey, whitening
-from drake_ispace.discrepancy.hide import MOTIONS
+from drake_ispace.explain.decide import signatures as hypothesize
+from drake_ispace.explain.decide import survey
+from drake_ispace.explain.fit import whitening
+from drake_ispace.explain.predict import replay
+from drake_ispace.hiding import MOTIONS
 
 TARGET_S, WISHED_S = 60.0, 20.0
 SECONDS = 20.0

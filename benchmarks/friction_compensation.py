@@ -10,13 +10,13 @@ import numpy as np
 from _runs import options, print_json
 
 import drake_ispace as di
-from drake_ispace.control.balance_gains import balance_gain, linearised
-from drake_ispace.control.dlqr import zero_order_hold
-from drake_ispace.identification.arx import arx
-from drake_ispace.identification.friction_coefficients import friction_coefficients, over_compensated
-from drake_ispace.identification.friction_data import friction_rollout, run_recording, silence
-from drake_ispace.identification.structures import friction_problem
-from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
+from drake_ispace.control.feedback.dlqr import zero_order_hold
+from drake_ispace.thesis.friction_coefficients import friction_coefficients, over_compensated
+from drake_ispace.thesis.friction_data import friction_rollout, run_recording, silence
+from drake_ispace.thesis.methods.arx import arx
+from drake_ispace.thesis.structures import friction_problem
 
 TRUTH = (0.0061, 0.0106)
 CASES = {

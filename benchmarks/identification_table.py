@@ -17,13 +17,12 @@ import numpy as np
 from _runs import options, print_json
 
 import drake_ispace as di
-from drake_ispace.control import online_identifier
-from drake_ispace.identification import servo_data
-from drake_ispace.identification.armax import armax
-from drake_ispace.identification.armaxd import armaxd
-from drake_ispace.identification.arx import arx, recursive_arx
-from drake_ispace.identification.friction_coefficients import friction_coefficients
-from drake_ispace.identification.friction_data import (
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.control.adaptive import online_identifier
+from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
+from drake_ispace.thesis import servo_data
+from drake_ispace.thesis.friction_coefficients import friction_coefficients
+from drake_ispace.thesis.friction_data import (
     following_rollout,
     friction_estimates,
     friction_instruments,
@@ -31,11 +30,12 @@ from drake_ispace.identification.friction_data import (
     friction_rollout,
     run_recording,
 )
-from drake_ispace.identification.instrumental import instrumental
-from drake_ispace.identification.servo_data import ACTUAL
-from drake_ispace.identification.structures import error_index, friction_problem
-from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
+from drake_ispace.thesis.methods.armax import armax
+from drake_ispace.thesis.methods.armaxd import armaxd
+from drake_ispace.thesis.methods.arx import arx, recursive_arx
+from drake_ispace.thesis.methods.instrumental import instrumental
+from drake_ispace.thesis.servo_data import ACTUAL
+from drake_ispace.thesis.structures import error_index, friction_problem
 
 SECONDS, TINY_S, RATE_HZ = 20.0, 6.0, 2000.0
 FREQUENCIES = (100.0, 300.0, 500.0, 700.0, 800.0, 900.0, 970.0)

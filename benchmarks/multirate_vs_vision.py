@@ -12,9 +12,9 @@ import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
 import drake_ispace as di
-from drake_ispace.control.dlqr import spectral_radius, zero_order_hold
-from drake_ispace.control.omni_gains import omni_gains
-from drake_ispace.rates import TICK_S, VISION_S, VISION_TICKS
+from drake_ispace.blocks.rates import TICK_S, VISION_S, VISION_TICKS
+from drake_ispace.control.feedback.dlqr import spectral_radius, zero_order_hold
+from drake_ispace.control.feedback.omni_gains import omni_gains
 from drake_ispace.robots.plants.omni import mass_matrix
 
 LOOPS = {"multi-rate": "omni_multirate", "vision": "omni_vision_feedback"}

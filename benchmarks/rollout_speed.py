@@ -28,7 +28,7 @@ from rollout_speed import plain_loop as plain
 from rollout_speed.hand_written import OPTIONS, HandWritten
 
 import drake_ispace as di
-from drake_ispace.rates import MAX_TICK, TICK_S, VISION_TICKS
+from drake_ispace.blocks.rates import MAX_TICK, TICK_S, VISION_TICKS
 from drake_ispace.rollout.compile import Rollout
 from drake_ispace.rollout.lanes import compile_lanes
 from drake_ispace.simulation import make_simulator

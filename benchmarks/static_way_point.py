@@ -12,9 +12,9 @@ import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
 import drake_ispace as di
-from drake_ispace.control.balance_gains import balance_gain, linearised
-from drake_ispace.control.dlqr import spectral_radius
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
+from drake_ispace.control.feedback.dlqr import spectral_radius
 
 LOOPS = {"tracker": "pendulum_multirate", "Jacobian": "pendulum_jacobian_tracking"}
 DISTANCE_M, NEAR_M = 0.6, 0.1

@@ -165,7 +165,7 @@ def trace(run):
 
 
 def draw_paths(asked, out):
-    from drake_ispace.control.paths import Trajectory, build_path
+    from drake_ispace.control.guide.paths import Trajectory, build_path
     from drake_ispace.report.plots import plt, save
 
     pairs = {"omni": ("omni, as printed", OMNI), "pendulum": ("pendulum, as printed", PENDULUM)}

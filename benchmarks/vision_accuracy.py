@@ -14,17 +14,17 @@ import numpy as np
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
+from drake_ispace.blocks.rates import VISION_TICKS
 from drake_ispace.metrics import measure
-from drake_ispace.rates import VISION_TICKS
-from drake_ispace.space.calibration import calibrate
-from drake_ispace.space.camera import view_of
-from drake_ispace.space.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
-from drake_ispace.space.image_localizer import frame_ticks, room_eye
-from drake_ispace.space.markers import find_robots
-from drake_ispace.space.renderer import Renderer, with_noise
-from drake_ispace.space.room import Space
-from drake_ispace.space.scene import PAINTS, Box, Patch, obstacles, robot_box
-from drake_ispace.space.top_view import CORNERS, trapezoid
+from drake_ispace.room.room import Space
+from drake_ispace.vision.calibration import calibrate
+from drake_ispace.vision.camera import view_of
+from drake_ispace.vision.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
+from drake_ispace.vision.image_localizer import frame_ticks, room_eye
+from drake_ispace.vision.markers import find_robots
+from drake_ispace.vision.renderer import Renderer, with_noise
+from drake_ispace.vision.scene import PAINTS, Box, Patch, obstacles, robot_box
+from drake_ispace.vision.top_view import CORNERS, trapezoid
 
 ROBOTS = ("omni", "pendulum")
 EDGE_M = 0.16  # from a robot's middle to the far corners of its markers
@@ -239,7 +239,7 @@ def footage(most):
     distances of the crosses; None where there is none."""
     if not FOOTAGE.is_file():
         return None
-    from drake_ispace.space.footage import frames, load_scene, scene_eye, scene_top
+    from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_top
 
     scene = load_scene("vsss")
     eye, worst, seen, count = scene_eye(scene), 0.0, 0, 0

@@ -15,17 +15,17 @@ import numpy as np
 from real_data import arguments, halves, named, print_answer
 from scipy.optimize import least_squares
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.discrepancy.candidates import candidates
-from drake_ispace.discrepancy.joint import decide_jointly
-from drake_ispace.discrepancy.likelihood import merged
-from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
-from drake_ispace.discrepancy.predict import predict
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
 from drake_ispace.effects.library import library
-from drake_ispace.importers import emps
-from drake_ispace.kernels import kernel
+from drake_ispace.explain.decide.joint import decide_jointly
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.explain.predict.prediction import predict
+from drake_ispace.files.importers import emps
 
 MASS_KG = 95.1
 RADIUS_M = 0.02  # of a wheel that stands for the rail: force = torque / radius; 5 ms then resolve its friction

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.discrepancy.candidates import candidates
-from drake_ispace.discrepancy.explanation import plain
-from drake_ispace.discrepancy.joint import decide_jointly
-from drake_ispace.discrepancy.likelihood import merged
-from drake_ispace.discrepancy.predict import predict
-from drake_ispace.discrepancy.replay import replay_of
-from drake_ispace.discrepancy.room_gain import with_gain
-from drake_ispace.discrepancy.tracks import track
-from drake_ispace.importers import optiodom
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.explain.answer.explanation import plain
+from drake_ispace.explain.decide.joint import decide_jointly
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.predict.prediction import predict
+from drake_ispace.explain.predict.replay import replay_of
+from drake_ispace.explain.predict.room_gain import with_gain
+from drake_ispace.explain.predict.tracks import track
+from drake_ispace.files.importers import optiodom
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 

@@ -18,13 +18,13 @@ import numpy as np
 from real_data import arguments, print_answer, spread
 from scipy.optimize import least_squares
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.discrepancy.own_model import OwnModel, own_replay, own_track
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.library import library
-from drake_ispace.importers import regbot
-from drake_ispace.kernels import kernel
-from drake_ispace.rates import TICK_S
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.files.importers import regbot
+from drake_ispace.files.recording import Channel, Recording
 
 REST_S = 0.4  # added before each run
 OTHER_STEPS = ("vel_step.txt", "vel_step_2.txt", "vel_step_-2.txt")

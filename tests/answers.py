@@ -2,7 +2,7 @@
 
 import copy
 
-from drake_ispace.discrepancy.explanation import (
+from drake_ispace.explain.answer.explanation import (
     DetectionResult,
     Estimate,
     Explanation,

@@ -3,14 +3,14 @@
 import pytest
 
 import drake_ispace.comparison
-import drake_ispace.discrepancy.explain
-import drake_ispace.discrepancy.hide
-import drake_ispace.drawing
+import drake_ispace.explain.explain
+import drake_ispace.hiding
 import drake_ispace.report.demo
+import drake_ispace.report.drawing
+import drake_ispace.report.schedule
 import drake_ispace.rollout.compile
-import drake_ispace.schedule
 import drake_ispace.simulation
-from drake_ispace.cli import main
+from drake_ispace.cli.app import main
 
 SHORT = ["--seconds", "0.1"]
 OMNI = ["simulate", "omni_multirate", *SHORT]

@@ -10,9 +10,9 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.kernels import arguments, cache_folder, kernel, plain
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import arguments, cache_folder, kernel, plain
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
 from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters

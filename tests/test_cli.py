@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import drake_ispace
-from drake_ispace.cli import main
+from drake_ispace.cli.app import main
 from drake_ispace.effects.library import library
-from drake_ispace.recording import load
+from drake_ispace.files.recording import load
 from drake_ispace.scenario import load_scenario, scenario_names
 from drake_ispace.wiring.catalog import CATALOG
 
@@ -229,7 +229,7 @@ def test_draw_to_depth_zero_closes_the_box(run):
 
 def test_help_imports_nothing_heavy():
     program = (
-        "import sys\nfrom drake_ispace.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
+        "import sys\nfrom drake_ispace.cli.app import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
         "heavy = ['pydrake', 'numba', 'numpy', 'scipy', 'control', 'cv2', 'matplotlib', 'pyarrow', 'joblib']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
@@ -247,7 +247,7 @@ LIGHT = {
 @pytest.mark.parametrize("arguments", LIGHT.values(), ids=LIGHT.keys())
 def test_everyday_commands_import_nothing_they_do_not_need(arguments):
     program = (
-        f"import sys\nfrom drake_ispace.cli import main\ntry: main({arguments})\nexcept SystemExit: pass\n"
+        f"import sys\nfrom drake_ispace.cli.app import main\ntry: main({arguments})\nexcept SystemExit: pass\n"
         "heavy = ['pyarrow', 'jinja2', 'plotly', 'statsmodels', 'ruptures', 'joblib', 'pandas', 'cv2']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
@@ -259,7 +259,7 @@ def test_everyday_commands_import_nothing_they_do_not_need(arguments):
 TELLS_WHEN_RUNNING = """
 import sys
 from contextlib import contextmanager
-from drake_ispace import cli
+from drake_ispace.cli.app import app as cli
 
 @contextmanager
 def progress(total, title, *unit):
@@ -298,7 +298,8 @@ def test_ctrl_c_says_so_once_and_leaves_nothing(folder, arguments):
 
 
 def test_an_ignored_ctrl_c_stays_ignored():
-    program = "import signal, sys\nfrom drake_ispace.cli import main\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    program = "import signal, sys\nfrom drake_ispace.cli.app import main\n"
+    program += "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     program += "try: main(['list'])\nfinally: assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN"
     assert python("-c", program).returncode == 0
 

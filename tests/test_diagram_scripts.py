@@ -12,7 +12,7 @@ import pytest
 from drake_ispace.wiring.catalog import CATALOG
 
 FOLDER = Path(__file__).parents[1] / "diagrams"
-#: Scripts on real measurements, tested in discrepancy/test_real_data.py.
+#: Scripts on real measurements, tested in explain/test_real_data.py.
 REAL = ("optiodom_omni3", "optiodom_diff", "regbot_motor", "emps_drive")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_ispace.cli import app
+from drake_ispace.cli.app import app
 from drake_ispace.scenario import scenario_names
 from drake_ispace.wiring.catalog import CATALOG
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.frames import wrap
+from drake_ispace.blocks.frames import wrap
 
 
 @pytest.mark.parametrize("angle, wrapped", [

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import drake_ispace as di
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.scenario import Scenario, load_scenario
 
 HEAVY = ("numpy", "pydrake", "numba", "scipy", "cv2", "matplotlib", "pyarrow")

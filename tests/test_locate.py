@@ -9,15 +9,15 @@ import cv2
 import numpy as np
 import pytest
 
-from drake_ispace.cli import main
-from drake_ispace.errors import InputError
-from drake_ispace.space.camera import view_of
-from drake_ispace.space.footage import frames, load_scene, scene_eye, scene_names, scene_top
-from drake_ispace.space.image_localizer import COLOURS, targets
-from drake_ispace.space.renderer import Renderer
-from drake_ispace.space.room import Space
-from drake_ispace.space.scene import marker_height, robot_box
-from drake_ispace.space.top_view import trapezoid
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.cli.app import main
+from drake_ispace.room.room import Space
+from drake_ispace.vision.camera import view_of
+from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_names, scene_top
+from drake_ispace.vision.image_localizer import COLOURS, targets
+from drake_ispace.vision.renderer import Renderer
+from drake_ispace.vision.scene import marker_height, robot_box
+from drake_ispace.vision.top_view import trapezoid
 
 FOOTAGE = (
     Path(os.environ.get("DRAKE_ISPACE_DATA", Path(__file__).parents[2] / "shared" / "data"))

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.comparison import compare, on_one_reference
-from drake_ispace.control.paths import Trajectory, build_path
+from drake_ispace.control.guide.paths import Trajectory, build_path
 from drake_ispace.metrics import measure
-from drake_ispace.rates import TICK_S
 from drake_ispace.robots.omni import OmniSettings
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.simulation import Run

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import kstest
 
-from drake_ispace.noise import _splitmix, normal, normal_quantile, stream, uniform
+from drake_ispace.blocks.noise import _splitmix, normal, normal_quantile, stream, uniform
 
 N = 20000
 FIVE_SIGMA = 5.0 / np.sqrt(N)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.paths import Trajectory, build_path
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.control.guide.paths import Trajectory, build_path
 
 
 def path(**keywords):

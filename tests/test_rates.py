@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from drake_ispace.rates import MAX_TICK, TICK_S, VISION_S, VISION_TICKS, tick_at, ticks_in
+from drake_ispace.blocks.rates import MAX_TICK, TICK_S, VISION_S, VISION_TICKS, tick_at, ticks_in
 
 TICKS = [*range(5000), *range(MAX_TICK - 5000, MAX_TICK)]
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 
-from drake_ispace import recording as recording_module
-from drake_ispace import recording_tables
-from drake_ispace.errors import InputError
-from drake_ispace.recording import CHANNELS, Channel, Recording, load, validate
-from drake_ispace.yaml_guard import dump_yaml, load_yaml
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.files import recording as recording_module
+from drake_ispace.files import recording_tables
+from drake_ispace.files.recording import CHANNELS, Channel, Recording, load, validate
+from drake_ispace.files.yaml_guard import dump_yaml, load_yaml
 
 HEAD = "format: drake-ispace-recording/1\nrobot: omni\n"
 KINECT = HEAD + "channels: {kinect: {file: kinect.csv}}\n"
@@ -108,7 +108,7 @@ def test_a_second_round_trip_writes_the_same_bytes(tmp_path):
 def test_writing_csv_needs_no_pyarrow(tmp_path):
     program = (
         "import sys; sys.modules['pyarrow'] = None\n"
-        "from drake_ispace.recording import Channel, Recording\n"
+        "from drake_ispace.files.recording import Channel, Recording\n"
         "Recording('omni', None, {'kinect': Channel([0.0], ('x', 'y', 'phi'), [[1, 2, 3]])}).save(sys.argv[1])\n"
         "assert 'pandas' not in sys.modules\n"
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_ispace.rates import MAX_TICK
+from drake_ispace.blocks.rates import MAX_TICK
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import build_diagram

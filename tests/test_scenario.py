@@ -4,8 +4,9 @@ import dataclasses
 
 import pytest
 
-from drake_ispace.errors import InputError
-from drake_ispace.rates import MAX_TICK, TICK_S, VISION_S, ticks_in
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import MAX_TICK, TICK_S, VISION_S, ticks_in
+from drake_ispace.files.yaml_guard import dump_yaml, load_yaml
 from drake_ispace.scenario import (
     Scenario,
     blaming,
@@ -17,7 +18,6 @@ from drake_ispace.scenario import (
     with_option,
 )
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
-from drake_ispace.yaml_guard import dump_yaml, load_yaml
 
 # Dotted key -> value as printed in the thesis, except where the comment says otherwise.
 TABLES = {

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.cli.vision import vision
 from drake_ispace.report.vision_page import write_vision_page
-from drake_ispace.vision_commands import vision
 
 PICTURES = ("views", "thresholds", "depth", "configuration", "tracking")
 

@@ -8,9 +8,9 @@ Everything is linear, so that other simulators can express it and be compared wi
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.rates import TICK_S, VISION_TICKS
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.wiring.bench import Bench
 
 AXES = 3

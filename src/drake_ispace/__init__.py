@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.comparison import compare
-    from drake_ispace.discrepancy.explain import explain
-    from drake_ispace.discrepancy.hide import hide
-    from drake_ispace.drawing import draw
     from drake_ispace.effects.library import library as effects
-    from drake_ispace.recording import load
+    from drake_ispace.explain.explain import explain
+    from drake_ispace.files.recording import load
+    from drake_ispace.hiding import hide
+    from drake_ispace.report.drawing import draw
     from drake_ispace.rollout.campaign import montecarlo
     from drake_ispace.rollout.compile import compile_diagram
     from drake_ispace.scenario import load_scenario
@@ -37,11 +37,11 @@ _BEHIND = {
     "build_diagram": "wiring.catalog:build_diagram",
     "compare": "comparison:compare",
     "compile_diagram": "rollout.compile:compile_diagram",
-    "draw": "drawing:draw",
+    "draw": "report.drawing:draw",
     "effects": "effects.library:library",
-    "explain": "discrepancy.explain:explain",
-    "hide": "discrepancy.hide:hide",
-    "load": "recording:load",
+    "explain": "explain.explain:explain",
+    "hide": "hiding:hide",
+    "load": "files.recording:load",
     "load_scenario": "scenario:load_scenario",
     "montecarlo": "rollout.campaign:montecarlo",
     "simulate": "simulation:simulate",
@@ -65,7 +65,7 @@ sys.modules[__name__].__class__ = _FrontDoor
 
 def __getattr__(name: str):
     if name not in _BEHIND:
-        from drake_ispace.errors import expected_one_of
+        from drake_ispace.blocks.errors import expected_one_of
 
         message = f"module {__name__!r} has no attribute {name!r}, {expected_one_of(name, __all__)}"
         raise AttributeError(message, name=name, obj=sys.modules[__name__])

@@ -7,8 +7,8 @@ velocity commanded on [t_k, t_k+1) is what row k + 1 shows; the truth in row k i
 
 import numpy as np
 
-from drake_ispace.rates import TICK_S, VISION_S
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.blocks.rates import TICK_S, VISION_S
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import difference
 from drake_ispace.simulation import Run

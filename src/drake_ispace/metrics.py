@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
-from drake_ispace.control.paths import build_path
-from drake_ispace.rates import TICK_S, VISION_TICKS, ticks_in
+from drake_ispace.blocks.rates import TICK_S, VISION_TICKS, ticks_in
+from drake_ispace.control.guide.paths import build_path
 from drake_ispace.simulation import Run
 
 _ARRIVED_M = 0.02  # close enough to the end of the trajectory

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
+from drake_ispace.blocks.rates import MAX_TICK, TICK_S
 from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import checked_effects
-from drake_ispace.errors import InputError, expected_one_of, shown
-from drake_ispace.quantity import quantity
-from drake_ispace.rates import MAX_TICK, TICK_S
+from drake_ispace.files.quantity import quantity
+from drake_ispace.files.typed_tree import checked, read
+from drake_ispace.files.yaml_guard import load_yaml
 from drake_ispace.robots.library import robots
-from drake_ispace.space.room import Space
-from drake_ispace.typed_tree import checked, read
-from drake_ispace.yaml_guard import load_yaml
+from drake_ispace.room.room import Space
 
 
 @dataclass

@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from drake_ispace.control.adaptive_compensator import Adaptation, AdaptiveCompensator, faded_sign, lyapunov_matrix
-from drake_ispace.control.balance_gains import balance_gain, linearised
-from drake_ispace.identification.friction_data import friction_rollout
-from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.control.adaptive.adaptive_compensator import (
+    Adaptation,
+    AdaptiveCompensator,
+    faded_sign,
+    lyapunov_matrix,
+)
+from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
 from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.scenario import load_scenario
+from drake_ispace.thesis.friction_data import friction_rollout
 
 C = np.array([0.0061, 0.0106])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.balance_controller import BalanceController, from_printed
+from drake_ispace.control.feedback.balance_controller import BalanceController, from_printed
 
 # s, phi, theta, s', phi', theta' for the right and the left wheel
 GAIN = np.array([[-1.0, 2.0, -3.0, -4.0, 5.0, -6.0], [-1.0, -2.0, -3.0, -4.0, -5.0, -6.0]])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_ispace.control.conventional_merge import ConventionalMerge
+from drake_ispace.control.estimate.conventional_merge import ConventionalMerge
 
 NEVER = [-1.0, 0.0, 0.0, 0.0, 0.0]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.dlqr import dlqr, spectral_radius, zero_order_hold
+from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius, zero_order_hold
 
 T = 0.005
 DOUBLE_INTEGRATOR = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [2.0]])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.error_estimator import ErrorEstimator, HeldError
+from drake_ispace.control.estimate.error_estimator import ErrorEstimator, HeldError
 
 NEVER = [-1.0, -1.0, 0.0, 0.0, 0.0]
 

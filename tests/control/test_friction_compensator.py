@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.friction_compensator import FrictionCompensation, FrictionCompensator
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensation, FrictionCompensator
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.jacobian_transpose import JacobianTranspose
+from drake_ispace.control.feedback.jacobian_transpose import JacobianTranspose
 from drake_ispace.robots.wheels import mecanum, omni3, omni4
 
 THESIS = omni4(0.024, 0.36)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.odometry import OmniOdometry, PendulumOdometry
+from drake_ispace.control.estimate.odometry import OmniOdometry, PendulumOdometry
 from drake_ispace.robots.wheels import omni3, omni4
 
 R, B = 0.024, 0.36  # omni: wheel radius and distance between opposite wheels

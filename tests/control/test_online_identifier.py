@@ -4,11 +4,11 @@ import numba
 import numpy as np
 import pytest
 
-from drake_ispace.control import online_identifier
-from drake_ispace.control.online_identifier import ROOT, SCRATCH, Identifier, OnlineIdentifier
-from drake_ispace.identification.friction_data import friction_rollout
-from drake_ispace.rates import ticks_in
+from drake_ispace.blocks.rates import ticks_in
+from drake_ispace.control.adaptive import online_identifier
+from drake_ispace.control.adaptive.online_identifier import ROOT, SCRATCH, Identifier, OnlineIdentifier
 from drake_ispace.scenario import load_scenario
+from drake_ispace.thesis.friction_data import friction_rollout
 
 
 @pytest.fixture(scope="module")

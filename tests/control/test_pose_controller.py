@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.pose_controller import PoseController
+from drake_ispace.control.feedback.pose_controller import PoseController
 
 K_P, K_D, MASS = np.diag([2.45, 2.45, 1.23]), np.diag([10.0, 10.0, 4.0]), [7.31, 7.31, 0.0729]
 

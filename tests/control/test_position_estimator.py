@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.position_estimator import PositionEstimator
+from drake_ispace.control.estimate.position_estimator import PositionEstimator
 
 NEVER = [-1.0, 0.0, 0.0, 0.0, 0.0]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.rwls import recursive_least_squares, update
+from drake_ispace.control.adaptive.rwls import recursive_least_squares, update
 
 
 @pytest.fixture

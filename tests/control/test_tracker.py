@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.tracker import Tracker, TrajectoryTracker
+from drake_ispace.control.guide.tracker import Tracker, TrajectoryTracker
 
 
 def fix(x=0.0, y=0.0, phi=0.0, tick=0, seen=1.0):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.vision_feedback import VisionFeedback
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback.vision_feedback import VisionFeedback
 
 PERIOD = 19 * TICK_S
 ZERO = np.zeros(3)

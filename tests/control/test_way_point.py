@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from drake_ispace.control.paths import Trajectory, build_path
-from drake_ispace.control.trajectory import WayPoint, slide
-from drake_ispace.kernels import arguments
-from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.control.guide.paths import Trajectory, build_path
+from drake_ispace.control.guide.way_point import WayPoint, slide
 
 X, Y, PHI, VX, VY, WZ, AX, AY, YAW_ACC = range(1, 10)
 

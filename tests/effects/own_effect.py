@@ -1,9 +1,9 @@
 """An effect of one's own, in one file outside of the package: a motor whose torque fades with speed."""
 
-from drake_ispace.block import Output, Spec
+from drake_ispace.blocks.block import Output, Spec
+from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
-from drake_ispace.kernels import kernel
 
 
 @kernel

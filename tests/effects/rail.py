@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drake_ispace.discrepancy.own_model import OwnPlant, OwnRobot
 from drake_ispace.effects.effect import Body
+from drake_ispace.explain.predict.own_model import OwnPlant, OwnRobot
 
 
 def rail(wheels=1):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rail import rail
 
-from drake_ispace.effects.actuator import EFFECTS
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import EffectBlock
-from drake_ispace.kernels import arguments
-from drake_ispace.rates import TICK_S
+from drake_ispace.effects.places.actuator import EFFECTS
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drake_ispace.effects.camera import hidden
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.noise import stream
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
-from drake_ispace.noise import stream
-from drake_ispace.rates import TICK_S
+from drake_ispace.effects.places.camera import hidden
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.rollout.engine import parity, simulate_compiled

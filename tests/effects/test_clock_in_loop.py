@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
-from drake_ispace.control.error_estimator import ErrorEstimator
-from drake_ispace.control.position_estimator import PositionEstimator
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.estimate.error_estimator import ErrorEstimator
+from drake_ispace.control.estimate.position_estimator import PositionEstimator
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.effects import actuator, transmission
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.effects.places import actuator, transmission
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 

@@ -8,10 +8,10 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import yaml
 
-from drake_ispace.block import Block
+from drake_ispace.blocks.block import Block
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects import library as library_module
 from drake_ispace.effects.card import HOMES, Card
 from drake_ispace.effects.document import effects_markdown
 from drake_ispace.effects.effect import WIRES, BlockEffect, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import Scenario, load_scenario

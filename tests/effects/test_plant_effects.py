@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drake_ispace.control.balance_gains import balance_gain
-from drake_ispace.control.omni_gains import omni_gains
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.control.feedback.balance_gains import balance_gain
+from drake_ispace.control.feedback.omni_gains import omni_gains
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
-from drake_ispace.effects.plant import EFFECTS
-from drake_ispace.errors import InputError
+from drake_ispace.effects.places.plant import EFFECTS
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters

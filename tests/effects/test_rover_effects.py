@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Body, body_of
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.rover import WHEELS, RoverPlantParameters
 from drake_ispace.robots.plants.slip import Slip

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from rail import rail
 
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Body, EffectBlock
-from drake_ispace.effects.imu import rotation
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
+from drake_ispace.effects.places.imu import rotation
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario

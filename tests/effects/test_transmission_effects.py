@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rail import rail
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import EffectBlock
-from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
-from drake_ispace.rates import TICK_S
+from drake_ispace.effects.places.transmission import EFFECTS, lead, motor_angle
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 RAIL = rail(3)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
-from drake_ispace.effects.velocity import EFFECTS
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import arguments
-from drake_ispace.rates import TICK_S
+from drake_ispace.effects.places.velocity import EFFECTS
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.plants.rover import RoverPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled

@@ -10,9 +10,9 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drake_ispace.control.balance_gains import balance_gain
-from drake_ispace.control.omni_gains import omni_gains
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.control.feedback.balance_gains import balance_gain
+from drake_ispace.control.feedback.omni_gains import omni_gains
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
 from hidden import omni_truth, pendulum_truth
 from hidden.control_truth import Camera, Encoder

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.control.paths import Path, Trajectory, build_path
+from drake_ispace.control.guide.paths import Path, Trajectory, build_path
 
 MOTIONS = ("square", "circle", "eight", "back_and_forth", "spin")
 TICK_S = 0.004999999997380655

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from drake_ispace.discrepancy.candidates import candidates
-from drake_ispace.discrepancy.detect import trials
-from drake_ispace.discrepancy.explain import explain, prepare
-from drake_ispace.discrepancy.hide import hide
-from drake_ispace.discrepancy.predict import RESTING
-from drake_ispace.discrepancy.survey import survey
+from drake_ispace.explain.decide.detect import trials
+from drake_ispace.explain.decide.survey import survey
+from drake_ispace.explain.explain import explain, prepare
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.predict.prediction import RESTING
+from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 from hidden.effects_truth import ROBOTS
 from hidden.generator import generate

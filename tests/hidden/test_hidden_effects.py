@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_ispace.discrepancy.explain import explain
+from drake_ispace.explain.explain import explain
 from hidden.campaign import Case, cases, diagnose, key, load, run
 from hidden.effect_sizes import scaled_unknown
 from hidden.effects_truth import ROBOTS, UNKNOWN

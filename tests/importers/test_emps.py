@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from drake_ispace.errors import InputError
-from drake_ispace.importers.emps import Drive, load_drive, load_run
-from drake_ispace.recording import load
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.files.importers.emps import Drive, load_drive, load_run
+from drake_ispace.files.recording import load
 
 DATA = {
     "t": [[0.0], [0.001], [0.002]], "qm": [[0.0], [0.1], [0.2]], "qg": [[0.0], [0.2], [0.4]],

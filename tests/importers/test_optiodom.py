@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from drake_ispace.errors import InputError
-from drake_ispace.importers.optiodom import Metadata, geometry, load_folder, load_run, read_metadata
-from drake_ispace.recording import load
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.files.importers.optiodom import Metadata, geometry, load_folder, load_run, read_metadata
+from drake_ispace.files.recording import load
 
 OMNI3 = "type,omni3,,\nngear,12,,\nencRes,1024,,\nLi,0.195,,\nDi,0.102,0.104,0.1\nThi,,,\nN,1,,\n"
 DIFF = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.084,0.084\n"

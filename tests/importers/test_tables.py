@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.errors import InputError
-from drake_ispace.importers.tables import parse_numbers, period_of, read_lines
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.files.importers.tables import parse_numbers, period_of, read_lines
 
 
 def test_numbers_between_blanks_comments_and_empty_lines(tmp_path):

@@ -5,13 +5,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.control.paths import Trajectory
-from drake_ispace.control.velocity_command import VelocityCommand, VelocityControl
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.messages import WAY_POINT
-from drake_ispace.noise import stream
-from drake_ispace.quantity import quantity
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.blocks.noise import stream
+from drake_ispace.control.feedback.velocity_command import VelocityCommand, VelocityControl
+from drake_ispace.control.guide.paths import Trajectory
+from drake_ispace.files.quantity import quantity
 from drake_ispace.robots.actuator import Actuator
 from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.robots.plants.slip import Slip, pose_rates, slip_parameters

@@ -8,8 +8,8 @@ from unittest import mock
 
 import pytest
 
-from drake_ispace.cli import main
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.cli.app import main
 from drake_ispace.report import demo as demo_module
 from drake_ispace.report.demo import write_demo
 

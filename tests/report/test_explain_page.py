@@ -11,7 +11,7 @@ import pytest
 
 import answers
 from drake_ispace.alignment import to_recording
-from drake_ispace.discrepancy.hide import hide
+from drake_ispace.hiding import hide
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.explain_page import changed_lines, new_blocks, write_explanation
 from drake_ispace.report.explain_plots import distances

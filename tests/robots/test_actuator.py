@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
 
 COMMAND = [0.123456789, -3.0e-5]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.robots.plants.friction import BRISTLE, Friction, dragged_anchor, friction_parameters, friction_torque
 from drake_ispace.robots.plants.omni import THETA, WZ, OmniPlant, OmniPlantParameters
 from drake_ispace.robots.plants.omni import mobility as omni_mobility

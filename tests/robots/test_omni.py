@@ -7,9 +7,9 @@ import pytest
 from pydrake.symbolic import Evaluate, Expression, Jacobian, MakeVectorContinuousVariable
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from drake_ispace.control.dlqr import dlqr, spectral_radius
-from drake_ispace.control.omni_gains import linearised
-from drake_ispace.rates import TICK_S, VISION_S
+from drake_ispace.blocks.rates import TICK_S, VISION_S
+from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius
+from drake_ispace.control.feedback.omni_gains import linearised
 from drake_ispace.robots.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
 from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
 

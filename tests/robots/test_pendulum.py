@@ -11,10 +11,10 @@ from pydrake.systems.primitives import Linearize
 from scipy.linalg import solve_continuous_are
 
 import control
-from drake_ispace.control import balance_gains
-from drake_ispace.control.balance_controller import from_printed
-from drake_ispace.control.dlqr import dlqr, spectral_radius
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback import balance_gains
+from drake_ispace.control.feedback.balance_controller import from_printed
+from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius
 from drake_ispace.robots.pendulum import PendulumSettings
 from drake_ispace.robots.plants.friction import Friction
 from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant

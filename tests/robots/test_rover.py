@@ -7,9 +7,9 @@ import pytest
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.systems.analysis import Simulator
 
-from drake_ispace.control.velocity_command import VelocityCommand, VelocityControl
-from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback.velocity_command import VelocityCommand, VelocityControl
 from drake_ispace.robots.plants.rover import WHEELS, RoverPlant, RoverPlantParameters, block_parameters
 from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.robots.wheels import differential, mecanum, omni3, omni4

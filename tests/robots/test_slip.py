@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from drake_ispace.errors import InputError
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.robots.plants.omni import LAG, OmniPlant, OmniPlantParameters
 from drake_ispace.robots.plants.pendulum import S_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
 from drake_ispace.robots.plants.slip import GRAVITY, Slip

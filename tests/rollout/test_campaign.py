@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.metrics import measure
 from drake_ispace.rollout.campaign import METRICS, CampaignStopped, make_plan, montecarlo
 from drake_ispace.rollout.draws import find_parameter, noise_seed, parse_distribution, split_vary

@@ -22,10 +22,10 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import cache_folder, kernel
-from drake_ispace.rates import MAX_TICK, TICK_S
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import cache_folder, kernel
+from drake_ispace.blocks.rates import MAX_TICK, TICK_S
 from drake_ispace.rollout import compile as compile_module
 from drake_ispace.rollout.compile import compile_diagram, kernel_text
 from drake_ispace.scenario import load_scenario
@@ -492,10 +492,10 @@ def test_two_processes_may_race_for_one_entry(tmp_path):
     text = (
         "from drake_ispace.rollout.compile import compile_diagram\n"
         "from drake_ispace.scenario import load_scenario\n"
-        "from drake_ispace.control.omni_gains import linearised\n"
+        "from drake_ispace.control.feedback.omni_gains import linearised\n"
         "from drake_ispace.wiring.bench import Bench\n"
-        "from drake_ispace.control.trajectory import WayPoint\n"
-        "from drake_ispace.control.paths import Trajectory, build_path\n"
+        "from drake_ispace.control.guide.way_point import WayPoint\n"
+        "from drake_ispace.control.guide.paths import Trajectory, build_path\n"
         "t = Trajectory(); bench = Bench(); bench.add('way', WayPoint(t, build_path(t, 't')))\n"
         "bench.show(way='way.way_point')\n"
         "print(repr(compile_diagram(bench.build('race')).run(400)['way'][-1].tolist()))\n"
@@ -513,8 +513,8 @@ def test_two_processes_may_race_for_one_entry(tmp_path):
 def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     text = (
         "from drake_ispace.rollout.compile import compile_diagram\n"
-        "from drake_ispace.control.trajectory import WayPoint\n"
-        "from drake_ispace.control.paths import Trajectory, build_path\n"
+        "from drake_ispace.control.guide.way_point import WayPoint\n"
+        "from drake_ispace.control.guide.paths import Trajectory, build_path\n"
         "from drake_ispace.wiring.bench import Bench\n"
         "bench = Bench(); bench.add('way', WayPoint(Trajectory(), build_path(Trajectory(), 't')))\n"
         "bench.show(way='way.way_point')\n"

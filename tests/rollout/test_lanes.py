@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from pydrake.systems.primitives import ZeroOrderHold
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.rollout.lanes import compile_lanes
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.bench import Bench

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from drake_ispace.cli import main
+from drake_ispace.cli.app import main
 from drake_ispace.rollout.table import read_campaign
 
 SHORT = ["omni_multirate", "--seconds", "1"]
@@ -73,7 +73,7 @@ def test_bad_input_is_one_sentence_and_exit_2(capsys, words):
 
 def test_interrupts_keep_whole_rows(tmp_path):
     """Killed, then stopped by Ctrl-C: only whole files are left, and they say how far it came."""
-    words = [sys.executable, "-c", "from drake_ispace.cli import main; main()", "montecarlo", "omni_multirate",
+    words = [sys.executable, "-c", "from drake_ispace.cli.app import main; main()", "montecarlo", "omni_multirate",
              "--seconds", "5", "--runs", "200000", "--out", str(tmp_path)]
     for number in (signal.SIGKILL, signal.SIGINT):
         parts = len(list(tmp_path.glob("part-*")))

@@ -6,8 +6,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ZeroOrderHold
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.sensing.encoder import Encoder, WheelEncoder
 
 COUNT_RAD = 2.0 * np.pi / 108

@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.robots.actuator import Actuator, TorqueActuator
 from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.robots.plants.slip import GRAVITY, Slip

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.kernels import arguments
+from drake_ispace.blocks.kernels import arguments
 from drake_ispace.robots.plants.slip import GRAVITY
 from drake_ispace.scenario import load_scenario
 from drake_ispace.sensing.tilt_filter import TiltFilter, TiltKalmanFilter, step

@@ -7,24 +7,24 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
-from drake_ispace.block import Block
-from drake_ispace.control.balance_controller import BalanceController
-from drake_ispace.control.error_estimator import ErrorEstimator
-from drake_ispace.control.friction_compensator import FrictionCompensator
-from drake_ispace.control.odometry import PendulumOdometry
-from drake_ispace.control.position_estimator import PositionEstimator
-from drake_ispace.control.tracker import TrajectoryTracker
-from drake_ispace.control.trajectory import WayPoint
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.block import Block
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.control.estimate.error_estimator import ErrorEstimator
+from drake_ispace.control.estimate.odometry import PendulumOdometry
+from drake_ispace.control.estimate.position_estimator import PositionEstimator
+from drake_ispace.control.feedback.balance_controller import BalanceController
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
+from drake_ispace.control.guide.tracker import TrajectoryTracker
+from drake_ispace.control.guide.way_point import WayPoint
 from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.plants.pendulum import PendulumPlant
+from drake_ispace.room.link import RoomLink
+from drake_ispace.room.localizer import KinectLocalizer
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.sensing.imu import InertialSensor
 from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
 from drake_ispace.simulation import simulate
-from drake_ispace.space.link import RoomLink
-from drake_ispace.space.localizer import KinectLocalizer
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 EVERY = pytest.mark.parametrize("name", CATALOG)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.control.odometry import OmniOdometry
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.control.estimate.odometry import OmniOdometry
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate_diagram
 from drake_ispace.wiring.bench import Bench

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.control import balance_gains, omni_gains
-from drake_ispace.control.dlqr import zero_order_hold
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback import balance_gains, omni_gains
+from drake_ispace.control.feedback.dlqr import zero_order_hold
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator, simulate, simulate_diagram
 from drake_ispace.wiring.bench import Bench

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.control.balance_gains import balance_gain, linearised
-from drake_ispace.control.dlqr import spectral_radius
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
+from drake_ispace.control.feedback.dlqr import spectral_radius
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate, simulate_diagram
 from drake_ispace.wiring.bench import Bench

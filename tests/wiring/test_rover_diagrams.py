@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from drake_ispace.alignment import to_recording
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.comparison import compare
-from drake_ispace.errors import InputError
+from drake_ispace.files.recording import load, validate
 from drake_ispace.metrics import measure
-from drake_ispace.rates import TICK_S
-from drake_ispace.recording import load, validate
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import build_diagram

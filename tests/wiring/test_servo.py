@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from drake_ispace.control.balance_gains import linearised
-from drake_ispace.control.dlqr import zero_order_hold
-from drake_ispace.identification.friction_data import friction_rollout, silence
-from drake_ispace.identification.servo_data import servo_rollout
-from drake_ispace.rates import TICK_S, ticks_in
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.control.feedback.balance_gains import linearised
+from drake_ispace.control.feedback.dlqr import zero_order_hold
 from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
+from drake_ispace.thesis.friction_data import friction_rollout, silence
+from drake_ispace.thesis.servo_data import servo_rollout
 
 
 def test_the_servo_reaches_its_reference_and_returns():

@@ -48,10 +48,10 @@ from unittest import mock
 import numpy as np
 
 import drake_ispace as di
-from drake_ispace.block import Output, Spec
+from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect
-from drake_ispace.kernels import kernel
+from drake_ispace.blocks.kernels import kernel
 
 
 @kernel

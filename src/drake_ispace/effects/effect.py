@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drake_ispace.block import Block, Spec
+from drake_ispace.blocks.block import Block, Spec
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.robots.robot import Robot
 

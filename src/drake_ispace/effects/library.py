@@ -4,11 +4,11 @@ import functools
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 
-from drake_ispace.effects import actuator, camera, encoder, ground, imu, link, plant, transmission, velocity
+from drake_ispace.blocks.errors import InputError, expected_one_of
 from drake_ispace.effects.effect import Body, Effect
-from drake_ispace.errors import InputError, expected_one_of
+from drake_ispace.effects.places import actuator, camera, encoder, ground, imu, link, plant, transmission, velocity
+from drake_ispace.files.typed_tree import checked
 from drake_ispace.robots.library import robots
-from drake_ispace.typed_tree import checked
 
 _PLACES = (velocity, actuator, transmission, ground, plant, encoder, imu, camera, link)
 

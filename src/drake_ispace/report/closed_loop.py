@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.alignment import to_recording
-from drake_ispace.discrepancy.reference import direction_of, turn_of
-from drake_ispace.discrepancy.tracks import nearest_ticks
-from drake_ispace.errors import InputError
-from drake_ispace.frames import wrap
-from drake_ispace.rates import TICK_S, ticks_in
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.explain.predict.tracks import nearest_ticks
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.reference import direction_of, turn_of
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import first_divergence, make_run

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.comparison import compare
-from drake_ispace.drawing import draw
+from drake_ispace.files.places import check_own_folder, fresh_folder
 from drake_ispace.metrics import Metrics
-from drake_ispace.places import check_own_folder, fresh_folder
+from drake_ispace.report.drawing import draw
 from drake_ispace.report.hidden_effect import write_hidden_effect
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plot_comparison, plt, save

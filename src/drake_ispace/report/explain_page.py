@@ -8,18 +8,18 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.discrepancy.explanation import Explanation
-from drake_ispace.drawing import draw
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
-from drake_ispace.errors import InputError
-from drake_ispace.places import fresh_folder
-from drake_ispace.recording import Recording
+from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.files.places import fresh_folder
+from drake_ispace.files.recording import Recording
+from drake_ispace.files.yaml_guard import dump_yaml
 from drake_ispace.report.closed_loop import closed_loop
+from drake_ispace.report.drawing import draw
 from drake_ispace.report.explain_plots import plot_path, plot_residuals
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.scenario import Scenario, difference
 from drake_ispace.wiring.catalog import build_diagram, entry_of
-from drake_ispace.yaml_guard import dump_yaml
 
 MARK = "explanation.json"
 _TITLES = {

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.discrepancy.explanation import Gap
-from drake_ispace.recording import Channel, Recording
+from drake_ispace.explain.answer.explanation import Gap
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.report.plots import plt, save
 
 BEFORE, AFTER, MEASURED = "#c0392b", "#27ae60", "#2980b9"

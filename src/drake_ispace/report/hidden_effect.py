@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from drake_ispace.discrepancy.explain import explain
-from drake_ispace.discrepancy.explanation import Explanation
-from drake_ispace.discrepancy.hide import hide
+from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.explain import explain
+from drake_ispace.hiding import hide
 from drake_ispace.report.explain_page import write_files
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import entry_of

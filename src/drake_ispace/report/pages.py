@@ -3,7 +3,7 @@
 from importlib import resources
 from pathlib import Path
 
-from drake_ispace.places import whole_file
+from drake_ispace.files.places import whole_file
 
 
 def write_text(out: Path, text: str) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from drake_ispace.control.paths import build_path
-from drake_ispace.places import whole_file
+from drake_ispace.control.guide.paths import build_path
+from drake_ispace.files.places import whole_file
 from drake_ispace.simulation import Run
 
 matplotlib.use("Agg")

@@ -10,23 +10,23 @@ import cv2
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-from drake_ispace.places import check_folder
-from drake_ispace.rates import TICK_S, VISION_TICKS
+from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
+from drake_ispace.files.places import check_folder
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.report.plots import plt, save
 from drake_ispace.robots.library import robots
+from drake_ispace.room.room import Space
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import Run, simulate
-from drake_ispace.space.camera import View, view_of
-from drake_ispace.space.depth_map import FREE, ROBOT, SpaceMap, map_of, points
-from drake_ispace.space.eye import Eye
-from drake_ispace.space.image_localizer import room_eye, room_renderer
-from drake_ispace.space.markers import Sighting
-from drake_ispace.space.overlay import annotate
-from drake_ispace.space.renderer import Picture
-from drake_ispace.space.room import Space
-from drake_ispace.space.scene import robot_box
-from drake_ispace.space.top_view import TopView, top_view_of, trapezoid
+from drake_ispace.vision.camera import View, view_of
+from drake_ispace.vision.depth_map import FREE, ROBOT, SpaceMap, map_of, points
+from drake_ispace.vision.eye import Eye
+from drake_ispace.vision.image_localizer import room_eye, room_renderer
+from drake_ispace.vision.markers import Sighting
+from drake_ispace.vision.overlay import annotate
+from drake_ispace.vision.renderer import Picture
+from drake_ispace.vision.scene import robot_box
+from drake_ispace.vision.top_view import TopView, top_view_of, trapezoid
 from drake_ispace.wiring.catalog import CATALOG
 
 _OBSTACLES = [

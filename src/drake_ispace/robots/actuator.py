@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Phase, Spec, Update
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.noise import normal, stream
-from drake_ispace.quantity import quantity
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.noise import normal, stream
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.files.quantity import quantity
 
 
 @dataclass

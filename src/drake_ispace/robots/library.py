@@ -3,7 +3,7 @@
 import functools
 from importlib.metadata import entry_points
 
-from drake_ispace.errors import InputError
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.robots.omni import Omni
 from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.robots.robot import Robot

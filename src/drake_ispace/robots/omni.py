@@ -6,10 +6,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_ispace.control.friction_compensator import FrictionCompensation
-from drake_ispace.control.omni_gains import OmniControl
-from drake_ispace.control.paths import Trajectory
-from drake_ispace.quantity import quantity
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensation
+from drake_ispace.control.feedback.omni_gains import OmniControl
+from drake_ispace.control.guide.paths import Trajectory
+from drake_ispace.files.quantity import quantity
 from drake_ispace.robots.actuator import Actuator
 from drake_ispace.robots.plants import omni
 from drake_ispace.robots.robot import Coordinate, Number, Robot

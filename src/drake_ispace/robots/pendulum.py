@@ -6,15 +6,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_ispace.control.adaptive_compensator import Adaptation
-from drake_ispace.control.balance_gains import PendulumControl
-from drake_ispace.control.odometry import PendulumOdometry
-from drake_ispace.control.online_identifier import Identifier
-from drake_ispace.control.paths import Trajectory
-from drake_ispace.control.servo import Servo
-from drake_ispace.errors import InputError
-from drake_ispace.messages import TRACKING_ERROR
-from drake_ispace.quantity import quantity
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.messages import TRACKING_ERROR
+from drake_ispace.control.adaptive.adaptive_compensator import Adaptation
+from drake_ispace.control.adaptive.online_identifier import Identifier
+from drake_ispace.control.adaptive.servo import Servo
+from drake_ispace.control.estimate.odometry import PendulumOdometry
+from drake_ispace.control.feedback.balance_gains import PendulumControl
+from drake_ispace.control.guide.paths import Trajectory
+from drake_ispace.files.quantity import quantity
 from drake_ispace.robots.actuator import Actuator
 from drake_ispace.robots.impulse import Impulse
 from drake_ispace.robots.plants import pendulum

@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_ispace.block import Block
-from drake_ispace.control.odometry import OmniOdometry
-from drake_ispace.errors import InputError
-from drake_ispace.messages import WAY_POINT
+from drake_ispace.blocks.block import Block
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.control.estimate.odometry import OmniOdometry
 from drake_ispace.robots.plants.friction import Friction, dry_slope, friction_parameters, stable_slope
 
 TORQUE, COMMAND = "torque", "command"

@@ -22,17 +22,17 @@ import joblib
 import numpy as np
 import pyarrow as pa
 
-from drake_ispace.control.paths import build_path
-from drake_ispace.errors import InputError, shown
+from drake_ispace.blocks.errors import InputError, shown
+from drake_ispace.blocks.rates import ticks_in
+from drake_ispace.control.guide.paths import build_path
+from drake_ispace.files.typed_tree import read
 from drake_ispace.metrics import measure
-from drake_ispace.rates import ticks_in
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
 from drake_ispace.rollout.table import Rows, campaign_folder
 from drake_ispace.scenario import Scenario, blaming, difference, named_scenarios
 from drake_ispace.simulation import first_divergence, make_run
-from drake_ispace.typed_tree import read
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 #: Columns of every robot; metrics.py says what they are.

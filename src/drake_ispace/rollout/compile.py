@@ -16,10 +16,10 @@ import numba.core.errors
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
-from drake_ispace.errors import InputError, expected_one_of, shown
-from drake_ispace.kernels import cache_folder, jitted
-from drake_ispace.noise import stream
-from drake_ispace.rates import MAX_TICK
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
+from drake_ispace.blocks.kernels import cache_folder, jitted
+from drake_ispace.blocks.noise import stream
+from drake_ispace.blocks.rates import MAX_TICK
 from drake_ispace.rollout import views
 from drake_ispace.rollout.emit import Emitter
 from drake_ispace.rollout.network import Network, Port, take_apart

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.errors import InputError, expected_one_of, shown
-from drake_ispace.noise import normal_quantile, stream, uniform
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
+from drake_ispace.blocks.noise import normal_quantile, stream, uniform
 
 _LARGEST = 1e9  # as in scenarios
 _FORMS = {

@@ -10,9 +10,9 @@ import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from drake_ispace.block import Phase, Update
-from drake_ispace.kernels import arguments
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Phase, Update
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.rollout.layout import layout_of, parameter_sizes
 from drake_ispace.rollout.network import Network, Port
 

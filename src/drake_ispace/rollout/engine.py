@@ -6,7 +6,7 @@ import time
 import numpy as np
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.rates import ticks_in
+from drake_ispace.blocks.rates import ticks_in
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import Run, first_divergence, make_run, simulate_diagram

@@ -17,8 +17,8 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import text_of
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import text_of
 from drake_ispace.rollout import views
 from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram
 

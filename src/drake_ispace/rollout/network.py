@@ -9,9 +9,9 @@ from numba.core.dispatcher import Dispatcher
 from pydrake.systems.framework import Context, Diagram, InputPortIndex, OutputPortIndex, System
 from pydrake.systems.primitives import VectorLogSink
 
-from drake_ispace.block import Spec
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import arguments
+from drake_ispace.blocks.block import Spec
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import arguments
 from drake_ispace.rollout.primitives import specification
 
 

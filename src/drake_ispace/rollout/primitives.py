@@ -18,10 +18,10 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
-from drake_ispace.block import Output, Phase, Spec, Update
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import jit_options
-from drake_ispace.rates import TICK_S
+from drake_ispace.blocks.block import Output, Phase, Spec, Update
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import jit_options
+from drake_ispace.blocks.rates import TICK_S
 
 
 @functools.cache

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as parquet
 
-from drake_ispace.errors import InputError, shown
-from drake_ispace.places import check_folder, whole_file
-from drake_ispace.yaml_guard import LARGEST_FILE, dump_yaml, load_yaml
+from drake_ispace.blocks.errors import InputError, shown
+from drake_ispace.files.places import check_folder, whole_file
+from drake_ispace.files.yaml_guard import LARGEST_FILE, dump_yaml, load_yaml
 
 PLAN = "campaign.yaml"
 FORMAT = "drake-ispace-campaign/1"

@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-from drake_ispace.control.paths import build_path, check_inside, start_pose
-from drake_ispace.control.position_estimator import PositionEstimator
-from drake_ispace.control.trajectory import WayPoint
+from drake_ispace.control.estimate.position_estimator import PositionEstimator
+from drake_ispace.control.guide.paths import build_path, check_inside, start_pose
+from drake_ispace.control.guide.way_point import WayPoint
 from drake_ispace.effects.effect import body_of
 from drake_ispace.robots.actuator import TorqueActuator
 from drake_ispace.robots.robot import TORQUE, Robot
+from drake_ispace.room.link import RoomLink
 from drake_ispace.sensing.encoder import WheelEncoder
 from drake_ispace.sensing.imu import InertialSensor
 from drake_ispace.sensing.tilt_filter import TiltKalmanFilter
-from drake_ispace.space.link import RoomLink
 from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.effects import changed_plant, chosen_effects, needs_ground
 from drake_ispace.wiring.room import oldest_fix_ticks

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.errors import InputError, expected_one_of, shown
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.entry import Entry

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from drake_ispace.control.conventional_merge import ConventionalMerge
-from drake_ispace.control.friction_compensator import FrictionCompensator
-from drake_ispace.control.jacobian_transpose import JacobianTranspose
-from drake_ispace.control.omni_gains import omni_gains
-from drake_ispace.control.pose_controller import PoseController
-from drake_ispace.control.vision_feedback import VisionFeedback
-from drake_ispace.messages import WAY_POINT
-from drake_ispace.rates import TICK_S, VISION_S
+from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.blocks.rates import TICK_S, VISION_S
+from drake_ispace.control.estimate.conventional_merge import ConventionalMerge
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
+from drake_ispace.control.feedback.jacobian_transpose import JacobianTranspose
+from drake_ispace.control.feedback.omni_gains import omni_gains
+from drake_ispace.control.feedback.pose_controller import PoseController
+from drake_ispace.control.feedback.vision_feedback import VisionFeedback
 from drake_ispace.robots.omni import Omni
 from drake_ispace.robots.plants.omni import mass_matrix
 from drake_ispace.scenario import Scenario

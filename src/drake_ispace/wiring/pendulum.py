@@ -2,12 +2,12 @@
 
 import dataclasses
 
-from drake_ispace.control.balance_controller import BalanceController
-from drake_ispace.control.balance_gains import balance_gain
-from drake_ispace.control.error_estimator import ErrorEstimator, HeldError
-from drake_ispace.control.friction_compensator import FrictionCompensator
-from drake_ispace.control.tracker import Tracker, TrajectoryTracker
-from drake_ispace.messages import TRACKING_ERROR, WAY_POINT
+from drake_ispace.blocks.messages import TRACKING_ERROR, WAY_POINT
+from drake_ispace.control.estimate.error_estimator import ErrorEstimator, HeldError
+from drake_ispace.control.feedback.balance_controller import BalanceController
+from drake_ispace.control.feedback.balance_gains import balance_gain
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
+from drake_ispace.control.guide.tracker import Tracker, TrajectoryTracker
 from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.bench import Bench, Part

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 from pydrake.systems.primitives import Demultiplexer, Multiplexer
 
+from drake_ispace.blocks.messages import FIX
 from drake_ispace.effects.effect import body_of
-from drake_ispace.effects.link import CLOCK_TICKS
-from drake_ispace.messages import FIX
+from drake_ispace.effects.places.link import CLOCK_TICKS
 from drake_ispace.robots.library import robots
-from drake_ispace.space.link import delay_ticks
-from drake_ispace.space.localizer import KinectLocalizer
+from drake_ispace.room.link import delay_ticks
+from drake_ispace.room.localizer import KinectLocalizer
 from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.effects import splice_chosen
 
@@ -43,7 +43,7 @@ def oldest_fix_ticks(scenario: "Scenario", order_size: int) -> int:
     space = scenario.space
     age = space.localizer.latency_ticks + delay_ticks(space.link, order_size)
     if space.localizer.mode == "image":
-        from drake_ispace.space.image_localizer import oldest_frame_ticks
+        from drake_ispace.vision.image_localizer import oldest_frame_ticks
 
         age += oldest_frame_ticks(space.camera.frame_rate_hz)
     if any("clock_offset" in getattr(scenario, name).effects for name in robots()):
@@ -54,7 +54,7 @@ def oldest_fix_ticks(scenario: "Scenario", order_size: int) -> int:
 def _localizer(scenario, names):
     """The block of `space.localizer.mode`; both have the same ports."""
     if scenario.space.localizer.mode == "image":
-        from drake_ispace.space.image_localizer import ImageLocalizer
+        from drake_ispace.vision.image_localizer import ImageLocalizer
 
         return ImageLocalizer(scenario.space, names, scenario.seed)
     return KinectLocalizer(scenario.space, len(names), scenario.seed)

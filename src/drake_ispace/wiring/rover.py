@@ -1,8 +1,8 @@
 """Diagrams of robots that take a body-velocity command, with any wheels."""
 
-from drake_ispace.control.velocity_command import VelocityCommand
-from drake_ispace.errors import InputError
-from drake_ispace.messages import WAY_POINT
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.control.feedback.velocity_command import VelocityCommand
 from drake_ispace.robots.rover import Rover
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.bench import Bench, Part

@@ -3,13 +3,13 @@
 Both robots move along one straight line; the room watches, as everywhere, and carries the way point to the robot.
 """
 
-from drake_ispace.control.adaptive_compensator import AdaptiveCompensator
-from drake_ispace.control.balance_controller import BalanceController
-from drake_ispace.control.balance_gains import balance_gain, linearised
-from drake_ispace.control.friction_compensator import FrictionCompensator
-from drake_ispace.control.online_identifier import OnlineIdentifier
-from drake_ispace.control.servo import ServoController
-from drake_ispace.control.straight_error import StraightError
+from drake_ispace.control.adaptive.adaptive_compensator import AdaptiveCompensator
+from drake_ispace.control.adaptive.online_identifier import OnlineIdentifier
+from drake_ispace.control.adaptive.servo import ServoController
+from drake_ispace.control.adaptive.straight_error import StraightError
+from drake_ispace.control.feedback.balance_controller import BalanceController
+from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
+from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
 from drake_ispace.robots.impulse import TorqueImpulse
 from drake_ispace.robots.pendulum import AS_PRINTED
 from drake_ispace.scenario import Scenario

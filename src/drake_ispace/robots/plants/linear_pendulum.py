@@ -6,8 +6,8 @@ Printed with these signs it *hangs* (theta_ddot = -9.87 theta), and no wheel rad
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.kernels import kernel
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
 from drake_ispace.robots.plants.pendulum import (
     PHI,
     S_RATE,

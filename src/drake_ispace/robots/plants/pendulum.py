@@ -21,10 +21,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.noise import stream
-from drake_ispace.quantity import quantity
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.noise import stream
+from drake_ispace.files.quantity import quantity
 from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.robots.plants.slip import (
     FRAME,

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_ispace.block import Block, Output, Spec
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import copy, kernel
-from drake_ispace.quantity import quantity
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.files.quantity import quantity
 from drake_ispace.robots.plants.slip import Slip, pose_rates, slip_parameters
 from drake_ispace.robots.wheels import WheelGeometry, differential, mecanum, rescaled, ring
 

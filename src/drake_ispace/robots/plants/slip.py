@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.errors import InputError
-from drake_ispace.kernels import kernel
-from drake_ispace.quantity import quantity
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.files.quantity import quantity
 
 FRAMES = ("body", "world", "additive")
 GRAVITY = 9.80665

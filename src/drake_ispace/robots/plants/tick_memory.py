@@ -6,9 +6,9 @@ and Drake's `Linearize` takes it as it is.
 
 import numpy as np
 
-from drake_ispace.block import Phase, Update
-from drake_ispace.kernels import kernel
-from drake_ispace.noise import normal
+from drake_ispace.blocks.block import Phase, Update
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.noise import normal
 from drake_ispace.robots.plants.friction import Friction, dragged_anchor
 from drake_ispace.robots.plants.slip import NOISE_STD, Slip
 

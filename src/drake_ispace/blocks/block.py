@@ -1,0 +1,249 @@
+"""Block: a LeafSystem whose maths are pure functions ("kernels").
+
+A kernel is a module-level function that reads floats and float arrays and writes its last argument, `out`, only. **Its
+argument names are its wiring**: `xc` and `xd` are the block's continuous and discrete state, `tick` is the number of
+the tick, and every other name is one of the block's input ports or parameters. Direct feed-through and cache
+dependencies follow from the names, so nothing is declared twice.
+
+The same kernel runs compiled in Drake's Simulator and, in its plain Python form, with AutoDiffXd and Expression, so
+that `Linearize` works on a plant.
+"""
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.symbolic import Expression
+from pydrake.systems.framework import BasicVector_, InputPortIndex, LeafSystem_, ValueProducer
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from drake_ispace.blocks.kernels import arguments, plain
+from drake_ispace.blocks.rates import TICK_S, tick_at
+
+
+class Phase(enum.Enum):
+    """When within an instant an update acts. Drake runs unrestricted updates first and discrete updates second, each
+    on the state before it: sensors sample in the first phase, controllers compute in the second."""
+
+    SENSE = "sense"
+    COMPUTE = "compute"
+
+
+@dataclass(frozen=True)
+class Update:
+    """A periodic update x_d <- kernel(...).
+
+    With `through`, the block's outputs see the state *after* this update and the sample just taken (direct
+    feed-through), and the update stores the same state. Such a kernel must change nothing when it meets the stamp of a
+    sample for the second time, or its block would act once more on x_d after the update of the same instant.
+    """
+
+    kernel: Callable
+    phase: Phase
+    period_ticks: int = 1
+    offset_ticks: int = 0
+    through: bool = False
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output port of `size` floats, written by `kernel`."""
+
+    size: int
+    kernel: Callable
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Everything that a Block is made of.
+
+    Parameters are floats, vectors, or mappings of floats (a group, which a kernel receives as one vector in the order
+    of the mapping). They live in the Context as one numeric parameter vector named by `parameter_names`.
+    """
+
+    inputs: Mapping[str, int] = field(default_factory=dict)
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    continuous_state: np.ndarray | None = None
+    derivatives: Callable | None = None
+    discrete_state: np.ndarray | None = None
+    updates: tuple[Update, ...] = ()
+    #: Name of the random stream whose key is the parameter `noise_stream` (noise.py).
+    noise_stream: str | None = None
+
+    @property
+    def parameter_names(self) -> list[str]:
+        """One name per float: `mass_kg`, `radius_m[2]`, `slip.sx`."""
+        names = []
+        for name, value in self.parameters.items():
+            if isinstance(value, Mapping):
+                names += [f"{name}.{key}" for key in value]
+            elif np.ndim(value) == 0:
+                names.append(name)
+            else:
+                names += [f"{name}[{i}]" for i in range(len(value))]
+        return names
+
+    @property
+    def parameter_values(self) -> np.ndarray:
+        """The floats that `parameter_names` names."""
+        parts = [np.atleast_1d(np.asarray(_values(value), dtype=float)) for value in self.parameters.values()]
+        return np.concatenate(parts) if parts else np.empty(0)
+
+
+def _values(value):
+    return list(value.values()) if isinstance(value, Mapping) else value
+
+
+_EMPTY = np.empty(0)
+
+
+@TemplateSystem.define("Block_")
+def Block_(T):
+    scalar_is_float = T is float
+
+    class Impl(LeafSystem_[T]):
+        """A LeafSystem made of kernels; see the module."""
+
+        def _construct(self, spec: Spec, converter=None):
+            LeafSystem_[T].__init__(self, converter=converter)
+            self.spec = spec
+            self._through = None
+            for name, size in spec.inputs.items():
+                self.DeclareVectorInputPort(name, size)
+            self.DeclareNumericParameter(BasicVector_[T](spec.parameter_values))
+            self._parameters = self._declare_cache("parameters", self._unpack, {self.all_parameters_ticket()})
+            if spec.continuous_state is not None:
+                self.DeclareContinuousState(BasicVector_[T](np.asarray(spec.continuous_state, dtype=float)))
+                self._derivatives = self._bind(spec.derivatives)
+            if spec.discrete_state is not None:
+                self.DeclareDiscreteState(BasicVector_[T](np.asarray(spec.discrete_state, dtype=float)))
+            if sum(update.phase is Phase.COMPUTE for update in spec.updates) > 1:
+                raise ValueError("a block has at most one update in the compute phase, where each sees the old state")
+            for update in spec.updates:
+                self._declare_update(update)
+            for name, output in spec.outputs.items():
+                self._declare_output(name, output)
+
+        def _construct_copy(self, other, converter=None):
+            Impl._construct(self, other.spec, converter=converter)
+
+        def _declare_cache(self, description, calc, prerequisites):
+            def calculate(context, value):
+                value.set_value(calc(context))
+
+            producer = ValueProducer(allocate=lambda: AbstractValue.Make(object()), calc=calculate)
+            return self.DeclareCacheEntry(description, producer, prerequisites)
+
+        def _declare_update(self, update: Update):
+            step = self._bind(update.kernel)
+            size = len(self.spec.discrete_state)
+            period_s, offset_s = update.period_ticks * TICK_S, update.offset_ticks * TICK_S
+            if update.through:
+                if update.phase is not Phase.COMPUTE or len(self.spec.updates) > 1:
+                    raise ValueError("a through update is its block's only update, in the compute phase")
+                tickets = self._tickets(update.kernel)
+                self._through = self._declare_cache("stepped", lambda context: step(context, size), tickets)
+
+            def sense(context, state):
+                # Updates of one block that fall on the same instant act one after the other, in the order declared.
+                stored = state.get_mutable_discrete_state()
+                stored.set_value(step(context, size, stored.value().copy()))
+
+            def compute(context, stored):
+                stored.set_value(self._through.Eval(context) if update.through else step(context, size))
+
+            if update.phase is Phase.SENSE:
+                self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, offset_s, sense)
+            else:
+                self.DeclarePeriodicDiscreteUpdateEvent(period_s, offset_s, compute)
+
+        def _declare_output(self, name, output: Output):
+            calc = self._bind(output.kernel, stepped=self._through is not None)
+
+            def write(context, vector):
+                vector.SetFromVector(calc(context, output.size))
+
+            self.DeclareVectorOutputPort(name, output.size, write, self._tickets(output.kernel, stepped=True))
+
+        def _tickets(self, function, stepped=False):
+            tickets = set()
+            for name in arguments(function):
+                if name in self.spec.inputs:
+                    tickets.add(self.input_port_ticket(InputPortIndex(list(self.spec.inputs).index(name))))
+                elif name == "xd" and stepped and self._through is not None:
+                    tickets.add(self.cache_entry_ticket(self._through.cache_index()))
+                elif name in ("xd", "xc", "tick"):
+                    tickets.add({"xd": self.xd_ticket, "xc": self.xc_ticket, "tick": self.time_ticket}[name]())
+                else:
+                    tickets.add(self.all_parameters_ticket())
+            return tickets or {self.nothing_ticket()}
+
+        def _unpack(self, context):
+            """Parameter name -> float or vector, as kernels take them."""
+            flat, unpacked, start = context.get_numeric_parameter(0).CopyToVector(), {}, 0
+            if T is Expression:  # kernels branch on parameters, and a Formula has no truth value
+                flat = np.array([e if e.GetVariables().size() else e.Evaluate() for e in flat], dtype=object)
+            for name, value in self.spec.parameters.items():
+                size = np.size(_values(value))
+                is_scalar = np.ndim(_values(value)) == 0
+                unpacked[name] = flat[start] if is_scalar else flat[start : start + size]
+                start += size
+            return unpacked
+
+        def _bind(self, function, stepped=False):
+            """A function (context, size of out, x_d to use instead of the stored one) -> out."""
+            run = function if scalar_is_float else plain(function)
+            names = arguments(function)
+            known = {"xc", "xd", "tick", *self.spec.inputs, *self.spec.parameters}
+            if unknown := set(names) - known:
+                raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
+            dtype = float if scalar_is_float else object
+            getters = [self._getter(name, stepped) for name in names]
+
+            def call(context, size, xd=None):
+                parameters = self._parameters.Eval(context)
+                out = np.empty(size, dtype)
+                run(*[get(context, parameters, xd) for get in getters], out)
+                return out
+
+            return call
+
+        def _getter(self, name, stepped):
+            """A function (context, parameters, x_d to use instead of the stored one) -> the argument called `name`."""
+            if name in self.spec.inputs:
+                index = list(self.spec.inputs).index(name)
+
+                def get(context, parameters, xd):
+                    vector = self.EvalVectorInput(context, index)
+                    if vector is None:
+                        raise RuntimeError(f"input port '{name}' of block '{self.get_name()}' is not connected")
+                    return vector.CopyToVector()
+
+                return get
+            if name == "xd" and self.spec.discrete_state is None:
+                return lambda context, parameters, xd: _EMPTY
+            if name == "xd" and stepped:
+                return lambda context, parameters, xd: self._through.Eval(context)
+            if name == "xd":
+                return lambda context, parameters, xd: (
+                    context.get_discrete_state_vector().CopyToVector() if xd is None else xd
+                )
+            if name == "xc":
+                return lambda context, parameters, xd: context.get_continuous_state_vector().CopyToVector()
+            if name == "tick":
+                return lambda context, parameters, xd: tick_at(float(context.get_time()))
+            return lambda context, parameters, xd: parameters[name]
+
+        def DoCalcTimeDerivatives(self, context, derivatives):
+            if self.spec.derivatives is not None:
+                size = len(self.spec.continuous_state)
+                derivatives.get_mutable_vector().SetFromVector(self._derivatives(context, size))
+
+    return Impl
+
+
+#: A Block over floats; every box in a picture is a subclass of it.
+Block = Block_[None]

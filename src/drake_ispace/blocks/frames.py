@@ -1,0 +1,11 @@
+"""Angles and planar frames. Frame W is the world (the room's floor), B the robot's body; x forward, y left, z up."""
+
+import numpy as np
+
+from drake_ispace.blocks.kernels import kernel
+
+
+@kernel
+def wrap(angle):
+    """`angle` [rad] brought into [-pi, pi)."""
+    return angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi))

@@ -1,0 +1,163 @@
+"""The commands on pictures: `locate` robots in footage, `calibrate` the camera, `vision` for a page of what the room
+sees. Imported by cli.py; heavy libraries are imported inside."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.cli.options import Json, whole
+from drake_ispace.cli.terminal import print_json, print_table
+from drake_ispace.files.places import check_folder, whole_file
+
+
+def register(app: App) -> None:
+    """Add the commands of this module."""
+    app.command(locate)
+    app.command(calibrate)
+    app.command(vision)
+
+
+def locate(
+    footage: Path, /, *, scene: Annotated[str, Parameter(help="vsss, room or a scene's YAML file")] = "room",
+    out: Annotated[Path | None, Parameter(help="folder for the annotated image and, of a video, the overlay")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find robots in an image or a video by the colours of their markers."""
+    if out is not None:
+        check_folder(out)
+    from drake_ispace.vision.footage import frames, load_scene, scene_eye
+
+    eye = scene_eye(load_scene(scene), scene)
+    found = []
+    with _pictures(out) as show:
+        for time_s, image in frames(footage):
+            try:
+                sightings = eye.locate(image)
+            except InputError as error:
+                raise InputError(f"{footage}: {error}") from None
+            found.append(
+                {"t": time_s, "robots": [_row(name, one) for name, one in sightings.items() if one is not None]}
+            )
+            show(image, eye, sightings, time_s)
+    if as_json:
+        print_json({"frames": found})
+        return
+    rows = []
+    for name in (target.name for look in eye.looks for target in look.targets):
+        seen = [robot for frame in found for robot in frame["robots"] if robot["name"] == name]
+        last = (
+            [f"{seen[-1][key]:.{digits}f}" for key, digits in zip("u v x y phi".split(), (1, 1, 4, 4, 3), strict=True)]
+            if seen
+            else ["not seen"] + [""] * 4
+        )
+        rows.append([name, f"{len(seen)} of {len(found)}", *last])
+    print_table(["robot", "frames", "u", "v", "x [m]", "y [m]", "phi [rad]"], rows)
+    if out is not None:
+        print(f"pictures: {out}")
+
+
+def calibrate(
+    image: Path,
+    /,
+    *,
+    points: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="u,v,x,y of points on the floor [pixels, m]; or u,v of the space's four corners: far left, far right, "
+            "near right, near left",
+        ),
+    ] = None,
+    board: Annotated[
+        str | None,
+        Parameter(
+            help="columns,rows,square,x,y,yaw of a chessboard on the floor to look for instead: inner corners, side "
+            "[m], place of the first [m], direction of the first row [rad]"
+        ),
+    ] = None,
+    width: Annotated[float, Parameter(help="of the space [m]")] = 2.5,
+    depth: Annotated[float, Parameter(help="of the space [m]")] = 2.0,
+    fit_focal: Annotated[
+        bool, Parameter(negative="", help="find the focal length too, instead of that of the Kinect")
+    ] = False,
+    out: Annotated[Path | None, Parameter(help="scenario file to write; left out: the text is printed")] = None,
+    as_json: Json = False,
+) -> None:
+    """Find where a camera stands from points on the floor of one of its images: a scenario's camera section."""
+    if not (0.0 < width < 1e3 and 0.0 < depth < 1e3):
+        raise InputError(f"--width, --depth: expected metres above 0, got {width:g} and {depth:g}")
+    if (points is None) == (board is None):
+        raise InputError("calibrate: expected either --points or --board")
+    if out is not None:
+        check_folder(out.parent)
+    from drake_ispace.files.yaml_guard import dump_yaml
+    from drake_ispace.room.room import Camera
+    from drake_ispace.vision.calibration import board_points, read_points
+    from drake_ispace.vision.calibration import calibrate as solve
+    from drake_ispace.vision.footage import frames
+
+    _, first = next(frames(image))
+    rows, columns = first.shape[:2]
+    given = board_points(first, board) if board is not None else read_points(points, width, depth)
+    if outside := [p for p in given if not (-0.5 <= p[0] <= columns - 0.5 and -0.5 <= p[1] <= rows - 0.5)]:
+        raise InputError(
+            f"--points: ({outside[0][0]:g}, {outside[0][1]:g}) lies outside of {image}, expected 0 to {columns - 1}, "
+            f"0 to {rows - 1}"
+        )
+    result = solve(given, replace(Camera(), size_pixels=[columns, rows]), fit_focal)
+    data, residual = {"space": result.to_data()}, float((result.residual_pixels**2).mean() ** 0.5)
+    if out is not None:
+        with whole_file(out) as beside:
+            beside.write_text(
+                f"# Camera of {image.name}; {residual:.2f} pixels rms\n{dump_yaml(data)}", encoding="utf-8"
+            )
+    if as_json:
+        print_json(data | {"rms_pixels": residual, "residual_pixels": result.residual_pixels.tolist()})
+        return
+    print(out if out is not None else dump_yaml(data).rstrip())
+    print(f"# rms {residual:.2f} pixels over {len(given)} points")
+
+
+def vision(
+    *, out: Annotated[Path, Parameter(help="folder of the page")] = Path("vision"),
+    seconds: Annotated[float, Parameter(help="of the run with both robots [s]")] = 14.0,
+    seed: Annotated[int, Parameter(help="of carpet and noise", converter=whole)] = 0, as_json: Json = False,
+) -> None:
+    """Write a page with what the room sees: perspective, top view, thresholds, depth, map, and both robots tracking."""
+    if not 1.0 <= seconds <= 600.0 or seed < 0:
+        raise InputError(f"--seconds, --seed: expected 1 to 600 s and a seed of at least 0, got {seconds:g} and {seed}")
+    from drake_ispace.cli.terminal import progress
+    from drake_ispace.report.vision_page import write_vision_page
+
+    with progress(None, "vision") as advance:
+        page, data = write_vision_page(out, seconds, seed, advance)
+    if as_json:
+        print_json(data | {"page": str(page)})
+        return
+    print(f"open {page}")
+
+
+def _row(name, sighting):
+    u, v = map(float, sighting.pixel)
+    return {"name": name, "u": u, "v": v, "x": sighting.x, "y": sighting.y, "phi": sighting.phi}
+
+
+def _pictures(out):
+    """A function (image, eye, sightings, time) that writes the annotated first image and the overlay video."""
+    from contextlib import contextmanager
+
+    @contextmanager
+    def nothing():
+        yield lambda *_: None
+
+    @contextmanager
+    def writing():
+        from drake_ispace.vision.overlay import Overlay
+
+        with Overlay(out) as overlay:
+            yield overlay.add
+
+    return nothing() if out is None else writing()

@@ -1,0 +1,137 @@
+"""An identifier in the loop: Table 4.1's regressor, recursive least squares every tick.
+
+Both wheels together (u_r = u_l, so only the sum of B's columns is identifiable):
+
+    [s'', theta''] = Theta' [theta, sgn w_r + sgn w_l, w_r + w_l, tau_r + tau_l].
+
+Nothing is differentiated twice: s'' is the accelerometer's with gravity taken off by the filtered tilt, theta'' one
+difference of the gyro. The encoder's speed is a count difference (centred half a tick back) behind a low-pass; theta,
+the torque held over the same tick, the sign and both accelerations pass the same low-pass, so that the linear relation
+holds between the filtered signals.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.control.adaptive.rwls import update
+from drake_ispace.files.quantity import quantity
+from drake_ispace.robots.plants.slip import GRAVITY
+
+
+@dataclass
+class Identifier:
+    """Of the on-line identifier; it listens only, no command depends on it."""
+
+    # lambda of (3.21)
+    forgetting: float = quantity(0.9998, above=0.0, maximum=1.0)
+    # P(0) = it times the identity
+    initial_variance: float = quantity(1e4, above=0.0)
+    # largest trace of P: the guard against wind-up
+    trace_limit: float = quantity(1e5, above=0.0)
+    # wheel speed whose sign counts as known
+    dead_band_rad_s: float = quantity(0.1, "rad/s", minimum=0.0)
+
+
+TICK, GYRO, TILT, REG, ACC, THETA = 0, 1, 2, 3, 7, 9  # x_d: stamps, last samples, filtered regressor (4) and Y (2)
+ROOT, SCRATCH, SIZE = THETA + 8, THETA + 24, THETA + 28
+_SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # of the regressors, so that P(0) means the same for each
+
+
+@kernel
+def learn(out, first, second, forgetting, trace_limit):
+    innovation = np.array([first, second])
+    update(
+        out[REG : REG + 4], innovation, forgetting, trace_limit, out[THETA : THETA + 8], out[ROOT : ROOT + 16],
+        out[SCRATCH : SCRATCH + 4],
+    )
+
+
+@kernel
+def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band_rad_s, sizes, out):
+    copy(xd, out)
+    if encoder[0] == xd[TICK]:
+        return
+    out[TICK], out[GYRO], out[TILT] = encoder[0], imu[5], tilt[1]
+    if xd[TICK] < 0.0:
+        return
+    signs, speed = 0.0, encoder[3] + encoder[4]
+    for i in range(2):
+        rate = encoder[3 + i]
+        if abs(rate) > dead_band_rad_s:
+            signs += np.sign(rate)
+    keep, add = memory, 1.0 - memory
+    out[REG] = keep * xd[REG] + add * 0.5 * (tilt[1] + xd[TILT]) / sizes[0]
+    out[REG + 1] = keep * xd[REG + 1] + add * signs / sizes[1]
+    out[REG + 2] = speed / sizes[2]
+    out[REG + 3] = keep * xd[REG + 3] + add * (torque[0] + torque[1]) / sizes[3]
+    level = (imu[1] + GRAVITY * np.sin(tilt[1])) / np.cos(tilt[1])
+    out[ACC] = keep * xd[ACC] + add * level
+    out[ACC + 1] = keep * xd[ACC + 1] + add * (imu[5] - xd[GYRO]) / TICK_S
+    for j in range(2):
+        predicted = 0.0
+        for i in range(4):
+            predicted += out[REG + i] * out[THETA + 2 * i + j]
+        out[SCRATCH + j] = out[ACC + j] - predicted
+    first, second = out[SCRATCH], out[SCRATCH + 1]
+    learn(out, first, second, forgetting, trace_limit)
+
+
+@kernel
+def parameters(xd, sizes, out):
+    for i in range(4):
+        for j in range(2):
+            out[2 * i + j] = xd[THETA + 2 * i + j] / sizes[i]
+
+
+@kernel
+def friction(xd, sizes, out):
+    """(4.8)-(4.9) by least squares over both rows; zero while B is not known."""
+    b0, b1 = xd[THETA + 6] / sizes[3], xd[THETA + 7] / sizes[3]
+    size = b0 * b0 + b1 * b1
+    out[0], out[1] = 0.0, 0.0
+    if size > 1.0:
+        out[0] = -(b0 * xd[THETA + 2] + b1 * xd[THETA + 3]) / sizes[1] / size
+        out[1] = -(b0 * xd[THETA + 4] + b1 * xd[THETA + 5]) / sizes[2] / size
+
+
+class OnlineIdentifier(Block):
+    """Identifies the pendulum while it balances, from zero knowledge.
+
+    .. pydrake_system::
+
+        name: OnlineIdentifier
+        input_ports:
+        - encoder
+        - imu
+        - tilt
+        - torque
+        output_ports:
+        - parameters
+        - friction
+
+    encoder (5,): tick, theta [rad] (2), omega [rad/s] (2), filtered. imu (7,): tick, specific force (3), rate (3).
+    tilt (4,): tick, theta, rate, bias. torque (2,): held until this tick [N m]. parameters (8,): Theta row by row, the
+    rows of [theta, sgn, omega, tau] for s'' [m/s^2] and theta'' [rad/s^2]. friction (2,): c_cu [N m], c_v [N m s/rad].
+    Equations (3.20)-(3.26), (4.1)-(4.9), Table 4.1.
+
+    Args:
+        identifier: forgetting and guards; filter_time_constant_s: of the encoder's speed.
+    """
+
+    def __init__(self, identifier: Identifier, filter_time_constant_s: float):
+        start = np.zeros(SIZE)
+        start[TICK] = -1.0
+        start[ROOT : ROOT + 16] = np.sqrt(identifier.initial_variance) * np.eye(4).ravel()
+        super().__init__(Spec(
+            inputs={"encoder": 5, "imu": 7, "tilt": 4, "torque": 2},
+            outputs={"parameters": Output(8, parameters), "friction": Output(2, friction)},
+            parameters={
+                "memory": float(np.exp(-TICK_S / filter_time_constant_s)), "forgetting": identifier.forgetting,
+                "trace_limit": identifier.trace_limit, "dead_band_rad_s": identifier.dead_band_rad_s, "sizes": _SIZES,
+            },
+            discrete_state=start, updates=(Update(step, Phase.COMPUTE),),
+        ))

@@ -1,0 +1,1 @@
+"""Where the robot is: odometry, and what corrects it by the room's fixes."""

@@ -1,0 +1,1 @@
+"""From error to command: feedback laws, their gains, friction compensation."""

@@ -1,0 +1,49 @@
+"""State feedback for the pendulum, (6.39) with signs as meant: tau = -K x, x = [-s_e, -phi_h, th, s', phi', th']."""
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
+
+
+@kernel
+def feedback(error, tilt, velocity, gain, out):
+    for i in range(2):
+        out[i] = (
+            gain[6 * i] * error[0] + gain[6 * i + 1] * error[1] - gain[6 * i + 2] * tilt[1]
+            - gain[6 * i + 3] * (velocity[0] - error[2]) - gain[6 * i + 4] * velocity[1] - gain[6 * i + 5] * tilt[2]
+        )
+
+
+class BalanceController(Block):
+    """DLQR feedback that balances the pendulum and takes it to the way point, Fig. 6.6.
+
+    .. pydrake_system::
+
+        name: BalanceController
+        input_ports:
+        - error
+        - tilt
+        - velocity
+        output_ports:
+        - torque
+
+    error (3,): s_e [m], phi_h [rad], speed fed forward [m/s]. tilt (4,): tick, tilt [rad], rate [rad/s], bias.
+    velocity (2,): s_dot [m/s], phi_dot [rad/s]. torque (2,): right, left [N m].
+
+    Args:
+        gain: K (2, 6) for x = [s, phi, theta, s_dot, phi_dot, theta_dot].
+    """
+
+    def __init__(self, gain):
+        super().__init__(Spec(
+            inputs={"error": 3, "tilt": 4, "velocity": 2}, outputs={"torque": Output(2, feedback)},
+            parameters={"gain": np.asarray(gain, dtype=float).ravel()},
+        ))
+
+
+def from_printed(k: np.ndarray, f1: np.ndarray) -> np.ndarray:
+    """K (2, 6) from the thesis's K (2, 2) and F1 (2, 4), (6.42)-(6.43), meant as tau = -K (P_d - P) + F1 x2 with
+    x2 = [theta, s_dot, phi_dot, theta_dot] (docs/fidelity.md, row 9)."""
+    k, f1 = np.asarray(k, dtype=float), np.asarray(f1, dtype=float)
+    return -np.column_stack([k, f1[:, 0], f1[:, 1], f1[:, 2], f1[:, 3]])

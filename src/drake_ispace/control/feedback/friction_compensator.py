@@ -1,0 +1,59 @@
+"""Friction compensation, (3.34)-(3.38) and Fig. 4.1: the friction expected at each wheel is added to its torque."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.files.quantity import quantity
+
+
+@dataclass
+class FrictionCompensation:
+    """Expected coefficients; Table 4.2's ARMAXD row."""
+
+    enabled: bool = quantity(True)
+    coulomb_n_m: float = quantity(0.0061, "N*m", minimum=0.0)
+    viscous_n_m_s: float = quantity(0.0106, "N*m*s/rad", minimum=0.0)
+    # below this wheel speed nothing is added; a wide band calms the torque and keeps a limit cycle alive at rest
+    dead_band_rad_s: float = quantity(0.0, "rad/s", minimum=0.0)
+    # over which the sign fades in beyond the dead band
+    speed_scale_rad_s: float = quantity(0.02, "rad/s", above=0.0)
+
+
+@kernel
+def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, speed_scale_rad_s, out):
+    n = torque.shape[0]
+    for i in range(n):
+        rate = encoder[1 + n + i]
+        beyond = max(abs(rate) - dead_band_rad_s, 0.0)
+        direction = np.tanh(beyond / speed_scale_rad_s) * np.sign(rate)
+        moving = rate if beyond > 0.0 else 0.0
+        out[i] = torque[i] + coulomb_n_m * direction + viscous_n_m_s * moving
+
+
+class FrictionCompensator(Block):
+    """Adds the expected friction; passes the torque on unchanged where it is not enabled.
+
+    .. pydrake_system::
+
+        name: FrictionCompensator
+        input_ports:
+        - torque
+        - encoder
+        output_ports:
+        - torque
+
+    torque (n,): in and out [N m]. encoder (1 + 2 n,): tick, theta [rad], omega [rad/s]. Equations (3.34)-(3.38).
+    """
+
+    def __init__(self, compensation: FrictionCompensation, wheels: int):
+        share = float(compensation.enabled)
+        super().__init__(Spec(
+            inputs={"torque": wheels, "encoder": 1 + 2 * wheels}, outputs={"torque": Output(wheels, compensate)},
+            parameters={
+                "coulomb_n_m": share * compensation.coulomb_n_m, "viscous_n_m_s": share * compensation.viscous_n_m_s,
+                "dead_band_rad_s": compensation.dead_band_rad_s, "speed_scale_rad_s": compensation.speed_scale_rad_s,
+            },
+        ))

@@ -1,0 +1,75 @@
+"""The body velocity that a velocity-controlled robot is sent, held for a tick."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.files.quantity import quantity
+
+
+@dataclass
+class VelocityControl:
+    """Gains of the correction; modest, for the robot's own drive does the rest. Assumed."""
+
+    position_per_s: float = quantity(1.5, "1/s", minimum=0.0, maximum=100.0)
+    heading_per_s: float = quantity(3.0, "1/s", minimum=0.0, maximum=100.0)
+    # turn towards a path that lies aside, per metre aside and metre driven; only for wheels that hold sideways
+    side_rad_m2: float = quantity(30.0, "rad/m^2", minimum=0.0, maximum=1e4)
+
+
+@kernel
+def command(estimate, way_point, position_per_s, heading_per_s, side_rad_m2, free_sideways, out):
+    """v = R(phi)' (v_d + k (p_d - p)), w = w_d + k_phi (phi_d - phi) + k_side v_x e_y; x_d = v, w in B.
+
+    Without `free_sideways` v_y is 0, and k_side leads back to the path instead.
+    """
+    if way_point[0] < 0.0 or estimate[0] < 0.0:
+        out[:] = 0.0
+        return
+    c, s = np.cos(estimate[3]), np.sin(estimate[3])
+    ex, ey = way_point[1] - estimate[1], way_point[2] - estimate[2]
+    vx, vy = way_point[4] + position_per_s * ex, way_point[5] + position_per_s * ey
+    out[0] = c * vx + s * vy
+    out[1] = free_sideways * (-s * vx + c * vy)
+    out[2] = way_point[6] + heading_per_s * wrap(way_point[3] - estimate[3])
+    if free_sideways == 0.0:
+        out[2] += side_rad_m2 * out[0] * (-s * ex + c * ey)
+
+
+@kernel
+def velocity(xd, out):
+    copy(xd, out)
+
+
+class VelocityCommand(Block):
+    """Feed-forward of the way point and a proportional correction; what is commanded at t_k acts on [t_k, t_k+1).
+
+    .. pydrake_system::
+
+        name: VelocityCommand
+        input_ports:
+        - estimate
+        - way_point
+        output_ports:
+        - velocity
+
+    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): see WayPoint. velocity (3,): vx, vy [m/s], wz [rad/s] in
+    B, a recording's channel `command`; zeros until there is a way point.
+
+    Args:
+        control: the gains; holds_sideways: whether the wheels do.
+    """
+
+    def __init__(self, control: VelocityControl, holds_sideways: bool = False):
+        super().__init__(Spec(
+            inputs={"estimate": 4, "way_point": WAY_POINT}, outputs={"velocity": Output(3, velocity)},
+            parameters={
+                "position_per_s": control.position_per_s, "heading_per_s": control.heading_per_s,
+                "side_rad_m2": control.side_rad_m2, "free_sideways": 0.0 if holds_sideways else 1.0,
+            },
+            discrete_state=np.zeros(3), updates=(Update(command, Phase.COMPUTE),),
+        ))

@@ -1,0 +1,1 @@
+"""Where the robot shall be: paths, the way point on them, the tracker."""

@@ -1,0 +1,105 @@
+"""Trajectory tracker for the robot that cannot move sideways, (6.28)-(6.31), on the room's computer.
+
+With d the distance to the way point and phi_h = phi_T - phi_r the bearing error:
+
+* corrected (default): s_e = d cos(phi_h) - look_ahead, limited; phi_h folded into +-90 degrees, so that a point behind
+  is reached in reverse, and scaled by min(1, d / hold_radius), so that it fades at the way point instead of flipping.
+  The way point's speed is fed forward only with look-ahead: without it the robot overtakes the point and spins.
+  Look-ahead holds while the way point moves, forward or in reverse; at its end the robot closes up.
+* as_printed: (6.31) mixes world dx, dy with cos(phi_h), sin(phi_h): facing y with the target straight ahead s_e is 0.
+* jacobian: s_e = d, our reading of Fig. 6.2's blue line, "position feedback with Jacobian matrix" without a tracker.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import FIX, TRACKING_ERROR, WAY_POINT
+from drake_ispace.blocks.rates import VISION_TICKS
+from drake_ispace.files.quantity import quantity
+
+MODES = ("corrected", "as_printed", "jacobian")
+
+
+@dataclass
+class Tracker:
+    """Parameters of the trajectory tracker."""
+
+    mode: str = quantity("corrected", choices=MODES)
+    look_ahead_m: float = quantity(0.2, "m", minimum=0.0)
+    feed_forward: bool = quantity(True)
+    # inside of it the heading fades out
+    hold_radius_m: float = quantity(0.1, "m", above=0.0)
+    # the largest s_e asked of the balance loop
+    longest_error_m: float = quantity(0.5, "m", above=0.0)
+
+
+@kernel
+def step(xd, fix, way_point, out):
+    """x_d = the last fix in which the robot was seen."""
+    copy(fix if fix[1] > 0.0 else xd, out)
+
+
+@kernel
+def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_m, longest_error_m, out):
+    out[0], out[1], out[2], out[3], out[4] = xd[0], way_point[0], 0.0, 0.0, 0.0
+    if xd[0] < 0.0 or way_point[0] < 0.0:
+        return
+    dx, dy = way_point[1] - xd[2], way_point[2] - xd[3]
+    distance = np.sqrt(dx * dx + dy * dy)
+    bearing = np.arctan2(dy, dx) - xd[4]
+    if mode == 1.0:
+        c, s = np.cos(bearing), np.sin(bearing)
+        out[2], out[3] = c * np.sqrt((dx * c) ** 2 + (dy * s) ** 2), bearing
+        return
+    bearing = wrap(bearing)
+    if mode == 2.0:
+        out[2], out[3] = distance, bearing
+        return
+    speed = np.sqrt(way_point[4] ** 2 + way_point[5] ** 2)
+    side, folded = 1.0, bearing  # side -1: the point lies behind, the robot backs up to it
+    if bearing > 0.5 * np.pi:
+        side, folded = -1.0, bearing - np.pi
+    elif bearing < -0.5 * np.pi:
+        side, folded = -1.0, bearing + np.pi
+    ahead = side * look_ahead_m if speed > 0.0 else 0.0
+    error = distance * np.cos(bearing) - ahead
+    out[2] = min(max(error, -longest_error_m), longest_error_m)
+    out[3] = folded * min(1.0, distance / hold_radius_m)
+    out[4] = side * speed if feed_forward > 0.0 and ahead != 0.0 else 0.0
+
+
+class TrajectoryTracker(Block):
+    """From the room's fix and the way point to the error in the robot's own coordinates, every 95 ms.
+
+    .. pydrake_system::
+
+        name: TrajectoryTracker
+        input_ports:
+        - fix
+        - way_point
+        output_ports:
+        - error
+
+    fix (5,): tick of capture, seen, x, y [m], phi [rad]; while not seen, the last seen one counts.
+    way_point (10,): see WayPoint. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to
+    feed forward [m/s]. P_e of (6.28).
+
+    Args:
+        tracker: mode and parameters.
+    """
+
+    def __init__(self, tracker: Tracker):
+        super().__init__(Spec(
+            inputs={"fix": FIX, "way_point": WAY_POINT}, outputs={"error": Output(TRACKING_ERROR, tracking_error)},
+            parameters={
+                "mode": float(MODES.index(tracker.mode)), "look_ahead_m": tracker.look_ahead_m,
+                "feed_forward": float(tracker.feed_forward), "hold_radius_m": tracker.hold_radius_m,
+                "longest_error_m": tracker.longest_error_m,
+            },
+            discrete_state=np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
+            updates=(Update(step, Phase.COMPUTE, VISION_TICKS, through=True),),
+        ))

@@ -1,0 +1,1 @@
+"""The effects, a file for each place between command and camera at which they enter."""

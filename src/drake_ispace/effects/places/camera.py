@@ -1,0 +1,240 @@
+"""In the wire `pose`, between the robot and what the room's camera says of it.
+
+The pose is that of B in W: x, y [m] from the room's middle, phi [rad]. Rounding to pixels and noise come later, in the
+localiser, and so does the room's edge, beyond which nothing is seen: what counts is the pose as reported.
+"""
+
+import math
+
+import numpy as np
+
+from drake_ispace.blocks.block import Output, Phase, Spec, Update
+from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.noise import stream, uniform
+from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+
+_LONGEST_S = 0.25
+_RING = math.ceil(_LONGEST_S / TICK_S) + 2  # poses, from this tick's own to the two around the oldest instant
+
+
+@kernel
+def delayed(tick, xd, pose, latency_ticks, out):
+    """The pose of tick - latency; before tick 0 the robot stands where it starts."""
+    ring = xd.shape[0] // 3
+    back = min(latency_ticks, float(tick))
+    whole = int(np.floor(back))
+    share = back - whole
+    copy(pose, out)
+    if whole > 0:
+        late = 3 * ((tick - whole) % ring)
+        out[0], out[1], out[2] = xd[late], xd[late + 1], xd[late + 2]
+    if share > 0.0:
+        early = 3 * ((tick - whole - 1) % ring)
+        out[0] += share * (xd[early] - out[0])
+        out[1] += share * (xd[early + 1] - out[1])
+        out[2] += share * wrap(xd[early + 2] - out[2])
+
+
+@kernel
+def remember_pose(tick, xd, pose, out):
+    """x_d = [pose of a tick (3)] of the latest ticks, that of tick k at k modulo their number."""
+    copy(xd, out)
+    slot = 3 * (tick % (xd.shape[0] // 3))
+    out[slot], out[slot + 1], out[slot + 2] = pose[0], pose[1], pose[2]
+
+
+@kernel
+def placed(pose, place, out):
+    """A point of the robot instead of its middle; place: x, y [m] in B."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    out[0] = pose[0] + (c * place[0] - s * place[1])
+    out[1] = pose[1] + (s * place[0] + c * place[1])
+    out[2] = pose[2]
+
+
+@kernel
+def mounted(pose, place, yaw_rad, out):
+    """As `placed`, the markers turned by `yaw_rad` besides."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    out[0] = pose[0] + (c * place[0] - s * place[1])
+    out[1] = pose[1] + (s * place[0] + c * place[1])
+    out[2] = pose[2] + yaw_rad
+
+
+@kernel
+def stretched(pose, gain, out):
+    out[0], out[1], out[2] = gain * pose[0], gain * pose[1], pose[2]
+
+
+@kernel
+def rotated(pose, angle_rad, out):
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    out[0] = c * pose[0] - s * pose[1]
+    out[1] = s * pose[0] + c * pose[1]
+    out[2] = pose[2] + angle_rad
+
+
+@kernel
+def shifted(pose, shift, out):
+    out[0], out[1], out[2] = pose[0] + shift[0], pose[1] + shift[1], pose[2]
+
+
+@kernel
+def hidden(tick, pose, share, noise_stream, out):
+    """NaN, which no camera sees, during a vision instant that is lost: of the ticks that lead up to it and its own."""
+    copy(pose, out)
+    instant = (tick + VISION_TICKS - 1) // VISION_TICKS
+    if share > 0.0 and uniform(noise_stream, instant, 0) < share:
+        out[0], out[1], out[2] = np.nan, np.nan, np.nan
+
+
+class CameraEffect(BlockEffect):
+    """A block of the wire `pose`."""
+
+    kinematic = True
+    wire = "pose"
+
+    def block(self, maths, parameters, **memory):
+        return Spec(inputs={"pose": 3}, outputs={"pose": Output(3, maths)}, parameters=parameters, **memory)
+
+
+class CameraLatency(CameraEffect):
+    """The pose of `latency` ago under the stamp of now; between two ticks a straight line, angles the short way."""
+
+    card = Card(
+        name="camera_latency", title="Camera latency", home="camera", equation="pose reported(t) = pose(t - latency)",
+        source="exposure, transfer and image processing before the message is stamped",
+        signature="the room's pose lags behind odometry: an error against the motion in proportion to the speed, and "
+        "of the heading in proportion to the yaw rate; none while standing",
+        look_alikes=("clock_offset", "command_delay", "constant_slip", "marker_offset"),
+        excitation="several speeds, stops and turns: slip leaves an error of the way after a stop, a latency none; "
+        "from clock_offset of the same size it differs in the delay of feedback alone",
+    )
+
+    def parameters(self, body):
+        return (Parameter("latency_s", "s", 0.0, 0.0, _LONGEST_S, (0.02, 0.08), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        return self.block(
+            delayed, {"latency_ticks": values["latency_s"] / TICK_S}, discrete_state=np.zeros(3 * _RING),
+            updates=(Update(remember_pose, Phase.SENSE),),
+        )
+
+
+class MarkerOffset(CameraEffect):
+    """p + R(phi) (x, y): the middle of the markers is not the middle of the robot.
+
+    Where a robot's markers may be mounted at any angle they may be turned as well: phi + yaw.
+    """
+
+    card = Card(
+        name="marker_offset", title="Marker offset", home="camera", equation="p' = p + R(phi) (x, y)",
+        source="markers glued on off-centre, or high markers seen at an angle",
+        signature="turning on the spot, the reported point goes round a circle; an offset that turns with the heading",
+        look_alikes=("camera_offset", "centre_of_gravity_offset", "camera_latency", "clock_offset"),
+        excitation="at least half a turn: camera_offset stays with the room; several speeds against a latency",
+    )
+
+    def parameters(self, body):
+        places = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
+        if not body.robot.markers_may_turn:
+            return places
+        return (*places, Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3))
+
+    def spec(self, body, values):
+        place = np.array([values["x_m"], values["y_m"]])
+        if body.robot.markers_may_turn:
+            return self.block(mounted, {"place": place, "yaw_rad": values["yaw_rad"]})
+        return self.block(placed, {"place": place})
+
+
+class CameraScale(CameraEffect):
+    """(1 + share) (x, y) about the room's middle, headings as they are."""
+
+    card = Card(
+        name="camera_scale", title="Camera scale", home="camera", equation="x' = (1 + share) x, y' = (1 + share) y",
+        source="focal length, height of the camera, or height of the markers other than calibrated",
+        signature="every way longer for the room than for odometry by one share, headings right",
+        look_alikes=("wheel_radius_error", "encoder_scale", "constant_slip", "camera_rotation"),
+        excitation="driving and turning, both: a wrong radius or encoder scale changes turns too, a camera does not; "
+        "slip follows the robot's own axes, the camera's scale is equal in all directions",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        return self.block(stretched, {"gain": 1.0 + values["share"]})
+
+
+class CameraRotation(CameraEffect):
+    """x, y turned about the room's middle, and the heading with them."""
+
+    card = Card(
+        name="camera_rotation", title="Camera rotation", home="camera", equation="p' = R(angle) p, phi' = phi + angle",
+        source="the room's axes marked askew, or a camera that was touched",
+        signature="a constant difference between the room's heading and odometry's, the same from the first fix on, "
+        "and places off in proportion to their distance from the room's middle",
+        look_alikes=("camera_offset", "gyro_bias", "camera_scale", "marker_offset"),
+        excitation="a known start, far from the room's middle: where only the room says where the robot starts, it is "
+        "no more than another choice of axes",
+    )
+
+    def parameters(self, body):
+        return (Parameter("angle_rad", "rad", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=3e-3),)
+
+    def spec(self, body, values):
+        return self.block(rotated, {"angle_rad": values["angle_rad"]})
+
+
+class CameraOffset(CameraEffect):
+    """A constant added to the reported place."""
+
+    card = Card(
+        name="camera_offset", title="Camera offset", home="camera", equation="p' = p + (x, y)",
+        source="the room's middle marked wrongly, or a camera that was touched",
+        signature="a constant difference between the room's place and odometry's in the room's axes, from the start",
+        look_alikes=("marker_offset", "camera_rotation", "camera_scale", "clock_offset"),
+        excitation="a known start and at least half a turn: marker_offset turns with the heading; without a known "
+        "start it is no more than another choice of axes",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=2e-3) for axis in "xy")
+
+    def spec(self, body, values):
+        return self.block(shifted, {"shift": np.array([values["x_m"], values["y_m"]])})
+
+
+class CameraDropouts(CameraEffect):
+    """A share of the vision instants, drawn each on its own, in which the robot is not seen.
+
+    The random stream is `{robot}.camera_dropouts` under the seed of the body.
+    """
+
+    replayed = False
+
+    card = Card(
+        name="camera_dropouts", title="Camera dropouts", home="camera",
+        equation="not seen at a vision instant with the probability share",
+        source="hidden markers, glare, frames lost on the way",
+        signature="fixes that are missing in the recording: their count alone gives the share; between fixes the "
+        "estimate drifts longer, with no direction of its own",
+        look_alikes=("camera_latency", "clock_offset"),
+        excitation="none needed: the fixes that a recording lacks are counted",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, 0.0, 0.9, (0.1, 0.4), tolerance=0.005),)
+
+    def spec(self, body, values):
+        name = f"{body.name}.{self.card.name}"
+        key = stream(body.seed, name)
+        return self.block(hidden, {"share": values["share"], "noise_stream": key}, noise_stream=name)
+
+
+#: From the robot to the message: when, which point of the robot, how it is mapped, whether it is seen.
+EFFECTS = (CameraLatency(), MarkerOffset(), CameraScale(), CameraRotation(), CameraOffset(), CameraDropouts())

@@ -1,0 +1,78 @@
+"""In the wire `wheel_angle`, between wheel and encoder: what the encoder counts is not how far the wheel has turned.
+
+The encoder's count and the velocity made from it are wrong alike; `encoder.velocity: exact` reads the plant's own wheel
+rate and stays right.
+"""
+
+import numpy as np
+
+from drake_ispace.blocks.block import Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+
+
+@kernel
+def scaled(wheel_angle, gain, out):
+    for i in range(out.shape[0]):
+        out[i] = gain[i] * wheel_angle[i]
+
+
+def scaling(wheels, gain):
+    """The block that multiplies every wheel's angle by its `gain` (n,)."""
+    return Spec(
+        inputs={"wheel_angle": wheels}, outputs={"wheel_angle": Output(wheels, scaled)}, parameters={"gain": gain}
+    )
+
+
+class EncoderScale(BlockEffect):
+    """(1 + share) theta, all wheels."""
+
+    wire = "wheel_angle"
+    general = True
+    kinematic = True
+    card = Card(
+        name="encoder_scale", title="Encoder scale", home="encoder", equation="theta_measured = (1 + share) theta",
+        source="counts per turn or gear ratio other than assumed",
+        signature="odometry and wheel speed too large by one share in every direction and in turning; the room sees "
+        "the robot go the shorter way, and feedback of the wheel speed damps more",
+        look_alikes=("wheel_radius_error", "constant_slip", "camera_scale", "single_wheel_radius_error"),
+        excitation="acceleration beside driving and turning: a wrong radius also changes what force a torque gives, a "
+        "wrong scale of the encoder does not; turning apart from driving, because camera_scale leaves headings alone",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        return scaling(body.wheels, np.full(body.wheels, 1.0 + values["share"]))
+
+
+class EncoderLostCounts(BlockEffect):
+    """(1 - share) theta of one wheel: of the counts of any turn, to and fro, that share goes missing."""
+
+    wire = "wheel_angle"
+    general = True
+    choices = ("wheel",)
+    kinematic = True
+    card = Card(
+        name="encoder_lost_counts", title="Encoder loses counts", home="encoder",
+        equation="theta_measured_i = (1 - share) theta_i for i = wheel",
+        source="dirt on one code disc, a loose plug, an interrupt that comes too late",
+        signature="one wheel seems to turn less than the room's pose asks of it; odometry turns where the robot goes "
+        "straight, in proportion to the way and with its sign",
+        look_alikes=("single_wheel_radius_error", "encoder_scale", "weak_motor", "track_error"),
+        excitation="straight lines in several directions, forward and back, and acceleration: one wheel's radius also "
+        "changes the force that its torque gives",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=5e-4),)
+
+    def spec(self, body, values):
+        gain = np.ones(body.wheels)
+        gain[int(values["wheel"]) - 1] = 1.0 - values["share"]
+        return scaling(body.wheels, gain)
+
+
+EFFECTS = (EncoderScale(), EncoderLostCounts())

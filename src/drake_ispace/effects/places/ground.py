@@ -1,0 +1,242 @@
+"""From the floor on the robot: slip, and forces in the wire `ground_force`.
+
+The port holds (F_x, F_y, M) in the axes of the body, or (Q_s, Q_phi, Q_theta) of a robot that balances. Forces follow
+the wheel-consistent velocity that the plant puts out.
+
+Signs are smooth, tanh(v / v_s). The slope C / v_s takes at most a fifth of what the 5 ms Runge-Kutta step can bear, so
+that room is left for the friction of the wheels, and v_s is at least what the robot moves at while its wheels turn at
+0.05 rad/s.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from drake_ispace.blocks.block import Output, Spec
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect, PlantEffect
+from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, smooth_sign
+from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.robots.robot import BALANCING, PLANAR
+
+_SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
+_AXIS = {"": 0, "_x": 0, "_y": 1}
+
+
+def ground_scale(body, axis: int, force: float) -> float:
+    """v_s [m/s, m/s, rad/s] of a `force` [N, N, N m] along `axis` of the port that turns its sign with the velocity."""
+    ways = np.abs(body.robot.effort(body.plant)).max(axis=1)
+    mobility = float(np.linalg.inv(body.robot.mass_matrix(body.plant))[axis, axis])
+    return max(LEAST_SPEED_RAD_S / float(ways[axis]), force * TICK_S * mobility / _SLOPE_SHARE)
+
+
+def _axes(body):
+    """Endings of the names of slip along x, and along y where the wheels let the robot move that way."""
+    return ("",) if len(body.plant.geometry.sideways) else ("_x", "_y")
+
+
+def _slip_with(plant, name, key, values):
+    """The plant's slip with `values` (ratio, ratio_x, ...) added to its list `key`."""
+    if plant.slip.frame != "body":
+        raise InputError(f"{name}: slip.frame is {plant.slip.frame}, expected body, along whose axes this effect acts")
+    numbers = list(getattr(plant.slip, key))
+    stem = key.rpartition("_")[2]
+    for axis, index in _AXIS.items():
+        numbers[index] = numbers[index] + values.get(stem + axis, 0.0)
+    if max(numbers) >= 1.0:
+        raise InputError(f"{name}: makes slip.{key} {max(numbers):g}, expected less than 1")
+    return dataclasses.replace(plant, slip=dataclasses.replace(plant.slip, **{key: numbers}))
+
+
+class ConstantSlip(PlantEffect):
+    """v = (1 - ratio) v_wheels along an axis of the body, added to the plant's `slip.ratio` (not to its patch).
+
+    Raises:
+        InputError: slip on the world's axes, or of 1 and more in all.
+    """
+
+    needs = ("slip",)
+    kinematic = True
+    card = Card(
+        name="constant_slip", title="Constant slip", home="ground", equation="v = (1 - ratio) v_wheels, per body axis",
+        source="(6.4), carpet under the rollers",
+        signature="the camera's displacement falls short of odometry's by a fixed share, at every speed and load; the "
+        "heading does not",
+        look_alikes=("wheel_radius_error", "encoder_scale", "camera_scale", "wheel_slip"),
+        excitation="turning: a wrong radius or encoder scales the angle turned as well, slip along x and y does not; "
+        "motion along y tells the omni robot's two ratios apart and both from the camera's scale, which is one for all",
+    )
+
+    def parameters(self, body):
+        names = [f"ratio{axis}" for axis in _axes(body)]
+        return tuple(Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for name in names)
+
+    def change(self, robot, plant, values):
+        return _slip_with(plant, self.card.name, "ratio", values)
+
+
+class WheelSlip(PlantEffect):
+    """s = gain F / (mu m g): the robot lags while driven, slides on while braked; added to `slip.traction_gain`.
+
+    Raises:
+        InputError: slip on the world's axes, or a gain of 1 and more in all.
+    """
+
+    needs = ("traction",)
+    card = Card(
+        name="wheel_slip", title="Slip under traction", home="ground",
+        equation="v = v_wheels - s |v_wheels|, s = gain F / (mu m g), |s| <= gain",
+        source="traction-dependent reading of (6.4)",
+        signature="odometry runs ahead of the camera while accelerating and falls behind while braking; the two nearly "
+        "cancel over a start and a stop",
+        look_alikes=("constant_slip", "camera_latency", "clock_offset"),
+        excitation="hard acceleration and braking at speed: a clock error goes with speed, this with force times speed",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(f"gain{axis}", "1", 0.0, 0.0, 0.95, (0.1, 0.4), tolerance=0.02) for axis in _axes(body))
+
+    def change(self, robot, plant, values):
+        return _slip_with(plant, self.card.name, "traction_gain", values)
+
+
+@kernel
+def scrubbed_planar(ground_force, velocity, moment_n_m, scale_rad_s, out):
+    out[0], out[1] = ground_force[0], ground_force[1]
+    out[2] = ground_force[2] - moment_n_m * smooth_sign(velocity[2], scale_rad_s)
+
+
+@kernel
+def scrubbed_balancing(ground_force, balance, moment_n_m, scale_rad_s, out):
+    out[0], out[2] = ground_force[0], ground_force[2]
+    out[1] = ground_force[1] - moment_n_m * smooth_sign(balance[2], scale_rad_s)
+
+
+def _ground_spec(body, planar, balancing, parameters):
+    """The block of a ground force; planar, balancing: its kernel and further inputs for either kind of coordinates."""
+    maths, inputs = {PLANAR: planar, BALANCING: balancing}[body.robot.ground]
+    return Spec(
+        inputs={"ground_force": 3} | inputs, outputs={"ground_force": Output(3, maths)}, parameters=parameters,
+    )
+
+
+class TurnScrub(BlockEffect):
+    """M_z = -M sign(wz): the contact patches are twisted on the spot."""
+
+    wire = "ground_force"
+    card = Card(
+        name="turn_scrub", title="Scrub while turning", home="ground", equation="M_z = -M tanh(wz / w_s)",
+        source="width of the tyres, rollers on carpet",
+        signature="an unmodelled yaw moment of constant size against the turning, none while driving straight",
+        look_alikes=("coulomb_friction", "inertia_error", "yaw_inertia_error", "weak_motor"),
+        excitation="turning on the spot both ways at several speeds, and straight driving: wheel friction brakes both",
+    )
+
+    def parameters(self, body):
+        return (Parameter("moment_n_m", "N*m", 0.0, 0.0, 2.0, (0.01, 0.1), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        moment = values["moment_n_m"]
+        return _ground_spec(
+            body, (scrubbed_planar, {"velocity": 3}), (scrubbed_balancing, {"balance": 4}),
+            {"moment_n_m": moment, "scale_rad_s": ground_scale(body, body.robot.ground.turn, moment)},
+        )
+
+
+@kernel
+def resisted_planar(ground_force, pose, velocity, force_n, scale_m_s, out):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + 1e-18)
+    brake = force_n * smooth_sign(speed, scale_m_s) / speed
+    out[0] = ground_force[0] - brake * (c * velocity[0] + s * velocity[1])
+    out[1] = ground_force[1] - brake * (-s * velocity[0] + c * velocity[1])
+    out[2] = ground_force[2]
+
+
+@kernel
+def resisted_balancing(ground_force, balance, force_n, scale_m_s, out):
+    out[0] = ground_force[0] - force_n * smooth_sign(balance[1], scale_m_s)
+    out[1], out[2] = ground_force[1], ground_force[2]
+
+
+class SoftFloor(BlockEffect):
+    """F = -F_roll v/|v| on the robot's middle; of the pendulum on Q_s alone."""
+
+    wire = "ground_force"
+    card = Card(
+        name="soft_floor", title="Rolling resistance of a soft floor", home="ground",
+        equation="F = -F_roll tanh(|v| / v_s) v/|v|", source="Fig. 6.3, carpet",
+        signature="an unmodelled force of constant size against the motion, the same in every direction, no yaw moment",
+        look_alikes=("coulomb_friction", "viscous_friction", "load_dependent_friction", "floor_tilt"),
+        excitation="turning on the spot, where it is absent and friction of the wheels is not; the omni robot also on "
+        "the diagonal, where its wheels' friction adds up otherwise; the pendulum's tilt, since friction of the wheels "
+        "turns its body too",
+    )
+
+    def parameters(self, body):
+        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5), tolerance=0.02),)
+
+    def spec(self, body, values):
+        force = values["force_n"]
+        return _ground_spec(
+            body, (resisted_planar, {"pose": 3, "velocity": 3}), (resisted_balancing, {"balance": 4}),
+            {"force_n": force, "scale_m_s": ground_scale(body, 0, force)},
+        )
+
+
+@kernel
+def tilted_planar(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m, out):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    fx = mass_kg * (c * downhill_m_s2[0] + s * downhill_m_s2[1])
+    fy = mass_kg * (-s * downhill_m_s2[0] + c * downhill_m_s2[1])
+    out[0], out[1] = ground_force[0] + fx, ground_force[1] + fy
+    out[2] = ground_force[2] + centre_of_gravity_m[0] * fy - centre_of_gravity_m[1] * fx
+
+
+@kernel
+def tilted_balancing(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted_kg_m, out):
+    """Minus the gradient of g (m_total slope.p + m_b z sin(theta) slope.(cos phi, sin phi)) along s, phi, theta."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    along = c * downhill_m_s2[0] + s * downhill_m_s2[1]
+    across = -s * downhill_m_s2[0] + c * downhill_m_s2[1]
+    out[0] = ground_force[0] + mass_kg * along
+    out[1] = ground_force[1] + lifted_kg_m * np.sin(balance[0]) * across
+    out[2] = ground_force[2] + lifted_kg_m * np.cos(balance[0]) * along
+
+
+class FloorTilt(BlockEffect, PlantEffect):
+    """Gravity along a floor that rises by slope_x, slope_y along x, y of W, to first order, by the nominal masses.
+
+    Q_s = -m_total g a, Q_theta = -m_b g z a cos(theta), Q_phi = -m_b g z a' sin(theta) with the slopes a along and a'
+    to the left of the heading. The tilt is relative to the floor's normal; the IMU feels gravity as it is: +g a, +g a'.
+    """
+
+    wire = "ground_force"
+    card = Card(
+        name="floor_tilt", title="Tilted floor", home="ground", equation="F_W = -m g (slope_x, slope_y)",
+        source="(2.25) with gravity off the floor's normal",
+        signature="an unmodelled force that is constant in the room's axes, whichever way the robot moves or heads",
+        look_alikes=("soft_floor", "centre_of_gravity_offset", "weak_motor", "accelerometer_bias"),
+        excitation="both directions along a line, and several headings: resistance turns with the motion, a weak motor "
+        "with the body, the slope with neither",
+    )
+
+    def change(self, robot, plant, values):
+        return robot.on_slope(plant, values["slope_x_rad"], values["slope_y_rad"])
+
+    def parameters(self, body):
+        names = ("slope_x_rad", "slope_y_rad")
+        return tuple(Parameter(name, "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for name in names)
+
+    def spec(self, body, values):
+        downhill = -GRAVITY * np.array([values["slope_x_rad"], values["slope_y_rad"]])
+        return _ground_spec(
+            body, (tilted_planar, {"pose": 3}), (tilted_balancing, {"pose": 3, "balance": 4}),
+            {"downhill_m_s2": downhill} | body.robot.weight(body.plant),
+        )
+
+
+EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), FloorTilt())

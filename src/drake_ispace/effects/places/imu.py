@@ -1,0 +1,166 @@
+"""In the wire `body_motion`, between the body and its IMU: readings in turned axes, scaled, with a constant added.
+
+body_motion = (ax, ay, az, wx, wy, wz): specific force [m/s^2], gravity included, and angular rate [rad/s] in the body's
+axes, x ahead, y left, z up along the body. Noise comes later, in the IMU itself.
+"""
+
+import numpy as np
+
+from drake_ispace.blocks.block import Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+
+AX, AY, AZ, WX, WY, WZ = range(6)
+
+
+@kernel
+def turned(body_motion, axes, out):
+    """Both vectors in the axes whose matrix is `axes` (9,), row by row."""
+    for half in (0, 3):
+        x, y, z = body_motion[half], body_motion[half + 1], body_motion[half + 2]
+        for i in range(3):
+            out[half + i] = axes[3 * i] * x + axes[3 * i + 1] * y + axes[3 * i + 2] * z
+
+
+@kernel
+def scaled(body_motion, gain, out):
+    for i in range(6):
+        out[i] = gain[i] * body_motion[i]
+
+
+@kernel
+def biased(body_motion, bias, out):
+    for i in range(6):
+        out[i] = body_motion[i] + bias[i]
+
+
+def rotation(vector) -> np.ndarray:
+    """(3, 3) matrix of a rotation vector [rad]; the identity, bit for bit, of the vector 0."""
+    angle = float(np.linalg.norm(vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = np.asarray(vector, dtype=float) / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+class ImuEffect(BlockEffect):
+    """A block of the IMU's wire: `maths` with its one parameter `name`, whose value the subclass gives."""
+
+    wire = "body_motion"
+
+    def block(self, maths, **parameter):
+        return Spec(inputs={"body_motion": 6}, outputs={"body_motion": Output(6, maths)}, parameters=parameter)
+
+
+class ImuMisalignment(ImuEffect):
+    """Readings in the axes of an IMU that is turned on the body: R' a and R' w, R = exp(r x), r = (x, 0, z)."""
+
+    card = Card(
+        name="imu_misalignment", title="IMU misalignment", home="imu",
+        equation="a' = R^T a, w' = R^T w, R the rotation by the vector (about_x, 0, about_z)",
+        source="an IMU glued on askew",
+        signature="about z: a share of the pitch rate reads as roll rate, and of ax as ay; about x: pitch reads as yaw "
+        "and yaw as pitch, and gravity as ay",
+        look_alikes=("gyro_scale", "accelerometer_scale", "gyro_bias", "accelerometer_bias"),
+        excitation="pitching without yawing (driving straight to and fro) and yawing without pitching (turning on the "
+        "spot): only a turned IMU couples them",
+    )
+
+    def parameters(self, body):
+        names = ("about_x_rad", "about_z_rad")
+        return tuple(Parameter(name, "rad", 0.0, -0.5, 0.5, (0.006, 0.05), tolerance=6e-3) for name in names)
+
+    def spec(self, body, values):
+        axes = rotation([values["about_x_rad"], 0.0, values["about_z_rad"]]).T
+        return self.block(turned, axes=axes.ravel())
+
+
+class GyroScale(ImuEffect):
+    """(1 + share) w, all three axes."""
+
+    card = Card(
+        name="gyro_scale", title="Gyro scale", home="imu", equation="w' = (1 + share) w",
+        source="sensitivity of the part, typically within 3 %, and its drift with temperature",
+        signature="an error of the rates in proportion to them: nothing while standing; turning on the spot, the gyro "
+        "and the room disagree about the angle by the share",
+        look_alikes=("gyro_bias", "track_error", "encoder_scale", "imu_misalignment"),
+        excitation="turning both ways at several speeds: a bias does not change its sign with the turn",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        gain = np.ones(6)
+        gain[WX:] = 1.0 + values["share"]
+        return self.block(scaled, gain=gain)
+
+
+class AccelerometerScale(ImuEffect):
+    """(1 + share) a, all three axes."""
+
+    card = Card(
+        name="accelerometer_scale", title="Accelerometer scale", home="imu", equation="a' = (1 + share) a",
+        source="sensitivity of the part, typically within 3 %",
+        signature="gravity reads too large or too small, so az is off by a constant while standing; the tilt found "
+        "from the direction of gravity stays right",
+        look_alikes=("accelerometer_bias", "imu_misalignment", "centre_of_gravity_offset"),
+        excitation="large tilts and accelerations to and fro: ax then grows with the motion, a bias does not",
+    )
+
+    def parameters(self, body):
+        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+
+    def spec(self, body, values):
+        gain = np.ones(6)
+        gain[:WX] = 1.0 + values["share"]
+        return self.block(scaled, gain=gain)
+
+
+class GyroBias(ImuEffect):
+    """A constant added to wy (pitch) and wz (yaw)."""
+
+    card = Card(
+        name="gyro_bias", title="Gyro bias", home="imu", equation="wy' = wy + pitch, wz' = wz + yaw",
+        source="zero-rate level of the part and its drift with temperature",
+        signature="constant rates while the robot stands: the tilt estimate is off by a constant and the robot leans "
+        "or creeps to balance it; integrated, the yaw rate leaves the room's heading in proportion to time",
+        look_alikes=("gyro_scale", "accelerometer_bias", "centre_of_gravity_offset", "imu_misalignment"),
+        excitation="standing still before and after moving: the bias is there, a scale error is not",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(f"{name}_rad_s", "rad/s", 0.0, -0.5, 0.5, (0.005, 0.03)) for name in ("pitch", "yaw"))
+
+    def spec(self, body, values):
+        bias = np.zeros(6)
+        bias[WY], bias[WZ] = values["pitch_rad_s"], values["yaw_rad_s"]
+        return self.block(biased, bias=bias)
+
+
+class AccelerometerBias(ImuEffect):
+    """A constant added to ax and az."""
+
+    card = Card(
+        name="accelerometer_bias", title="Accelerometer bias", home="imu", equation="ax' = ax + x, az' = az + z",
+        source="zero-g level of the part; x in m/s^2 looks like a tilt of x / 9.81 rad",
+        signature="x: the tilt from gravity is off by x / g, and the robot leans or creeps; z: gravity off by a "
+        "constant",
+        look_alikes=("accelerometer_scale", "imu_misalignment", "centre_of_gravity_offset", "floor_tilt", "gyro_bias"),
+        excitation="turning on the spot by half a turn: a bias turns with the robot, a tilted floor stays with the "
+        "room; large tilts to tell z from a scale error",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(f"{axis}_m_s2", "m/s^2", 0.0, -3.0, 3.0, (0.05, 0.3)) for axis in "xz")
+
+    def spec(self, body, values):
+        bias = np.zeros(6)
+        bias[AX], bias[AZ] = values["x_m_s2"], values["z_m_s2"]
+        return self.block(biased, bias=bias)
+
+
+#: In the order in which a reading comes about: axes, sensitivity, zero level.
+EFFECTS = (ImuMisalignment(), GyroScale(), AccelerometerScale(), GyroBias(), AccelerometerBias())

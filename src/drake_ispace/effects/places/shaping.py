@@ -1,0 +1,89 @@
+"""What is done to a command that is held over a tick, whatever it commands: it comes late, lags or is scaled.
+
+A kernel's argument names are its wiring, so every wire has kernels of its own; they call the helpers here, in which
+`held` is the command of the tick.
+
+Memory is kept in the sensing phase: at t_k+1 it stores what went through on [t_k, t_k+1), before the next command
+acts. So the output follows the command of its own tick, and nothing is a tick late. A command is constant over a tick;
+what changes within one enters with its mean.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from drake_ispace.blocks.block import Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.rates import TICK_S
+
+LEAST_LIMIT = 1e-6  # smallest limit that a scenario may set
+
+
+def shaping_spec(
+    wire: str, size: int, function: Callable, parameters: Mapping[str, object], update: Callable | None = None,
+    state_size: int = 0,
+) -> Spec:
+    """Of a block in the wire `wire`, with one update of `state_size` numbers in the sensing phase or none."""
+    memory = {"discrete_state": np.zeros(state_size), "updates": (Update(update, Phase.SENSE),)} if update else {}
+    return Spec(inputs={wire: size}, outputs={wire: Output(size, function)}, parameters=parameters, **memory)
+
+
+@kernel
+def held_before(xd, held, age, i):
+    """What was held `age` ticks ago; x_d as in `keep`."""
+    return held[i] if age == 0 else xd[(age - 1) * held.shape[0] + i]
+
+
+@kernel
+def shift(xd, held, delay_ticks, out):
+    """The command of `delay_ticks` ago; for a part of a tick the mean of the two that fall into the tick."""
+    whole = int(delay_ticks)
+    share = delay_ticks - whole
+    for i in range(out.shape[0]):
+        newer, older = held_before(xd, held, whole, i), held_before(xd, held, whole + 1, i)
+        out[i] = (1.0 - share) * newer + share * older
+
+
+@kernel
+def keep(xd, held, out):
+    """x_d = the commands held on the last ticks, the newest (n) first."""
+    n = held.shape[0]
+    for i in range(n):
+        out[i] = held[i]
+    for i in range(n, out.shape[0]):
+        out[i] = xd[i - n]
+
+
+def delay_spec(
+    wire: str, size: int, function: Callable, update: Callable, delay_s: float, longest_s: float,
+) -> Spec:
+    """Of a delay: `function` calls `shift`, `update` calls `keep`, with memory for a delay of `longest_s`."""
+    rows = math.ceil(longest_s / TICK_S) + 1
+    ticks = round(delay_s / TICK_S, 6)  # 0.005 s is one tick
+    return shaping_spec(wire, size, function, {"delay_ticks": ticks}, update, rows * size)
+
+
+@kernel
+def mix(xd, held, share, out):
+    """A `share` of the state (n), the rest of the command."""
+    for i in range(out.shape[0]):
+        out[i] = share * xd[i] + (1.0 - share) * held[i]
+
+
+def lag_spec(wire: str, size: int, function: Callable, update: Callable, time_constant_s: float) -> Spec:
+    """Of a first-order lag of the held command, x_d = [what it has reached at the end of the tick (n)].
+
+    `update` mixes with the share `memory`: y_k = a y_k-1 + (1 - a) u_k, a = exp(-T/time_constant). `function` gives the
+    mean over the tick, it mixes with the share `blend`: b y_k-1 + (1 - b) u_k, b = (1 - a) time_constant/T. (The value
+    at the end would come half a tick early: a lag of 5 ms would pass for one of 7 ms.)
+    """
+    memory = math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0
+    parameters = {"memory": memory, "blend": (1.0 - memory) * time_constant_s / TICK_S}
+    return shaping_spec(wire, size, function, parameters, update, size)
+
+
+@kernel
+def scale(held, gain, out):
+    for i in range(out.shape[0]):
+        out[i] = gain[i] * held[i]

@@ -1,0 +1,165 @@
+"""Between a commanded body velocity and the one that a robot follows: effects in the wire `velocity`.
+
+Memory is kept as shaping.py says.
+"""
+
+import math
+
+import numpy as np
+
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, delay_spec, keep, lag_spec, mix, scale, shaping_spec, shift
+
+
+@kernel
+def delayed(xd, velocity, delay_ticks, out):
+    shift(xd, velocity, delay_ticks, out)
+
+
+@kernel
+def remember_commands(xd, velocity, out):
+    keep(xd, velocity, out)
+
+
+class VelocityDelay(BlockEffect):
+    """v(t - delay) of the held command; for a part of a tick the mean of the two commands that fall into the tick."""
+
+    wire = "velocity"
+    card = Card(
+        name="velocity_delay", title="Delay of the velocity command", home="actuator", equation="v'(t) = v(t - delay)",
+        source="radio, bus and computing time between command and drive",
+        signature="encoders and pose follow the command in its shape, but late by the same time whatever its size",
+        look_alikes=("velocity_lag", "camera_latency", "clock_offset"),
+        excitation="steps of the command: a lag rounds them, a delay shifts them; a late camera shifts the pose alone, "
+        "not the encoders",
+    )
+    longest_s = 0.3
+
+    def parameters(self, body):
+        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.01, 0.05)),)
+
+    def spec(self, body, values):
+        return delay_spec("velocity", 3, delayed, remember_commands, values["delay_s"], self.longest_s)
+
+
+@kernel
+def saturated(velocity, limit_m_s, limit_rad_s, out):
+    out[0], out[1] = velocity[0], velocity[1]
+    speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
+    if speed > limit_m_s:
+        out[0], out[1] = velocity[0] * (limit_m_s / speed), velocity[1] * (limit_m_s / speed)
+    out[2] = min(max(velocity[2], -limit_rad_s), limit_rad_s)
+
+
+class VelocitySaturation(BlockEffect):
+    """Speed at most limit_m_s, in the commanded direction; turning clip(wz, -limit_rad_s, limit_rad_s)."""
+
+    wire = "velocity"
+    card = Card(
+        name="velocity_saturation", title="Speed limit", home="actuator",
+        equation="v' = v min(1, limit_m_s / |v|), wz' = clip(wz, -limit_rad_s, limit_rad_s)",
+        source="speed limit of the drive's firmware, largest speed of the motors",
+        signature="encoders and pose fall behind fast commands only, and then move at one speed",
+        look_alikes=("velocity_gain", "velocity_lag"),
+        excitation="commands of several speeds, each held for a while: below the limit nothing is missing, where a "
+        "gain error takes its share of every command",
+    )
+
+    def parameters(self, body):
+        return (
+            Parameter("limit_m_s", "m/s", math.inf, LEAST_LIMIT, math.inf, (0.15, 0.3), reciprocal=True),
+            Parameter("limit_rad_s", "rad/s", math.inf, LEAST_LIMIT, math.inf, (0.5, 1.0), reciprocal=True),
+        )
+
+    def spec(self, body, values):
+        return shaping_spec("velocity", 3, saturated, {name: values[name] for name in ("limit_m_s", "limit_rad_s")})
+
+
+@kernel
+def scaled(velocity, gain, out):
+    scale(velocity, gain, out)
+
+
+class VelocityGain(BlockEffect):
+    """(1 + share) v, a share for each of vx, vy and wz."""
+
+    wire = "velocity"
+    card = Card(
+        name="velocity_gain", title="Gain of the velocity command", home="actuator",
+        equation="vx' = (1 + share_x) vx, vy' = (1 + share_y) vy, wz' = (1 + share_yaw) wz",
+        source="wheel radius or track in the drive's firmware other than those of encoder and odometry",
+        signature="encoders and pose agree with each other, but not with the command, by a share of it",
+        look_alikes=("wheel_radius_error", "track_error", "constant_slip", "velocity_saturation"),
+        excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
+        "camera, a gain between command and encoder; a speed limit spares slow commands",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,)) for name in ("share_x", "share_y", "share_yaw"))
+
+    def spec(self, body, values):
+        shares = (values["share_x"], values["share_y"], values["share_yaw"])
+        return shaping_spec("velocity", 3, scaled, {"gain": np.array([1.0 + share for share in shares])})
+
+
+@kernel
+def coupled(velocity, yaw_per_x, yaw_per_y, out):
+    out[0], out[1] = velocity[0], velocity[1]
+    out[2] = velocity[2] + (yaw_per_x * velocity[0] + yaw_per_y * velocity[1])
+
+
+class VelocityCoupling(BlockEffect):
+    """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight."""
+
+    wire = "velocity"
+    card = Card(
+        name="velocity_coupling", title="Turning while driving", home="actuator",
+        equation="wz' = wz + yaw_per_x vx + yaw_per_y vy",
+        source="wheels that are driven with different gains, a drive that is not mounted straight",
+        signature="an uncommanded turn in proportion to the speed, seen by encoders and camera alike",
+        look_alikes=("single_wheel_radius_error", "encoder_lost_counts", "velocity_gain"),
+        excitation="straight driving forwards, backwards and sideways: a wheel of another size turns the robot without "
+        "its encoders noticing",
+    )
+
+    def parameters(self, body):
+        return tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
+
+    def spec(self, body, values):
+        return shaping_spec("velocity", 3, coupled, {name: values[name] for name in ("yaw_per_x", "yaw_per_y")})
+
+
+@kernel
+def lagged(xd, velocity, blend, out):
+    mix(xd, velocity, blend, out)
+
+
+@kernel
+def remember_lagged(xd, velocity, memory, out):
+    mix(xd, velocity, memory, out)
+
+
+class VelocityLag(BlockEffect):
+    """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
+
+    wire = "velocity"
+    card = Card(
+        name="velocity_lag", title="Lag of the velocity", home="actuator",
+        equation="time_constant d(v')/dt = v - v'",
+        source="the drive's own speed control, inertia of the robot",
+        signature="encoders and pose fall behind where the command rises and run on where it falls",
+        look_alikes=("velocity_delay", "velocity_saturation"),
+        excitation="steps and fast reversals of the command: a delay shifts them, a lag rounds them; a speed limit "
+        "acts on fast commands only",
+    )
+
+    def parameters(self, body):
+        return (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
+
+    def spec(self, body, values):
+        return lag_spec("velocity", 3, lagged, remember_lagged, values["time_constant_s"])
+
+
+EFFECTS = (VelocityDelay(), VelocitySaturation(), VelocityGain(), VelocityCoupling(), VelocityLag())

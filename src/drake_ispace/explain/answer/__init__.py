@@ -1,0 +1,1 @@
+"""Stage 4: the answer, localised, confirmed on held-out runs, and put into words."""

@@ -1,0 +1,134 @@
+"""Stage 2, localise: in which channel the disagreement shows, with what it goes, and since when."""
+
+import numpy as np
+from scipy.stats import chi2, false_discovery_control
+
+from drake_ispace.explain.answer.explanation import Place
+from drake_ispace.explain.decide.generic import Motion, motion_of
+from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals, wheel_speeds
+
+_RATE = 0.05  # of false discoveries among channels
+_LEAST_SHARE = 0.02
+_LEAST_DRIVEN, _PER_COLUMN = 0.3, 0.01  # share that a variable must explain, and what each of its columns must add
+
+
+def localize(prediction: Prediction, here: Survey, left: Residuals) -> list[Place]:
+    """Channels that carry the disagreement, the largest share first.
+
+    Args:
+        here: of the model as given. left: residuals of the best explanation.
+    """
+    labels, gained = channel_rows(prediction, here), _gained(here, left)
+    total = float(gained.sum())
+    if total <= 0.0:
+        return []
+    motions = [motion_of(prediction, track) for track in prediction.tracks]
+    drivers = {"motion": [_drivers(m, False) for m in motions], "room": [_drivers(m, True) for m in motions]}
+    shares = {label: float(gained[labels == label].sum()) / total for label in dict.fromkeys(labels)}
+    places = [label for label in shares if shares[label] >= _LEAST_SHARE]
+    if not places:
+        return []
+    adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
+    found = [
+        Place(label, shares[label], _driver(prediction, here, drivers, label, left))
+        for label, q in zip(places, adjusted, strict=True) if q < _RATE
+    ]
+    return sorted(found, key=lambda place: -place.share)
+
+
+def _gained(here, left):
+    """(rows,) of misfit, by the explanation."""
+    return here.likelihood.parts(here.w) - here.likelihood.parts(here.likelihood.whitening(left))
+
+
+def onset(here: Survey, left: Residuals) -> str:
+    """Since when the disagreement is there, in words; arguments as `localize`."""
+    times, gained = [], _gained(here, left)
+    for run in here.residuals:
+        for name, noise in here.likelihood.whitening.noise.items():
+            rows, p = noise.rows(run[name]), run[name].shape[1]
+            share = np.repeat((np.arange(rows) + 0.5) / max(rows, 1), p)
+            times.append(share if name in ("motion", "room") else np.full(rows * p, np.nan))
+    times = np.concatenate(times)
+    known = np.isfinite(times)
+    counts = np.histogram(times[known], bins=10, range=(0.0, 1.0), weights=gained[known])[0]
+    if counts.sum() <= 0.0:
+        return "not to be seen"
+    late = np.cumsum(counts) / counts.sum()
+    if late[2] < 0.05:
+        return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
+    if late[2] > 0.6:
+        return "mostly in the first third of a run"
+    return "from the start of a run"
+
+
+def channel_rows(prediction: Prediction, here: Survey) -> np.ndarray:
+    """(rows,) the channel that each whitened number belongs to."""
+    return np.concatenate([
+        np.tile(np.array(labels_of(prediction, name), dtype=object), noise.rows(run[name]))
+        for run in here.residuals for name, noise in here.likelihood.whitening.noise.items()
+    ])
+
+
+def labels_of(prediction: Prediction, stream: str) -> list[str]:
+    """The channels of a stream, each with where it was measured in front."""
+    def source(name):
+        if stream == "motion":
+            return "encoder" if name.startswith("wheel") else "imu"
+        return "start" if stream == "start" else "kinect"
+
+    return [f"{source(name)}: {name}" for name in prediction.channels[stream]]
+
+
+def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
+    """Variable -> (rows, k) functions of it, at every tick; vectors along the room's axes or the body's."""
+    velocity = m.body
+    if in_room:
+        c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
+        vx, vy, turning = m.body.T
+        velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
+    wheels = wheel_speeds(m.angles)
+    kernel = np.ones(41) / 41.0
+    smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
+    return {
+        "nothing (constant)": np.ones((len(m.t), 1)),
+        "speed": velocity,
+        "speed squared": velocity * np.abs(velocity),
+        "direction": np.tanh(wheels / (0.05 * np.maximum(np.abs(wheels).max(axis=0), 1e-9))),
+        "acceleration": np.column_stack(smooth),
+        "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
+        "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
+        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / 5.0)]),
+        "load": np.abs(m.command),
+        "command": m.command,
+    }
+
+
+def _driver(prediction, here, drivers: dict[str, list[dict[str, np.ndarray]]], label, left):
+    """The variable that goes with what is explained of a channel."""
+    stream = "motion" if label.startswith(("encoder", "imu")) else "room"
+    if label == "kinect: seen" or label.startswith("start"):
+        return "every run alike"
+    column = labels_of(prediction, stream).index(label)
+    values, regressors = [], {}
+    classes_of = here.likelihood.whitening.classes
+    for driven, track, classes, run, after in zip(
+        drivers[stream], prediction.tracks, classes_of, here.residuals, left, strict=True
+    ):
+        y = (run[stream] - after[stream])[:, column]
+        every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks
+        scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
+        ticks = every[len(every) - len(y) :][scored]
+        values.append(y[scored])
+        for name, x in driven.items():
+            regressors.setdefault(name, []).append(x[ticks])
+    y = np.concatenate(values)
+    merits = {}
+    for name, parts in regressors.items():
+        x = np.vstack(parts)
+        x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
+        rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        merits[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) - _PER_COLUMN * x.shape[1]
+    best = max(merits, key=merits.get)
+    return best if merits[best] > _LEAST_DRIVEN else "none of the variables tried"

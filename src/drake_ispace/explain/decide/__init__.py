@@ -1,0 +1,1 @@
+"""Stage 3: which effects the model lacks."""

@@ -1,0 +1,1 @@
+"""Stage 2: effects as numbers, the noise of residuals, and their likelihood."""

@@ -1,0 +1,61 @@
+"""Profile likelihood: how far a size may be off before the runs object, all other sizes fitted anew."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Fit, Likelihood, fit
+
+_DOUBLINGS = 5
+_FAR = 1e9  # of misfit, where the model runs away
+_FINE = 0.03  # of the distance, to which an end is found
+
+
+def profile_interval(
+    likelihood: Likelihood, best: Fit, candidate: Candidate, i: int, rise: float
+) -> tuple[float, float]:
+    """The coordinates below and above the best at which the misfit has risen by `rise`; a bound where it never does."""
+    z = best.point[candidate][i]
+    guess = max(best.std(candidate, i, likelihood.sizes), 1e-12 * max(abs(z), 1.0)) * np.sqrt(rise)
+    excess = _excess(likelihood, best, candidate, i, rise)
+    low, high = candidate.bounds[i]
+    below = _reach(lambda t: excess(z - t), guess, z - low, rise)
+    return z - below, z + _reach(lambda t: excess(z + t), guess, high - z, rise)
+
+
+def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
+    """Coordinate -> misfit there, the others fitted to it, beyond the best one and `rise`."""
+    at = best.order.index((candidate, i))
+    along = best.covariance[:, at] / max(best.covariance[at, at], 1e-300)
+
+    def excess(value):
+        step = (value - best.point[candidate][i]) / likelihood.sizes[candidate][i]
+        point = {c: list(z) for c, z in best.point.items()}
+        for (c, j), slope in zip(best.order, along, strict=True):
+            low, high = c.bounds[j]
+            point[c][j] = float(np.clip(point[c][j] + slope * step * likelihood.sizes[c][j], low, high))
+        point[candidate][i] = value
+        return fit(likelihood, point, iterations=3, held=(candidate, i)).misfit - best.misfit - rise
+
+    return excess
+
+
+def _reach(excess, guess, most, rise):
+    """Distance at which `excess` crosses zero, `most` at the farthest."""
+    if most <= 0.0:
+        return 0.0
+    inner, outer = 0.0, min(guess, most)
+    for _ in range(_DOUBLINGS):
+        value = excess(outer)
+        if not value < 0.0:
+            break
+        if outer >= most:
+            return most
+        inner, outer = outer, min(2.0 * outer, most)
+    else:
+        return outer
+    known = {0.0: -rise, outer: value}
+    finite = lambda t: np.nan_to_num(known[t] if t in known else excess(t), nan=_FAR, posinf=_FAR)  # noqa: E731
+    return float(brentq(finite, inner, outer, xtol=_FINE * outer, rtol=1e-3))

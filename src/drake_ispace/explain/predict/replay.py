@@ -1,0 +1,180 @@
+"""The prediction Diagram: the robot's model on recorded commands, held on the measured motion, under the room's camera.
+
+Every effect of the library sits in it at its neutral value, so that any set of them can be tried, at any size, by
+changing run-time numbers of one compiled rollout.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.framework import Diagram
+from pydrake.systems.primitives import Multiplexer
+
+from drake_ispace.blocks.block import Spec
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
+from drake_ispace.effects.library import library
+from drake_ispace.explain.predict.filters import adapted, filter_of, other_filters
+from drake_ispace.explain.predict.follower import Filter, Follower
+from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
+from drake_ispace.explain.predict.tracks import IMU, Track
+from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
+from drake_ispace.rollout.compile import Rollout, compile_diagram
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.bench import Bench, Part
+from drake_ispace.wiring.effects import chosen_effects, splice_effects
+
+Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A compiled prediction Diagram.
+
+    Attributes:
+        body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
+        rollout: compiled. feeds: the channels that every run has. others: filters under other assumptions about
+            noise. filter: plant -> what of the follower's numbers goes with it; None: nothing.
+    """
+
+    body: Body
+    effects: dict[str, Effect]
+    known: dict[str, dict[str, float]]
+    rollout: Rollout
+    feeds: frozenset[str]
+    others: list[Filter]
+    filter: Callable[[object], dict[str, np.ndarray]] | None = None
+
+    def combined(self, values: Values) -> dict[str, dict[str, float]]:
+        """These effects and those that the model has: what is found of a known one comes on top of it."""
+        together = {name: dict(v) for name, v in self.known.items()}
+        for name, changed in values.items():
+            known = together.setdefault(name, {})
+            neutral = self.effects[name].neutral(self.body)
+            for key, value in changed.items():
+                known[key] = value + known[key] - neutral[key] if key in known else value
+        return together
+
+    def parameters(self, values: Values) -> np.ndarray:
+        """Run-time numbers of the rollout with these effects in it, besides the known ones."""
+        together = self.combined(values)
+        numbers = self.rollout.parameters.copy()
+        plant = self.body.plant
+        for name, effect in self.effects.items():
+            if name not in together or not effect.replayed:
+                continue
+            full = effect.neutral(self.body) | together[name]
+            if isinstance(effect, PlantEffect):
+                plant = effect.change(self.body.robot, plant, full)
+            if not isinstance(effect, BlockEffect):
+                continue
+            if effect.wire == "fix" and "offset_s" in full:
+                self._set(numbers, f"{self.body.name}_view", {"offset_s": full["offset_s"]})
+            else:
+                self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
+        if plant is not self.body.plant:
+            self._set(numbers, f"{self.body.name}_plant", self.body.robot.block_parameters(plant))
+            if self.filter is not None:
+                self._set(numbers, f"{self.body.name}_follower", self.filter(plant))
+        return numbers
+
+    def pushed(self, run: Track, force: np.ndarray) -> Track:
+        """The run with a further force on the body in it: (rows, 3) along the axes in which the plant takes the
+        ground's [N, N m]; where velocity is commanded, a further velocity along the axes of B."""
+        if self.body.robot.driven == COMMAND:
+            return dataclasses.replace(run, command=run.command + force)
+        return dataclasses.replace(run, force=force)
+
+    def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
+        """The same numbers with the gain of another filter."""
+        changed = numbers.copy()
+        self._set(changed, f"{self.body.name}_follower", {"gain": other.gain.ravel()})
+        return changed
+
+    def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """((ticks, p) innovations of the outputs at every tick, (k, 3) innovations of the fixes).
+
+        start: pose and wheel angles at t = 0, (3 + n,).
+        """
+        state = self.rollout.continuous_state.copy()
+        state[:3] = start[:3]
+        first = self.body.robot.first_wheel
+        state[first : first + self.body.wheels] = start[3:]
+        inputs = {"command": self._command(run), "measured": run.measured, "fix": run.fix}
+        if self.body.robot.driven == TORQUE:
+            inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
+        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
+        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
+
+    def _command(self, run):
+        """The recorded command; where a velocity was commanded but not recorded, that of the wheels as measured."""
+        if self.body.robot.driven == TORQUE or COMMAND in self.feeds:
+            return run.command
+        turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
+        return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
+
+    def _set(self, numbers, block, parameters):
+        spec = Spec(parameters=parameters)
+        for name, value in zip(spec.parameter_names, spec.parameter_values, strict=True):
+            numbers[self.rollout.index(f"{block}.{name}")] = value
+
+
+def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
+    """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
+    body = body_of(scenario, robot)
+    every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+    if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
+        every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
+    known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
+    if missing := known.keys() - every.keys():
+        raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
+    rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
+    others = other_filters(scenario, robot, has)
+    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))
+
+
+def replay_diagram(
+    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Mapping[str, Effect]
+) -> Diagram:
+    """The Diagram with every one of `effects` at its neutral value; inputs command, measured, fix, and force (3,) of
+    the ground on a plant."""
+    body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
+    part = Part(bench, robot.name)
+    quiet = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
+    wires = {"wheel_angle": "follower.modelled", "pose": "view.pose"}
+    part.add("follower", Follower(filter_of(scenario, robot, has)))
+    part.add("view", RoomView())
+    part.add("plant", robot.followed_plant(settings, quiet))
+    if robot.has_imu:
+        part.add("outputs", Multiplexer([body.wheels, IMU]))
+        part.wire(("plant.body_motion", "outputs.u1"), ("outputs.y0", "follower.modelled"))
+        wires |= {"wheel_angle": "outputs.u0", "body_motion": "outputs.u1"}
+    if robot.driven == COMMAND:
+        wires["velocity"] = "follower.push"
+        part.add("command", TorqueActuator(Actuator(), 3))
+        part.wire(("command.torque", "follower.push"), ("follower.push", "plant.velocity"))
+    else:
+        wires |= {"torque": "plant.torque", "ground_force": "follower.push"}
+        part.add("command", TorqueActuator(_quiet(settings.actuator), body.wheels))
+        part.add("ground", TorqueActuator(Actuator(), 3))
+        part.wire(
+            ("command.torque", "plant.torque"), ("ground.torque", "follower.push"),
+            ("follower.push", "plant.ground_force"),
+        )
+    part.wire(("plant.wheel_angle", wires["wheel_angle"]), ("plant.pose", "view.pose"))
+    neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
+    splice_effects(bench, body, neutral, {wire: [part.block(end)] for wire, end in wires.items()})
+    inputs = {"command": "command.command", "measured": "follower.measured", "fix": "view.fix"}
+    if robot.driven == TORQUE:
+        inputs["force"] = "ground.command"
+    bench.let_in(**{name: part.block(port) for name, port in inputs.items()})
+    bench.show(innovation=part.block("follower.innovation"), view=part.block("view.innovation"))
+    return bench.build(part.block("replay"))
+
+
+def _quiet(actuator):
+    return dataclasses.replace(actuator, limit_n_m=None, resolution_n_m=0.0, noise_std_n_m=0.0)

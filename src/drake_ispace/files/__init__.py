@@ -1,0 +1,1 @@
+"""All that touches a disk: recordings, importers, strict YAML, paths."""

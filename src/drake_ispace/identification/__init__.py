@@ -1,1 +1,0 @@
-"""System identification: chapter 3 and 4 of the thesis, and what a practitioner would use beside it."""

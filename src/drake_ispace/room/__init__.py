@@ -1,0 +1,1 @@
+"""The intelligent space: its settings, the localiser, the radio link."""

@@ -1,0 +1,144 @@
+"""The room's localiser: a zero-order hold at T_v = 95 ms of what the ceiling camera sees.
+
+Geometric mode: each robot carries two markers; their true places, with noise, are rounded to the camera's pixels on
+the floor, and the pose is computed back from them. An image mode keeps the same ports.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.noise import normal, stream, uniform
+from drake_ispace.blocks.rates import VISION_TICKS
+from drake_ispace.files.quantity import quantity
+
+
+@dataclass
+class Localizer:
+    """How the room's camera sees a robot's two markers."""
+
+    # geometric: the true pose through the camera's ground resolution; image: the markers found in rendered images
+    mode: str = quantity("geometric", choices=("geometric", "image"))
+    # metres per pixel of the top view along x and y, section 5.4
+    pixel_m: list[float] = quantity([0.00487, 0.00551], "m/pixel", above=0.0, length=2)
+    # a marker is found at a whole pixel
+    whole_pixels: bool = quantity(True)
+    # of a marker's place, before rounding; assumed
+    noise_std_pixels: float = quantity(0.3, "pixels", minimum=0.0)
+    # between a robot's front and rear marker; assumed
+    marker_spacing_m: float = quantity(0.2, "m", above=0.0)
+    # from capture to the room's computer
+    latency_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
+    # share of captures in which a robot is not found
+    dropout: float = quantity(0.0, minimum=0.0, maximum=1.0)
+
+
+
+@kernel
+def marker(place, pixel, noise, whole):
+    """Where along one axis a marker at `place` [m] is found, given pixel size [m], noise [pixels], rounding."""
+    at = place / pixel + noise
+    return pixel * (np.floor(at) + 0.5) if whole > 0.0 else pixel * at
+
+
+@kernel
+def see(tick, robot, x, y, phi, camera, noise_stream, out):
+    """Write one message into out[0:5]; camera: the block's parameter group."""
+    pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth = (
+        camera[0], camera[1], camera[2], camera[3], camera[4], camera[5], camera[6], camera[7],
+    )
+    out[0], out[1], out[2], out[3], out[4] = tick, 0.0, 0.0, 0.0, 0.0
+    if not (abs(x) <= half_width and abs(y) <= half_depth):
+        return
+    channel = 8 * robot
+    if dropout > 0.0 and uniform(noise_stream, tick, channel + 4) < dropout:
+        return
+    if whole == 0.0 and noise_std == 0.0:
+        out[1], out[2], out[3], out[4] = 1.0, x, y, phi
+        return
+    n0 = n1 = n2 = n3 = 0.0
+    if noise_std > 0.0:
+        n0 = noise_std * normal(noise_stream, tick, channel)
+        n1 = noise_std * normal(noise_stream, tick, channel + 1)
+        n2 = noise_std * normal(noise_stream, tick, channel + 2)
+        n3 = noise_std * normal(noise_stream, tick, channel + 3)
+    dx, dy = 0.5 * spacing * np.cos(phi), 0.5 * spacing * np.sin(phi)
+    front_x, front_y = marker(x + dx, pixel_x, n0, whole), marker(y + dy, pixel_y, n1, whole)
+    rear_x, rear_y = marker(x - dx, pixel_x, n2, whole), marker(y - dy, pixel_y, n3, whole)
+    out[1], out[2], out[3] = 1.0, 0.5 * (front_x + rear_x), 0.5 * (front_y + rear_y)
+    out[4] = np.arctan2(front_y - rear_y, front_x - rear_x)
+
+
+@kernel
+def capture(tick, xd, poses, camera, noise_stream, out):
+    """x_d = [delivered messages, then captured ones, oldest first]: forget the oldest, add the newest."""
+    robots = poses.shape[0] // 3
+    size = FIX * robots
+    copy(xd[:size], out[:size])
+    copy(xd[2 * size :], out[size:-size])
+    for robot in range(robots):
+        x, y, phi = poses[3 * robot], poses[3 * robot + 1], poses[3 * robot + 2]
+        start = out.shape[0] - size + FIX * robot
+        see(tick, robot, x, y, phi, camera, noise_stream, out[start : start + FIX])
+
+
+@kernel
+def deliver(tick, xd, poses, latency_ticks, out):
+    """Make the newest capture that is at least `latency_ticks` old the delivered one."""
+    copy(xd, out)
+    size = FIX * (poses.shape[0] // 3)
+    for start in range(size, xd.shape[0], size):
+        if 0.0 <= xd[start] and xd[start] <= tick - latency_ticks:
+            copy(xd[start : start + size], out[:size])
+
+
+@kernel
+def fixes(xd, out):
+    copy(xd[: out.shape[0]], out)
+
+
+class KinectLocalizer(Block):
+    """Poses of all robots as the room sees them, held between vision ticks.
+
+    .. pydrake_system::
+
+        name: KinectLocalizer
+        input_ports:
+        - poses
+        output_ports:
+        - fixes
+
+    poses (3 n,): true x, y [m], phi [rad] in W of each robot. fixes (5 n,): for each robot the tick of capture (-1
+    before the first), seen (1 or 0), x, y [m], phi [rad]. A robot outside of the space is not seen.
+    Captured in the sensing phase every 19 ticks, delivered `latency_ticks` later. P_ev of (6.6).
+
+    Args:
+        space: a room.Space, of which size and localiser are read.
+        robots: n; seed: of the noise, stream `kinect`.
+    """
+
+    def __init__(self, space, robots: int = 1, seed=0):
+        localizer = space.localizer
+        latency = localizer.latency_ticks
+        record = np.zeros(FIX * robots)
+        record[::FIX] = -1.0
+        super().__init__(Spec(
+            inputs={"poses": 3 * robots}, outputs={"fixes": Output(FIX * robots, fixes)},
+            parameters={
+                "camera": {
+                    "pixel_x_m": localizer.pixel_m[0], "pixel_y_m": localizer.pixel_m[1],
+                    "whole_pixels": float(localizer.whole_pixels), "noise_std_pixels": localizer.noise_std_pixels,
+                    "marker_spacing_m": localizer.marker_spacing_m, "dropout": localizer.dropout,
+                    "half_width_m": space.width_m / 2.0, "half_depth_m": space.depth_m / 2.0,
+                },
+                "latency_ticks": float(latency), "noise_stream": stream(seed, "kinect"),
+            },
+            noise_stream="kinect", discrete_state=np.tile(record, 2 + latency // VISION_TICKS),
+            updates=(
+                Update(capture, Phase.SENSE, VISION_TICKS),
+                Update(deliver, Phase.SENSE, VISION_TICKS, offset_ticks=latency),
+            ),
+        ))

@@ -1,0 +1,1 @@
+"""Identification of the pendulum, chapters 3 and 4 of the thesis."""

@@ -1,0 +1,1 @@
+"""Images: camera, markers, scenes, renderers, calibration, footage."""

@@ -1,0 +1,63 @@
+"""Vectors kept by run give the numbers of the full ones; what a memory explains is taken once and for all."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.fit.directions import Directions
+from drake_ispace.explain.fit.memory import Memory, gram
+
+RNG = np.random.default_rng(0)
+OWN = [(0, RNG.standard_normal((2, 40))), (40, RNG.standard_normal((3, 60)))]
+DIRECTIONS = Directions(RNG.standard_normal((4, 100)), OWN)
+DENSE = np.vstack([DIRECTIONS.everywhere, *(np.pad(part, ((0, 0), (a, 100 - a - part.shape[1]))) for a, part in OWN)])
+
+
+def memory():
+    """Of two channels, a run of 20 instants and one of 30."""
+    basis = np.linalg.qr(RNG.standard_normal((50, 5)))[0]
+    return Memory(2, [(0, 40), (40, 100)], [basis[:20], basis[20:]])
+
+
+def test_products_are_those_of_the_full_vectors():
+    vectors = RNG.standard_normal((6, 100))
+    assert len(DIRECTIONS) == len(DENSE) == 9
+    assert DIRECTIONS.dot(vectors) == pytest.approx(vectors @ DENSE.T)
+    assert DIRECTIONS.dot(vectors[0]) == pytest.approx(DENSE @ vectors[0])
+    assert DIRECTIONS.gram() == pytest.approx(DENSE @ DENSE.T)
+
+
+def test_sums_are_those_of_the_full_vectors():
+    amounts = RNG.standard_normal((6, 9))
+    assert DIRECTIONS.combined(amounts) == pytest.approx(amounts @ DENSE)
+    assert DIRECTIONS.combined(amounts[0]) == pytest.approx(amounts[0] @ DENSE)
+
+
+def test_least_squares_finds_what_was_put_in():
+    amounts, rest = RNG.standard_normal(9), RNG.standard_normal(100)
+    rest -= DENSE.T @ np.linalg.lstsq(DENSE.T, rest, rcond=None)[0]
+    assert DIRECTIONS.least_squares(DENSE.T @ amounts + rest) == pytest.approx(amounts)
+
+
+def test_directions_that_coincide_share():
+    one = RNG.standard_normal(100)
+    assert Directions(np.array([one, one])).least_squares(one) == pytest.approx([0.5, 0.5])
+
+
+def test_a_memory_takes_each_channel_by_the_same_basis_and_nothing_twice():
+    known = memory()
+    vectors = RNG.standard_normal((3, 100))
+    once = vectors.copy()
+    known.take(once)
+    basis = np.vstack(known.bases)
+    for channel in range(2):
+        x = vectors[:, channel::2]
+        assert once[:, channel::2] == pytest.approx(x - x @ basis @ basis.T)
+    again = once.copy()
+    known.take(again)
+    assert again == pytest.approx(once)
+
+
+def test_products_less_memory_are_those_of_vectors_less_memory():
+    known, left = memory(), DENSE.copy()
+    known.take(left)
+    assert gram([known], DIRECTIONS) == pytest.approx(left @ left.T, abs=1e-9)

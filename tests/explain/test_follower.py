@@ -1,0 +1,71 @@
+"""The follower holds a model on its measured motion and lets through what the model cannot predict."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.filters import filter_of, other_filters
+from drake_ispace.explain.predict.follower import Follower, design, discrete
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import load_scenario
+
+MASS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+
+
+def rail_filter():
+    """Of a mass on a rail whose place is measured to a millimetre."""
+    a, b = MASS
+    feedback = np.array([[225.0, 30.0]])
+    process, sensors = np.diag([0.0, 1e-2]), np.array([1e-6])
+    return design(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1)), process, sensors, feedback, [[2.0]])
+
+
+def test_a_mass_moves_as_newton_says():
+    a, b = discrete(*MASS)
+    assert a == pytest.approx(np.array([[1.0, TICK_S], [0.0, 1.0]]))
+    assert b == pytest.approx(np.array([[TICK_S**2 / 2], [TICK_S]]))
+
+
+def test_the_filter_forgets_an_error_of_its_own():
+    f = rail_filter()
+    decay = f.a @ (np.eye(2) - f.gain @ f.c)
+    assert np.abs(np.linalg.eigvals(decay)).max() < 0.99
+
+
+def test_the_model_follows_a_robot_that_stands_elsewhere():
+    f, place, speed, push = rail_filter(), 0.0, 0.0, []
+    block = Follower(f)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("measured").FixValue(context, [0.01])
+    block.GetInputPort("push").FixValue(context, [0.0])
+    state = context.get_discrete_state_vector().CopyToVector()
+    for _ in range(400):
+        state[0] = 0.01 - place
+        context.SetDiscreteState(state)
+        state = block.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector()
+        acceleration = state[-1] / 2.0  # what acts is the weight times the acceleration
+        place, speed = place + speed * TICK_S + acceleration * TICK_S**2 / 2, speed + acceleration * TICK_S
+        push.append(state[-1])
+    assert place == pytest.approx(0.01, abs=1e-4) and abs(push[-1]) < 1e-2
+
+
+@pytest.mark.parametrize("robot", ["omni", "pendulum"])
+def test_every_robot_has_a_stable_filter(robot):
+    scenario, has = load_scenario(f"{robot}_multirate"), frozenset({"torque", "encoder", "imu"})
+    f = filter_of(scenario, robots()[robot], has)
+    assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 1.0
+    assert np.abs(np.linalg.eigvals(f.a - f.b @ f.feedback)).max() < 1.0
+    assert all(not np.array_equal(other.gain, f.gain) for other in other_filters(scenario, robots()[robot], has))
+
+
+def test_wheels_show_the_body_as_the_geometry_says():
+    plant = load_scenario("pendulum_multirate").pendulum.plant
+    c = robots()["pendulum"].error_system(plant).c
+    radius, half = plant.wheel_radius_m, plant.half_track_m
+    assert c[0, :3] == pytest.approx([1 / radius, half / radius, -1.0])
+    assert c[1, :3] == pytest.approx([1 / radius, -half / radius, -1.0])
+
+
+def test_an_acceleration_becomes_a_force_by_the_mass():
+    plant = load_scenario("omni_multirate").omni.plant
+    assert robots()["omni"].mass_matrix(plant)[0, 0] == pytest.approx(plant.mass_kg, rel=1e-3)

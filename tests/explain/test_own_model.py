@@ -1,0 +1,139 @@
+"""A user's own plant: followed, explained, replayed open loop."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.effects.library import library
+from drake_ispace.explain.decide.joint import decide_jointly
+from drake_ispace.explain.explain import explain
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.explain.predict.prediction import predict
+from drake_ispace.files.recording import Channel, Recording
+
+INERTIA = 0.02
+
+
+@kernel
+def accelerate(xc, drive, inertia, out):
+    out[0] = xc[1]
+    out[1] = drive[0] / inertia
+
+
+@kernel
+def angle(xc, out):
+    out[0] = xc[0]
+
+
+@kernel
+def rate(xc, out):
+    out[0] = xc[1]
+
+
+@kernel
+def follow(xc, drive, out):
+    out[0] = drive[0] - xc[0]
+
+
+def wheel():
+    return Block(Spec(
+        inputs={"drive": 1}, outputs={"position": Output(1, angle), "speed": Output(1, rate)},
+        parameters={"inertia": INERTIA}, continuous_state=np.zeros(2), derivatives=accelerate,
+    ))
+
+
+MODEL = OwnModel(wheel(), torque="drive", wheel_angle="position", wheel_rate="speed")
+EFFECTS = [library()[name] for name in ("viscous_friction", "coulomb_friction", "torque_gain_error", "motor_lag")]
+
+
+def measured(viscous, seconds=20.0, seed=0, start_rad=0.3):
+    """A run at 1 kHz of a wheel with viscous friction and a little force noise."""
+    generator, h = np.random.default_rng(seed), 1e-3
+    t = np.arange(0.0, seconds, h)
+    drive = 0.2 * np.sign(np.sin(2.1 * t)) * (0.5 + 0.5 * np.sin(0.37 * t)) + 0.05 * np.sin(7.0 * t)
+    theta, omega, angles, push = start_rad, 0.0, [], 0.0
+    for tau in drive:
+        angles.append(theta)
+        push += h / 0.05 * (-push) + 0.002 * np.sqrt(2.0 * h / 0.05) * generator.standard_normal()
+        omega += h * (tau + push - viscous * omega) / INERTIA
+        theta += h * omega
+    return Recording("wheel", channels={
+        "torque": Channel(t, ("tau_1",), drive[:, None], {}, h),
+        "encoder": Channel(t, ("theta_1",), 1e-4 * np.round(np.array(angles)[:, None] / 1e-4), {}, h),
+    })
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    track = own_track(measured(0.01), MODEL, "run")
+    return track, own_replay(MODEL, [track], EFFECTS)
+
+
+def test_the_follower_holds_the_plant_on_its_measurements(rubbing):
+    track, replay = rubbing
+    residuals = predict(replay, [track]).residuals({})
+    assert residuals[0]["room"].shape[0] == 0
+    assert np.std(residuals[0]["motion"]) < 0.01
+
+
+def test_open_loop_the_right_friction_is_right(rubbing):
+    track, replay = rubbing
+    found = replay.simulated(track, {"viscous_friction": {"coefficient_n_m_s": 0.01}})
+    wrong = replay.simulated(track, {})
+    truth = track.measured[: track.ticks + 1]
+    assert found[0] == pytest.approx(0.3, abs=1e-4)
+    assert np.std(found - truth) < 0.1 * np.std(wrong - truth)
+
+
+def test_a_missing_friction_is_named(rubbing):
+    track, replay = rubbing
+    decision = decide_jointly(predict(replay, [track]), candidates(replay.effects, replay.body), 0, None)
+    values = merged(decision.named.point)
+    assert list(values) == ["viscous_friction"]
+    assert values["viscous_friction"]["coefficient_n_m_s"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_known_effects_are_in_the_model():
+    known = OwnModel(
+        wheel(), torque="drive", wheel_angle="position", wheel_rate="speed",
+        effects={"viscous_friction": {"coefficient_n_m_s": 0.01}},
+    )
+    track = own_track(measured(0.01), known, "run")
+    truth = track.measured[: track.ticks + 1]
+    assert np.std(own_replay(known, [track], EFFECTS).simulated(track, {}) - truth) < 0.1 * np.std(truth)
+
+
+def test_torque_faster_than_the_clock_counts_with_its_mean():
+    t = np.arange(0.0, 1.0, 1e-3)
+    ramp = Recording("wheel", channels={
+        "torque": Channel(t, ("tau_1",), t[:, None].copy(), {}, 1e-3),
+        "encoder": Channel(t, ("theta_1",), np.zeros((1000, 1)), {}, 1e-3),
+    })
+    assert own_track(ramp, MODEL, "ramp").command[10, 0] == pytest.approx(0.052, abs=1e-9)
+
+
+def test_a_run_without_torque_is_refused():
+    t = np.arange(0.0, 1.0, 0.005)
+    run = Recording("wheel", channels={"encoder": Channel(t, ("theta_1",), np.zeros((200, 1)), {}, 0.005)})
+    with pytest.raises(InputError, match="no channel torque"):
+        own_track(run, MODEL, "run")
+
+
+def test_a_plant_that_no_torque_accelerates_is_refused():
+    lagging = Block(Spec(
+        inputs={"drive": 1}, outputs={"position": Output(1, angle)}, continuous_state=np.zeros(1), derivatives=follow,
+    ))
+    with pytest.raises(InputError, match="does not accelerate"):
+        OwnModel(lagging, torque="drive", wheel_angle="position").linearised()
+
+
+def test_explain_takes_an_own_model():
+    answer = explain(MODEL, [measured(0.004, seed=1), measured(0.004, seed=2)], [measured(0.004, seed=3)], EFFECTS)
+    (effect,) = answer.effects
+    assert effect.name == "viscous_friction" and answer.model is None
+    assert effect.parameters["coefficient_n_m_s"].estimate == pytest.approx(0.004, rel=0.1)
+    assert answer.closed > 0.9

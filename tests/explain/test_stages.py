@@ -1,0 +1,72 @@
+"""Small parts of the workflow, by numbers that a reader can check."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from drake_ispace.effects.effect import body_of
+from drake_ispace.effects.library import library
+from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
+from drake_ispace.explain.decide.detect import detect
+from drake_ispace.explain.decide.signatures import evidence_of_gain
+from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import load_scenario
+
+OMNI = body_of(load_scenario("omni_multirate"), robots()["omni"])
+
+
+def candidate(name):
+    return next(c for c in candidates({name: library()[name]}, OMNI))
+
+
+def test_a_limit_is_fitted_as_its_reciprocal():
+    limit = candidate("torque_saturation").parameters[0]
+    assert coordinate(limit, np.inf) == 0.0 and value_of(limit, 0.0) == np.inf
+    assert value_of(limit, coordinate(limit, 0.05)) == pytest.approx(0.05)
+
+
+def test_a_choice_of_wheel_makes_a_candidate_of_each():
+    every = candidates({"weak_motor": library()["weak_motor"]}, OMNI)
+    assert [c.label for c in every] == [f"weak_motor[{i}]" for i in range(1, 5)]
+    assert every[1].values([0.2]) == {"wheel": 2, "loss": 0.2}
+
+
+def test_probes_stay_within_bounds_and_leave_the_neutral_value():
+    for effect in library().values():
+        if not effect.applies_to(OMNI):
+            continue
+        tried = Candidate(effect, (), effect.parameters(OMNI))
+        for z in probes(tried, {"torque": 0.02, "speed": 8.0}):
+            assert z != tried.neutral
+            assert all(low <= at <= high for at, (low, high) in zip(z, tried.bounds, strict=True))
+
+
+def test_the_p_value_is_one_where_noise_reaches_as_much():
+    largest = np.random.default_rng(0).exponential(0.5, 400)
+    assert detect(0.1, largest).p_value > 0.5
+    assert detect(12.0, largest).p_value < 1e-6
+    assert not detect(float(np.median(largest)), largest).found
+
+
+def test_the_threshold_is_where_the_p_value_is_the_false_alarm_rate():
+    largest = np.random.default_rng(1).exponential(0.5, 400)
+    threshold = detect(1.0, largest).threshold
+    assert detect(threshold, largest).p_value == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("parameters", [1, 2, 9])
+def test_evidence_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
+    gains = np.array([0.0, 1.0, 40.0, 900.0])
+    exact = -chi2.logsf(gains, parameters) / np.log(10.0)
+    assert evidence_of_gain(gains, parameters) == pytest.approx(exact)
+    nearer, farther = evidence_of_gain(np.array([999.999, 1000.001]), parameters)
+    assert farther == pytest.approx(nearer, abs=2e-3)
+    assert 1070.0 < evidence_of_gain(5000.0, parameters) < 1088.0
+
+
+def test_an_explanation_without_effects_says_so_and_is_plain_data():
+    answer = Explanation("none", [], DetectionResult(0.4, 3.1, 0.01, np.float64(1.2)), [], [])
+    data = answer.to_data()
+    assert data["verdict"] == "none" and data["gap"] == {"held_out": {}, "closed": None}
+    assert type(data["detection"]["evidence"]) is float and "Nothing is missing" in str(answer)

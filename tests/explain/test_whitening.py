@@ -1,0 +1,63 @@
+"""Residuals become independent numbers of unit size, and slow noise is not mistaken for physics."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from drake_ispace.explain.fit.whitening import Whitening, fit_noise, past
+
+
+def coloured(rows, rng, memory=0.9):
+    return lfilter([1.0], [1.0, -memory], rng.standard_normal((rows, 2)), axis=0)
+
+
+def test_coloured_noise_becomes_white():
+    runs = [coloured(4000, np.random.default_rng(i)) for i in range(3)]
+    noise = fit_noise(runs, "motion", [None] * 3)
+    white = noise.whiten(coloured(4000, np.random.default_rng(9)))
+    assert white.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.05)
+    for lag in (1, 2, 5, 20):
+        assert np.abs(white[lag:].T @ white[:-lag] / len(white)).max() < 0.06
+
+
+def test_a_mean_of_the_past_does_not_see_the_present():
+    y = np.zeros((50, 1))
+    y[20] = 1.0
+    columns = past(y, 2, (0.5,))
+    first = np.flatnonzero(columns[:, 2])[0] + 2
+    assert first == 21 and columns[first - 2, 2] == pytest.approx(0.5)
+
+
+def test_whitening_is_linear():
+    rng = np.random.default_rng(0)
+    noise = fit_noise([coloured(3000, rng)], "motion", [None])
+    a, b = coloured(500, rng), coloured(500, rng)
+    assert noise.whiten(2.0 * a - b) == pytest.approx(2.0 * noise.whiten(a) - noise.whiten(b))
+
+
+def test_rows_at_rest_weigh_nothing():
+    rng = np.random.default_rng(0)
+    y, classes = coloured(3000, rng), np.full(3000, 5)
+    classes[1000:1500] = 0
+    white = fit_noise([y], "motion", [classes]).whiten(y, classes)
+    assert np.all(white[1000 - 8 + 8 : 1492] == 0.0) and white[:900].std() == pytest.approx(1.0, abs=0.1)
+
+
+def test_rows_of_one_instant_keep_together():
+    runs = [{"motion": coloured(1000, np.random.default_rng(i))} for i in range(2)]
+    whitening = Whitening(runs, [{}, {}])
+    instants = whitening.instants(runs)
+    assert len(instants) == len(whitening(runs)) and np.all(np.diff(instants) >= 0)
+    assert np.all(np.bincount(instants) == 2)
+    together = whitening.instants(runs, {"motion": 200})
+    assert together[-1] + 1 == 2 * int(np.ceil((1000 - whitening.noise["motion"].lags) / 200))
+
+
+def test_numbers_as_they_were_stand_where_the_whitened_ones_do():
+    y, classes = coloured(1000, np.random.default_rng(0)), np.full(1000, 5)
+    classes[300:400] = 0
+    whitening = Whitening([{"motion": y}], [{"motion": classes}])
+    plain, lags = whitening.plain([{"motion": y}]).reshape(-1, 2), whitening.noise["motion"].lags
+    assert plain.size == len(whitening([{"motion": y}]))
+    at_rest = classes[lags:] == 0
+    assert np.isnan(plain[at_rest]).all() and plain[~at_rest] == pytest.approx(y[lags:][~at_rest])
