@@ -15,7 +15,7 @@ import drake_ispace as di
 from drake_ispace.blocks.rates import TICK_S, VISION_S, VISION_TICKS
 from drake_ispace.control.feedback.dlqr import spectral_radius, zero_order_hold
 from drake_ispace.control.feedback.omni_gains import omni_gains
-from drake_ispace.robots.plants.omni import mass_matrix
+from drake_ispace.plants.omni import mass_matrix
 
 LOOPS = {"multi-rate": "omni_multirate", "vision": "omni_vision_feedback"}
 PRINTED_WEIGHTS = values(omni__control__q=[1.4e4, 1.4e4, 975.0, 17.5e4, 17.55e4, 1e4])  # (6.24)

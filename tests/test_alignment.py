@@ -8,7 +8,7 @@ import pytest
 from drake_ispace.alignment import to_recording
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.files.recording import load, validate
-from drake_ispace.robots.plants.omni import mass_matrix
+from drake_ispace.plants.omni import mass_matrix
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import Scenario, load_scenario, read
 from drake_ispace.simulation import Run, simulate

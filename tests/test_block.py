@@ -13,11 +13,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import arguments, cache_folder, kernel, plain
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.robots.plants.friction import Friction
-from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.robots.plants.slip import Slip
+from drake_ispace.plants.friction import Friction
+from drake_ispace.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.plants.slip import Slip
 
 # -- Kernels as a block would have them; Block takes plain functions too.
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.comparison import compare
     from drake_ispace.effects.library import library as effects
     from drake_ispace.explain.explain import explain
-    from drake_ispace.files.recording import load
     from drake_ispace.hiding import hide
     from drake_ispace.report.drawing import draw
+    from drake_ispace.robots.recordings import load
     from drake_ispace.rollout.campaign import montecarlo
     from drake_ispace.rollout.compile import compile_diagram
     from drake_ispace.scenario import load_scenario
@@ -41,7 +41,7 @@ _BEHIND = {
     "effects": "effects.library:library",
     "explain": "explain.explain:explain",
     "hide": "hiding:hide",
-    "load": "files.recording:load",
+    "load": "robots.recordings:load",
     "load_scenario": "scenario:load_scenario",
     "montecarlo": "rollout.campaign:montecarlo",
     "simulate": "simulation:simulate",

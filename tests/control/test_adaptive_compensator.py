@@ -12,7 +12,7 @@ from drake_ispace.control.adaptive.adaptive_compensator import (
     lyapunov_matrix,
 )
 from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
-from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
+from drake_ispace.plants.pendulum import PendulumPlantParameters
 from drake_ispace.scenario import load_scenario
 from drake_ispace.thesis.friction_data import friction_rollout
 

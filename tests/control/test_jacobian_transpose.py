@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.control.feedback.jacobian_transpose import JacobianTranspose
-from drake_ispace.robots.wheels import mecanum, omni3, omni4
+from drake_ispace.plants.wheels import mecanum, omni3, omni4
 
 THESIS = omni4(0.024, 0.36)
 GEOMETRIES = pytest.mark.parametrize("geometry", [THESIS, omni3(0.024, 0.18), mecanum(0.05, 0.2, 0.15)])

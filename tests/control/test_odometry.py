@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.control.estimate.odometry import OmniOdometry, PendulumOdometry
-from drake_ispace.robots.wheels import omni3, omni4
+from drake_ispace.plants.wheels import omni3, omni4
 
 R, B = 0.024, 0.36  # omni: wheel radius and distance between opposite wheels
 RADIUS, HALF_TRACK = 0.08, 0.2  # pendulum

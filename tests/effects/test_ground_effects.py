@@ -12,11 +12,11 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, EffectBlock
 from drake_ispace.effects.library import library
+from drake_ispace.plants.friction import Friction
+from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters, linear_terms
+from drake_ispace.plants.slip import GRAVITY, Slip
 from drake_ispace.robots.library import robots
-from drake_ispace.robots.plants.friction import Friction
-from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters, linear_terms
-from drake_ispace.robots.plants.slip import GRAVITY, Slip
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate

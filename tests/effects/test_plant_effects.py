@@ -12,9 +12,9 @@ from drake_ispace.control.feedback.omni_gains import omni_gains
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.effects.places.plant import EFFECTS
+from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.robots.library import robots
-from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate

@@ -7,9 +7,9 @@ from drake_ispace.alignment import to_recording
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Body, body_of
 from drake_ispace.effects.library import library
+from drake_ispace.plants.rover import WHEELS, RoverPlantParameters
+from drake_ispace.plants.slip import Slip
 from drake_ispace.robots.library import robots
-from drake_ispace.robots.plants.rover import WHEELS, RoverPlantParameters
-from drake_ispace.robots.plants.slip import Slip
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import Scenario, load_scenario
 

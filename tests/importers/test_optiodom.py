@@ -4,12 +4,23 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.files.importers.optiodom import Metadata, geometry, load_folder, load_run, read_metadata
+from drake_ispace.files.importers.optiodom import Metadata, load_folder, load_run, read_metadata
 from drake_ispace.files.recording import load
+from drake_ispace.plants.wheels import WheelGeometry, differential, omni3
 
 OMNI3 = "type,omni3,,\nngear,12,,\nencRes,1024,,\nLi,0.195,,\nDi,0.102,0.104,0.1\nThi,,,\nN,1,,\n"
 DIFF = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.084,0.084\n"
 RUN = "0,0,0,0,-1,-0,7\n0.04,0.1,0,3.1,10,20,0\n0.08,0.2,0,-3.1,-4,1,2\n"
+
+_WHEEL_1_RAD = -np.pi / 3.0
+
+
+def geometry(metadata: Metadata) -> WheelGeometry:
+    """The robot as its makers measured it, with its mean wheel radius; its wheels are in the order of `load_run`."""
+    radius_m = float(np.mean(metadata.diameters_m)) / 2.0
+    if metadata.kind == "omni3":
+        return omni3(radius_m, metadata.wheel_distance_m, _WHEEL_1_RAD)
+    return differential(radius_m, metadata.wheel_distance_m / 2.0)
 
 
 @pytest.fixture

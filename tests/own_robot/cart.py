@@ -12,12 +12,12 @@ from drake_ispace.blocks.noise import stream
 from drake_ispace.control.feedback.velocity_command import VelocityCommand, VelocityControl
 from drake_ispace.control.guide.paths import Trajectory
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.actuator import Actuator
-from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
-from drake_ispace.robots.plants.slip import Slip, pose_rates, slip_parameters
-from drake_ispace.robots.plants.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.plants.actuator import Actuator
+from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
+from drake_ispace.plants.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.plants.wheels import differential, rescaled
 from drake_ispace.robots.robot import Number, Robot
-from drake_ispace.robots.wheels import differential, rescaled
 from drake_ispace.sensing.encoder import Encoder
 from drake_ispace.wiring.body import add_body, add_estimator
 from drake_ispace.wiring.entry import Entry

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.symbolic import Evaluate, Expression, Jacobian, Variable, cos, sin
 
-from drake_ispace.robots.plants.pendulum import MOTIONS, PendulumPlantParameters
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.pendulum import MOTIONS, PendulumPlantParameters
+from drake_ispace.plants.slip import GRAVITY
 
 # q = [x, y, phi, theta_b, theta_wr, theta_wl], its rates and the constants of Table 2.1
 Q = np.array([Variable(name) for name in ("x", "y", "phi", "theta", "theta_r", "theta_l")])

@@ -5,7 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.plants.actuator import Actuator, TorqueActuator
 
 COMMAND = [0.123456789, -3.0e-5]
 

@@ -6,11 +6,11 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.robots.plants.friction import BRISTLE, Friction, dragged_anchor, friction_parameters, friction_torque
-from drake_ispace.robots.plants.omni import THETA, WZ, OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.omni import mobility as omni_mobility
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.robots.plants.pendulum import mobility as pendulum_mobility
+from drake_ispace.plants.friction import BRISTLE, Friction, dragged_anchor, friction_parameters, friction_torque
+from drake_ispace.plants.omni import THETA, WZ, OmniPlant, OmniPlantParameters
+from drake_ispace.plants.omni import mobility as omni_mobility
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.plants.pendulum import mobility as pendulum_mobility
 
 FIXED_STEP = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=TICK_S, use_error_control=False)
 C = 0.02  # Coulomb torque of most tests here [N m]

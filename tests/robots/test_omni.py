@@ -10,8 +10,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from drake_ispace.blocks.rates import TICK_S, VISION_S
 from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius
 from drake_ispace.control.feedback.omni_gains import linearised
-from drake_ispace.robots.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
-from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
+from drake_ispace.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
+from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
 
 R, B, I_W = 0.024, 0.36, 1e-6
 # a wheel inertia large enough for its terms to show: 2 I_w/r^2 = 2 kg

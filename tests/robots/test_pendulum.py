@@ -15,10 +15,9 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.control.feedback import balance_gains
 from drake_ispace.control.feedback.balance_controller import from_printed
 from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius
-from drake_ispace.robots.pendulum import PendulumSettings
-from drake_ispace.robots.plants.friction import Friction
-from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.plants.pendulum import (
+from drake_ispace.plants.friction import Friction
+from drake_ispace.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.plants.pendulum import (
     MOTIONS,
     PHI,
     S_RATE,
@@ -34,7 +33,8 @@ from drake_ispace.robots.plants.pendulum import (
     linear_terms,
     mobility,
 )
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
+from drake_ispace.robots.pendulum import PendulumSettings
 
 FREE = PendulumPlantParameters(friction=Friction())  # Table 2.1 without friction
 LITERATURE = replace(FREE, motion="wheel_only")

@@ -10,9 +10,9 @@ from pydrake.systems.analysis import Simulator
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.control.feedback.velocity_command import VelocityCommand, VelocityControl
-from drake_ispace.robots.plants.rover import WHEELS, RoverPlant, RoverPlantParameters, block_parameters
-from drake_ispace.robots.plants.slip import Slip
-from drake_ispace.robots.wheels import differential, mecanum, omni3, omni4
+from drake_ispace.plants.rover import WHEELS, RoverPlant, RoverPlantParameters, block_parameters
+from drake_ispace.plants.slip import Slip
+from drake_ispace.plants.wheels import differential, mecanum, omni3, omni4
 from drake_ispace.scenario import load_scenario
 
 COMMAND = np.array([0.3, -0.2, 0.5])

@@ -6,9 +6,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.robots.plants.omni import LAG, OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.pendulum import S_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
-from drake_ispace.robots.plants.slip import GRAVITY, Slip
+from drake_ispace.plants.omni import LAG, OmniPlant, OmniPlantParameters
+from drake_ispace.plants.pendulum import S_RATE, YAW_RATE, PendulumPlant, PendulumPlantParameters
+from drake_ispace.plants.slip import GRAVITY, Slip
 
 PRECISE = SimulatorConfig(integration_scheme="runge_kutta3", accuracy=1e-9, max_step_size=0.1, use_error_control=True)
 FORWARD_2_N = np.array([0.0, -0.024, 0.0, 0.024])  # wheel torques of the omni robot at heading 0: 2 N along x

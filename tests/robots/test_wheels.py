@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.robots.wheels import Wheel, WheelGeometry, differential, mecanum, omni3, omni4, rescaled
+from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, omni3, omni4, rescaled
 
 HOLONOMIC = {"omni4": omni4(0.024, 0.36), "omni3": omni3(0.05, 0.2), "mecanum": mecanum(0.05, 0.2, 0.15)}
 RNG = np.random.default_rng(1)

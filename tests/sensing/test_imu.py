@@ -7,9 +7,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, VectorLogSink
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.robots.actuator import Actuator, TorqueActuator
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.robots.plants.slip import GRAVITY, Slip
+from drake_ispace.plants.actuator import Actuator, TorqueActuator
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.plants.slip import GRAVITY, Slip
 from drake_ispace.sensing.imu import Imu, InertialSensor
 
 QUIET = {"accelerometer_noise_density": 0.0, "gyro_noise_density": 0.0}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.kernels import arguments
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.scenario import load_scenario
 from drake_ispace.sensing.tilt_filter import TiltFilter, TiltKalmanFilter, step
 from drake_ispace.simulation import simulate

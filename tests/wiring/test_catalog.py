@@ -16,8 +16,8 @@ from drake_ispace.control.feedback.balance_controller import BalanceController
 from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
 from drake_ispace.control.guide.tracker import TrajectoryTracker
 from drake_ispace.control.guide.way_point import WayPoint
-from drake_ispace.robots.actuator import TorqueActuator
-from drake_ispace.robots.plants.pendulum import PendulumPlant
+from drake_ispace.plants.actuator import TorqueActuator
+from drake_ispace.plants.pendulum import PendulumPlant
 from drake_ispace.room.link import RoomLink
 from drake_ispace.room.localizer import KinectLocalizer
 from drake_ispace.scenario import Scenario, load_scenario

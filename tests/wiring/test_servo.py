@@ -6,7 +6,7 @@ import pytest
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.control.feedback.balance_gains import linearised
 from drake_ispace.control.feedback.dlqr import zero_order_hold
-from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
+from drake_ispace.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.thesis.friction_data import friction_rollout, silence

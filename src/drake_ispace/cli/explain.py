@@ -35,7 +35,7 @@ def explain(
     _check_runs(runs, held_out)
     if out is not None:
         check_own_folder(out, "explanation.json", "an explanation")
-    from drake_ispace.files.recording import load
+    from drake_ispace.robots.recordings import load
     from drake_ispace.scenario import load_scenario
 
     scenario = load_scenario(model, set_ or [])

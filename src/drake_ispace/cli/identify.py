@@ -25,7 +25,7 @@ def identify(
     as_json: Json = False,
 ) -> None:
     """Identify the pendulum's linear model and its friction from a recorded run: Table 4.1, (4.8)-(4.9)."""
-    from drake_ispace.files.recording import load
+    from drake_ispace.robots.recordings import load
 
     recording = load(run)
     if out is not None:

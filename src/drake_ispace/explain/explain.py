@@ -36,8 +36,9 @@ from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_tra
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.tracks import track
-from drake_ispace.files.recording import Recording, load
+from drake_ispace.files.recording import Recording
 from drake_ispace.robots.library import robots
+from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.scenario import Scenario, difference, load_scenario
 from drake_ispace.wiring.catalog import entry_of

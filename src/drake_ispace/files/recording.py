@@ -28,6 +28,8 @@ VERSION = 1
 PERIOD_TOLERANCE = 0.02  # of the period
 
 SETTINGS = "scenario.yaml"
+#: Robot -> names of its wheels, as robots.library tells them; of any other robot they are what its columns say.
+WHEELS: dict[str, tuple[str, ...]] = {}
 CHANNELS = ("reference", "command", "torque", "encoder", "imu", "kinect", "truth")
 
 _COLUMNS = {
@@ -280,7 +282,7 @@ def _file_inside(folder: Path, name: Any, where: str) -> Path:
 
 def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: str) -> None:
     prefix = _PER_WHEEL.get(channel)
-    wheels = _wheels_of(robot) if prefix else None
+    wheels = WHEELS.get(robot)
     if prefix and wheels is None:
         for column in columns:
             if not re.fullmatch(prefix + r"\w+", column):
@@ -300,13 +302,6 @@ def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: st
     for column in columns:
         if column not in required and (channel, column) != ("kinect", "t_received"):
             raise InputError(f"{where}: unexpected column {shown(column)}, expected {wanted}")
-
-
-def _wheels_of(robot):
-    """Names of the wheels; None for a robot of whom the package knows none: then they are what its columns say."""
-    from drake_ispace.robots.library import robots  # heavy, and needed only where wheels are logged
-
-    return robots()[robot].wheel_names if robot in robots() else None
 
 
 def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) -> tuple[str, float, float]:

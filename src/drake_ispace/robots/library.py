@@ -4,6 +4,7 @@ import functools
 from importlib.metadata import entry_points
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.files.recording import WHEELS
 from drake_ispace.robots.omni import Omni
 from drake_ispace.robots.pendulum import Pendulum
 from drake_ispace.robots.robot import Robot
@@ -26,4 +27,5 @@ def robots() -> dict[str, Robot]:
         if robot.name in found:
             raise InputError(f"{where}: there is a robot {robot.name} already")
         found[robot.name] = robot
+    WHEELS.update({robot.name: robot.wheel_names for robot in found.values() if robot.wheel_names})
     return found

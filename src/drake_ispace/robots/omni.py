@@ -10,8 +10,8 @@ from drake_ispace.control.feedback.friction_compensator import FrictionCompensat
 from drake_ispace.control.feedback.omni_gains import OmniControl
 from drake_ispace.control.guide.paths import Trajectory
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.actuator import Actuator
-from drake_ispace.robots.plants import omni
+from drake_ispace.plants import omni
+from drake_ispace.plants.actuator import Actuator
 from drake_ispace.robots.robot import Coordinate, Number, Robot
 from drake_ispace.sensing.encoder import Encoder
 

@@ -15,11 +15,11 @@ from drake_ispace.control.estimate.odometry import PendulumOdometry
 from drake_ispace.control.feedback.balance_gains import PendulumControl
 from drake_ispace.control.guide.paths import Trajectory
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.actuator import Actuator
-from drake_ispace.robots.impulse import Impulse
-from drake_ispace.robots.plants import pendulum
-from drake_ispace.robots.plants.linear_pendulum import LinearPendulumPlant
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants import pendulum
+from drake_ispace.plants.actuator import Actuator
+from drake_ispace.plants.impulse import Impulse
+from drake_ispace.plants.linear_pendulum import LinearPendulumPlant
+from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import BALANCING, Coordinate, ErrorSystem, Number, Robot, Truth
 from drake_ispace.sensing.encoder import Encoder
 from drake_ispace.sensing.imu import Imu

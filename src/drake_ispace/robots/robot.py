@@ -17,7 +17,7 @@ from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.control.estimate.odometry import OmniOdometry
-from drake_ispace.robots.plants.friction import Friction, dry_slope, friction_parameters, stable_slope
+from drake_ispace.plants.friction import Friction, dry_slope, friction_parameters, stable_slope
 
 TORQUE, COMMAND = "torque", "command"
 _DAMPING_PER_S = 1e-3  # of a direction that tyres hold, which nothing shows: a filter needs it to be stable

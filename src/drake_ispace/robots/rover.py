@@ -9,7 +9,7 @@ from drake_ispace.control.estimate.odometry import OmniOdometry
 from drake_ispace.control.feedback.velocity_command import VelocityControl
 from drake_ispace.control.guide.paths import Trajectory
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants import rover
+from drake_ispace.plants import rover
 from drake_ispace.robots.robot import COMMAND, ErrorSystem, Number, Robot
 from drake_ispace.sensing.encoder import Encoder
 

@@ -14,8 +14,8 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import Recording
+from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.robots.pendulum import Pendulum
-from drake_ispace.robots.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.thesis.structures import tilt_of
 from drake_ispace.wiring.bench import Bench, Part
 

@@ -17,9 +17,9 @@ from scipy.signal import cont2discrete, lfilter
 
 from drake_ispace.blocks.noise import normal, stream, uniform
 from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.plants.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
+from drake_ispace.plants.pendulum import PendulumPlantParameters
 from drake_ispace.robots.pendulum import Pendulum
-from drake_ispace.robots.plants.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
-from drake_ispace.robots.plants.pendulum import PendulumPlantParameters
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise

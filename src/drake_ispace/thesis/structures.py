@@ -12,8 +12,8 @@ from scipy.signal import lfilter, savgol_filter
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import Recording
+from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.library import robots
-from drake_ispace.robots.plants.slip import GRAVITY
 
 # of a run of the pendulum
 _RADIUS_M = 0.08  # of its wheels

@@ -6,7 +6,7 @@ from drake_ispace.control.estimate.position_estimator import PositionEstimator
 from drake_ispace.control.guide.paths import build_path, check_inside, start_pose
 from drake_ispace.control.guide.way_point import WayPoint
 from drake_ispace.effects.effect import body_of
-from drake_ispace.robots.actuator import TorqueActuator
+from drake_ispace.plants.actuator import TorqueActuator
 from drake_ispace.robots.robot import TORQUE, Robot
 from drake_ispace.room.link import RoomLink
 from drake_ispace.sensing.encoder import WheelEncoder

@@ -10,8 +10,8 @@ from drake_ispace.control.feedback.jacobian_transpose import JacobianTranspose
 from drake_ispace.control.feedback.omni_gains import omni_gains
 from drake_ispace.control.feedback.pose_controller import PoseController
 from drake_ispace.control.feedback.vision_feedback import VisionFeedback
+from drake_ispace.plants.omni import mass_matrix
 from drake_ispace.robots.omni import Omni
-from drake_ispace.robots.plants.omni import mass_matrix
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.body import add_body, add_estimator

@@ -10,7 +10,7 @@ from drake_ispace.control.adaptive.straight_error import StraightError
 from drake_ispace.control.feedback.balance_controller import BalanceController
 from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
 from drake_ispace.control.feedback.friction_compensator import FrictionCompensator
-from drake_ispace.robots.impulse import TorqueImpulse
+from drake_ispace.plants.impulse import TorqueImpulse
 from drake_ispace.robots.pendulum import AS_PRINTED
 from drake_ispace.scenario import Scenario
 from drake_ispace.sensing.sinusoid_noise import NoisyState

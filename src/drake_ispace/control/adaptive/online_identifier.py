@@ -19,7 +19,7 @@ from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.control.adaptive.rwls import update
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
 
 
 @dataclass

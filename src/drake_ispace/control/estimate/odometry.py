@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.robots.wheels import WheelGeometry
+from drake_ispace.plants.wheels import WheelGeometry
 
 TICK, X, Y, PHI, PATH, BEFORE = 0, 1, 2, 3, 4, 5  # x_d; BEFORE: wheel angles (and tilt) of the last sample
 

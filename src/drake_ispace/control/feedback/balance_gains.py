@@ -12,8 +12,8 @@ from drake_ispace.control.feedback.dlqr import dlqr
 from drake_ispace.control.feedback.friction_compensator import FrictionCompensation
 from drake_ispace.control.guide.tracker import Tracker
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.friction import Friction
-from drake_ispace.robots.plants.pendulum import (
+from drake_ispace.plants.friction import Friction
+from drake_ispace.plants.pendulum import (
     S_RATE,
     TILT,
     TILT_RATE,
@@ -21,7 +21,7 @@ from drake_ispace.robots.plants.pendulum import (
     PendulumPlant,
     PendulumPlantParameters,
 )
-from drake_ispace.robots.plants.slip import Slip
+from drake_ispace.plants.slip import Slip
 
 
 @dataclass

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.robots.wheels import WheelGeometry
+from drake_ispace.plants.wheels import WheelGeometry
 
 
 @kernel

@@ -8,9 +8,9 @@ from pydrake.systems.primitives import Linearize
 
 from drake_ispace.control.feedback.dlqr import dlqr
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.friction import Friction
-from drake_ispace.robots.plants.omni import OmniPlant, OmniPlantParameters
-from drake_ispace.robots.plants.slip import Slip
+from drake_ispace.plants.friction import Friction
+from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
+from drake_ispace.plants.slip import Slip
 
 
 @dataclass

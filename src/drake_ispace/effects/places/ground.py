@@ -19,7 +19,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import BlockEffect, PlantEffect
 from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, smooth_sign
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import BALANCING, PLANAR
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it

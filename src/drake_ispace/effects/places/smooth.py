@@ -1,7 +1,7 @@
 """The sign of a wheel's speed, smooth enough for the 5 ms step: sign(w) ~ tanh(w / w_s).
 
 A dry torque C then has the slope C / w_s around standstill, and the fixed Runge-Kutta step becomes unstable where the
-slopes of all friction at a wheel add up to 2.51 / (h lambda) (robots/plants/friction.py; lambda = largest eigenvalue of
+slopes of all friction at a wheel add up to 2.51 / (h lambda) (plants/friction.py; lambda = largest eigenvalue of
 the wheels' mobility). An effect takes 0.8 of what the plant's own friction leaves of that, 2 / (h lambda) where it has
 none:
 

@@ -27,8 +27,8 @@ from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track, track
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.actuator import Actuator, TorqueActuator
-from drake_ispace.robots.plants.friction import Friction, stable_slope
+from drake_ispace.plants.actuator import Actuator, TorqueActuator
+from drake_ispace.plants.friction import Friction, stable_slope
 from drake_ispace.robots.robot import Robot
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.wiring.bench import Bench

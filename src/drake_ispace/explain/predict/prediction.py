@@ -19,7 +19,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
 _SETTLING_TICKS = 60  # of the filter

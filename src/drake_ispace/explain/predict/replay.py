@@ -21,7 +21,7 @@ from drake_ispace.explain.predict.filters import adapted, filter_of, other_filte
 from drake_ispace.explain.predict.follower import Filter, Follower
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
 from drake_ispace.explain.predict.tracks import IMU, Track
-from drake_ispace.robots.actuator import Actuator, TorqueActuator
+from drake_ispace.plants.actuator import Actuator, TorqueActuator
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.scenario import Scenario

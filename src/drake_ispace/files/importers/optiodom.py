@@ -22,14 +22,12 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.files.importers.tables import parse_numbers, period_of, read_lines
 from drake_ispace.files.recording import Channel, Recording, validate
-from drake_ispace.robots.wheels import WheelGeometry, differential, omni3
 
 # kind: (robot, columns of the encoder, sign of a count)
 _KINDS = {
     "omni3": ("omni3", ("theta_1", "theta_2", "theta_3"), -1.0),
     "diff": ("differential", ("theta_r", "theta_l"), 1.0),
 }
-_WHEEL_1_RAD = -np.pi / 3.0
 
 
 @dataclass(frozen=True)
@@ -67,14 +65,6 @@ def read_metadata(path: str | Path) -> Metadata:
         raise InputError(f"{path}: type is {shown(kind)}, {expected_one_of(kind, _KINDS)}")
     gear, counts, distance = (_positive(entries, key, 1, path)[0] for key in ("ngear", "encRes", "Li"))
     return Metadata(kind, gear, counts, distance, _positive(entries, "Di", len(_KINDS[kind][1]), path))
-
-
-def geometry(metadata: Metadata) -> WheelGeometry:
-    """The robot as its makers measured it, with its mean wheel radius; its wheels are in the order of `load_run`."""
-    radius_m = float(np.mean(metadata.diameters_m)) / 2.0
-    if metadata.kind == "omni3":
-        return omni3(radius_m, metadata.wheel_distance_m, _WHEEL_1_RAD)
-    return differential(radius_m, metadata.wheel_distance_m / 2.0)
 
 
 def load_run(path: str | Path, metadata_path: str | Path | None = None) -> Recording:

@@ -13,8 +13,8 @@ from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.slip import Slip, pose_rates, slip_parameters
-from drake_ispace.robots.wheels import WheelGeometry, differential, mecanum, rescaled, ring
+from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
+from drake_ispace.plants.wheels import WheelGeometry, differential, mecanum, rescaled, ring
 
 WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4}
 

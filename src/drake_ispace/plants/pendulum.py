@@ -25,8 +25,8 @@ from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
-from drake_ispace.robots.plants.slip import (
+from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.plants.slip import (
     FRAME,
     GRAVITY,
     RELAXATION,
@@ -38,8 +38,8 @@ from drake_ispace.robots.plants.slip import (
     traction_rate,
     traction_slip,
 )
-from drake_ispace.robots.plants.tick_memory import deflection, remember, slip_noise, tick_memory
-from drake_ispace.robots.wheels import WheelGeometry, differential, rescaled
+from drake_ispace.plants.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.plants.wheels import WheelGeometry, differential, rescaled
 
 MOTIONS = ("wheel_only", "wheel_and_body")
 

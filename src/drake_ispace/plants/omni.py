@@ -19,10 +19,10 @@ from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream
 from drake_ispace.files.quantity import quantity
-from drake_ispace.robots.plants.friction import Friction, friction_parameters, friction_torque
-from drake_ispace.robots.plants.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
-from drake_ispace.robots.plants.tick_memory import deflection, remember, slip_noise, tick_memory
-from drake_ispace.robots.wheels import WheelGeometry, omni4, rescaled
+from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
+from drake_ispace.plants.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
+from drake_ispace.plants.tick_memory import deflection, remember, slip_noise, tick_memory
+from drake_ispace.plants.wheels import WheelGeometry, omni4, rescaled
 
 
 @dataclass

@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.robots.plants.pendulum import (
+from drake_ispace.plants.pendulum import (
     PHI,
     S_RATE,
     THETA_L,
@@ -24,7 +24,7 @@ from drake_ispace.robots.plants.pendulum import (
     wheel_angle,
     wheel_rates,
 )
-from drake_ispace.robots.plants.slip import GRAVITY
+from drake_ispace.plants.slip import GRAVITY
 
 #: (3.41): s_ddot and theta_ddot per theta; (3.42): s_ddot, phi_ddot, theta_ddot per torque of the right wheel.
 PRINTED_STATE = (1.21, -9.87)

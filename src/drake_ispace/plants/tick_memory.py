@@ -9,8 +9,8 @@ import numpy as np
 from drake_ispace.blocks.block import Phase, Update
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.noise import normal
-from drake_ispace.robots.plants.friction import Friction, dragged_anchor
-from drake_ispace.robots.plants.slip import NOISE_STD, Slip
+from drake_ispace.plants.friction import Friction, dragged_anchor
+from drake_ispace.plants.slip import NOISE_STD, Slip
 
 NOISE, ANCHOR = 0, 3  # x_d: slip noise (3), bristle anchors (n) [rad]
 

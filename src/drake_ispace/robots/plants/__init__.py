@@ -1,1 +1,0 @@
-"""The dynamics of each robot as a Drake block, and what several of them share: slip, friction, their memory."""
