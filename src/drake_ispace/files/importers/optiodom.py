@@ -10,7 +10,7 @@ What the data say about it:
 
 - One turn of a wheel is ngear * encRes counts: encRes counts every edge already.
 - The counts of an omni3 wheel rise as it drives clockwise around the robot. Here they are turned over, so that
-  `geometry`, an `omni3` whose wheels 1 to 3 stand at -60, 60 and 180 degrees, maps them to the robot's velocity.
+  the geometry of an `omni3`, whose wheels 1 to 3 stand at -60, 60 and 180 degrees, maps them to the robot's velocity.
 - The pose stamped t fits wheel angles stamped about half a cycle earlier (0.02 s). The stamps are left as they are.
 """
 
