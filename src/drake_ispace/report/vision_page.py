@@ -149,9 +149,9 @@ def _floor(axis, space, title):
     axis.set_ylim(_extent(space)[2:])
 
 
-def _arrow(axis, one, colour="white"):
+def _arrow(axis, one):
     axis.annotate("", (one.x + 0.2 * np.cos(one.phi), one.y + 0.2 * np.sin(one.phi)), (one.x, one.y),
-                  arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.8})
+                  arrowprops={"arrowstyle": "->", "color": "white", "lw": 1.8})
 
 
 def _views(room, out):
@@ -223,8 +223,9 @@ def _corners(x, y, yaw, length, width):
     return square @ np.array([[c, s], [-s, c]]) + [x, y]
 
 
-def _strip(run: Run, out: Path, frames: int = 5):
-    """Both views of a run at some instants."""
+def _strip(run: Run, out: Path):
+    """Both views of a run at five instants."""
+    frames = 5
     space = run.scenario.space
     renderer, eye = room_renderer(space, run.scenario.seed), room_eye(space, _POSES)
     top = top_view_of(view_of(space.camera), space.width_m, space.depth_m, space.localizer.pixel_m)

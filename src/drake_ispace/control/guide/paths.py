@@ -189,9 +189,9 @@ def _polyline(points, closed):
     return Path(np.array(rows), closed)
 
 
-def _curve(at, count=720):
+def _curve(at):
     """A smooth closed curve at(angle) -> (n, 2), tabulated; chords of 1/720 turn miss a 0.6 m circle by 6 um."""
-    angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, 721)
     step = 1e-4
     points, ahead, behind = at(angle), at(angle + step), at(angle - step)
     velocity, acceleration = (ahead - behind) / (2.0 * step), (ahead - 2.0 * points + behind) / step**2

@@ -33,14 +33,14 @@ class Detection:
         return self.p_value < self.false_alarm_rate
 
 
-def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int, replicates: int = _REPLICATES):
-    """(replicates,) the largest evidence over all effects on noise alone. instants: (rows,) which instant of which run
+def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int) -> np.ndarray:
+    """(400,) the largest evidence over all effects on noise alone. instants: (rows,) which instant of which run
     each row belongs to; rows of one instant keep their signs together."""
     generator = np.random.default_rng([seed, 1])
     starts = np.flatnonzero(np.diff(instants, prepend=-1))
     products = np.add.reduceat(screen.freed * noise, starts, axis=1)
     largest = []
-    for _ in range(0, replicates, _BATCH):
+    for _ in range(0, _REPLICATES, _BATCH):
         signs = 2.0 * generator.integers(0, 2, size=(len(starts), _BATCH), dtype=np.int8) - 1.0
         largest.append(screen.evidence_of(products @ signs).max(axis=0))
     return np.concatenate(largest)

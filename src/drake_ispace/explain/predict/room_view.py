@@ -14,6 +14,7 @@ from drake_ispace.blocks.rates import TICK_S
 
 LEAD_TICKS = 40
 _RING = 2 * LEAD_TICKS + 2
+_GAIN = (0.25, 0.15)  # shares of the innovation that the estimate takes over, of place and of heading
 _ESTIMATE, _MODEL, _STARTED, _INNOVATION = 3 * _RING, 3 * _RING + 3, 3 * _RING + 6, 3 * _RING + 7
 
 
@@ -72,14 +73,11 @@ class RoomView(Block):
     pose (3,): what the camera would report now, x, y [m], phi [rad] in W. fix (5,): there is one (1 or 0), x, y, phi,
     and the time [s] by which it was captured after the tick that lies LEAD_TICKS back. innovation (3,): of the latest
     fix, [m, m, rad]; the first one compares with the model's own start.
-
-    Args:
-        gain: share of the innovation that the estimate takes over, of place and heading.
     """
 
-    def __init__(self, gain=(0.25, 0.15)):
+    def __init__(self):
         super().__init__(Spec(
             inputs={"pose": 3, "fix": 5}, outputs={"innovation": Output(3, innovation)},
-            parameters={"gain": np.asarray(gain, dtype=float), "offset_s": 0.0},
+            parameters={"gain": np.array(_GAIN), "offset_s": 0.0},
             discrete_state=np.zeros(_INNOVATION + 3), updates=(Update(look, Phase.SENSE),),
         ))

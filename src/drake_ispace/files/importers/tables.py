@@ -25,16 +25,15 @@ def read_lines(path: Path) -> list[str]:
 
 
 def parse_numbers(
-    lines: list[str], path: Path, separator: str | None = None, columns: int | None = None, comment: str = "%"
+    lines: list[str], path: Path, separator: str | None = None, columns: int | None = None
 ) -> np.ndarray:
-    """Finite numbers (n, m) in the lines of the file `path`; blank lines and those that start with `comment` are
-    left out.
+    """Finite numbers (n, m) in the lines of the file `path`; blank lines and those that start with % are left out.
 
     `separator` None is any white space; m is `columns` or, if that is None, what the first row has. n > 0.
     """
     rows: list[list[float]] = []
     for number, line in enumerate(lines, start=1):
-        if not line.strip() or line.startswith(comment):
+        if not line.strip() or line.startswith("%"):
             continue
         cells = line.split(separator)
         columns = columns or len(cells)
