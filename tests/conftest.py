@@ -1,6 +1,12 @@
 """What several tests share."""
 
+import json
 import os
+import signal
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
 
 # Threads of OpenBLAS spin while they wait for a core that another test has: on a busy machine `explain` takes four
 # times as long. The variable is read when NumPy is imported, here and in every program that a test starts.
@@ -10,8 +16,76 @@ import hypothesis
 import numpy as np
 import pytest
 
+import drake_ispace
+from drake_ispace.cli.app import main
+
 hypothesis.settings.register_profile("whatever_else_the_machine_does", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("whatever_else_the_machine_does")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A new folder, the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def said(capsys):
+    """`said("list", "--json")` is what a command that succeeds prints; it says nothing on standard error."""
+
+    def said(*words):
+        code, out, err = _ended(capsys, words)
+        assert code in (0, None) and err == ""
+        return out
+
+    return said
+
+
+@pytest.fixture
+def document(said):
+    """`document("list")` is the JSON document of a command that succeeds, without NaN."""
+    return lambda *words: json.loads(said(*words, "--json"), parse_constant=pytest.fail)
+
+
+@pytest.fixture
+def refused(capsys):
+    """`refused("draw", "x")` is the one sentence with which a command is refused."""
+
+    def refused(*words):
+        code, out, err = _ended(capsys, words)
+        assert code == 2 and out == ""
+        assert err.startswith("drake-ispace: ") and err.count("\n") == 1 and err.endswith("\n")
+        assert "Traceback" not in err and len(err) < 600
+        return err
+
+    return refused
+
+
+@pytest.fixture
+def launched():
+    """`launched("-c", program)` is another Python with this package, that Ctrl-C stops whatever started the tests."""
+    processes = []
+
+    def launched(*words, **how):
+        piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | how
+        environment = os.environ | {"PYTHONPATH": str(Path(drake_ispace.__file__).parents[1])}
+        interruptible = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a shell's background job ignores it
+        words = [sys.executable, *map(str, words)]
+        processes.append(subprocess.Popen(words, env=environment, preexec_fn=interruptible, **piped))
+        return processes[-1]
+
+    yield launched
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def _ended(capsys, words):
+    """(exit code, standard output, standard error) of a command line."""
+    with pytest.raises(SystemExit) as stopped:
+        main([str(word) for word in words])
+    return stopped.value.code, *capsys.readouterr()
 
 
 @pytest.fixture

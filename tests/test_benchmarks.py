@@ -18,10 +18,10 @@ UNDRAWN = {"diagnosis", "rollout_speed"}  # have no picture
 @pytest.mark.parametrize("script", SCRIPTS)
 def test_the_script_runs_in_its_tiniest_form(script, monkeypatch, capsys, tmp_path):
     monkeypatch.syspath_prepend(FOLDER)
-    monkeypatch.setattr(sys, "argv", [script, "--tiny", "--figures", str(tmp_path)])
+    monkeypatch.setattr(sys, "argv", [script, "--tiny", "--figures", str(tmp_path / "new")])
     runpy.run_path(str(FOLDER / f"{script}.py"), run_name="__main__")
     assert len(capsys.readouterr().out.splitlines()) > 5
-    assert script in UNDRAWN or list(tmp_path.glob("*.png"))
+    assert script in UNDRAWN or list(tmp_path.glob("new/*.png"))
 
 
 @functools.cache
@@ -117,6 +117,17 @@ def test_a_diagnosis_says_where_its_time_went():
 
 
 @pytest.mark.slow
-def test_a_picture_is_written_where_asked(tmp_path):
-    quick("estimator_vs_slip", "--figures", str(tmp_path / "new"))
-    assert [path.name for path in (tmp_path / "new").iterdir()] == ["estimator_vs_slip.png"]
+def test_every_method_finds_what_it_should():
+    data = quick("identification_table")
+    error = data["E_er"]
+    assert error["iv"] < 5.0 and error["pem"] < 5.0 and error["armaxd"] < 0.3 * error["arx"]
+    for row in data["friction"].values():
+        assert row["coulomb"] == pytest.approx(0.0061, rel=0.05) and row["viscous"] == pytest.approx(0.0106, rel=0.05)
+    assert data["online"]["idle_finite"]
+
+
+@pytest.mark.slow
+def test_the_right_compensation_calms_and_too_much_is_told():
+    data = quick("friction_compensation")
+    assert data["response"]["ARMAXD (Table 4.2) = true"]["tilt_ratio"] < 0.75
+    assert data["over_compensation"]["1.5"]["said_over"] == 1.0 and data["over_compensation"]["1"]["said_over"] == 0.0

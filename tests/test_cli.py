@@ -4,17 +4,12 @@ import json
 import os
 import re
 import signal
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import drake_ispace
-from drake_ispace.cli.app import main
 from drake_ispace.effects.library import library
-from drake_ispace.files.recording import load
+from drake_ispace.robots.recordings import load
 from drake_ispace.scenario import load_scenario, scenario_names
 from drake_ispace.wiring.catalog import CATALOG
 
@@ -23,59 +18,36 @@ METRICS = {
     "overshoot_percent", "settling_time_s", "time_to_end_s", "iae_m_s", "control_effort", "final_error_m", "diverged",
     "diverged_at_s",
 }
+pytestmark = pytest.mark.usefixtures("here")
 DIVERGING = ["omni_vision_feedback", "--set", "omni.control.gains=given", "--set", "omni.control.k_d=[10, 10, 40]"]
 FALLING = ["pendulum_multirate", "--set", "pendulum.initial_tilt_rad=0.9", "--set", "pendulum.actuator.limit_n_m=0.3"]
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture
-def run(capsys):
-    """Runs a command that must succeed; what it prints."""
+def python(launched):
+    """What another Python prints, which must succeed."""
 
-    def run(*arguments):
-        with pytest.raises(SystemExit) as stopped:
-            main(arguments)
-        out, err = capsys.readouterr()
-        assert stopped.value.code in (0, None) and err == ""
+    def python(*words):
+        process = launched(*words)
+        out, err = process.communicate()
+        assert process.returncode == 0, err
         return out
 
-    return run
-
-
-@pytest.fixture
-def run_json(run):
-    """Runs a command with --json; its document, in which there is no NaN."""
-
-    def refuse(word):
-        raise AssertionError(f"{word} is no JSON")
-
-    return lambda *arguments: json.loads(run(*arguments, "--json"), parse_constant=refuse)
-
-
-PYTHON = {"env": {**os.environ, "PYTHONPATH": str(Path(drake_ispace.__file__).parents[1])}}
-
-
-def python(*arguments):
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=60, **PYTHON)
+    return python
 
 
 # ------------------------------------------------------------------------------------------------- what it prints
 
 
-def test_list_names_diagrams_scenarios_and_effects(run_json):
-    data = run_json("list")
+def test_list_names_diagrams_scenarios_and_effects(document):
+    data = document("list")
     assert list(data) == ["diagrams", "scenarios", "effects"]
     assert data["diagrams"] == list(CATALOG) and data["scenarios"] == scenario_names()
     assert [card["name"] for card in data["effects"]] == list(library())
 
 
-def test_list_has_the_whole_card_of_every_effect(run_json):
-    cards = {card["name"]: card for card in run_json("list")["effects"]}
+def test_list_has_the_whole_card_of_every_effect(document):
+    cards = {card["name"]: card for card in document("list")["effects"]}
     for name, effect in library().items():
         card = cards[name]
         assert card["enters_at"] == effect.card.home and card["robots"] and card["parameters"]
@@ -90,13 +62,13 @@ def test_list_has_the_whole_card_of_every_effect(run_json):
     assert wheels == {("omni",): [1, 4], ("pendulum",): [1, 2]}
 
 
-def test_list_for_people_has_every_name(run):
-    text = run("list")
+def test_list_for_people_has_every_name(said):
+    text = said("list")
     assert all(name in text for name in (*CATALOG, *scenario_names(), *library()))
 
 
-def test_simulate_tells_where_the_robot_ends(run_json):
-    data = run_json("simulate", "omni_multirate", "--seconds", "0.5")
+def test_simulate_tells_where_the_robot_ends(document):
+    data = document("simulate", "omni_multirate", "--seconds", "0.5")
     keys = {"diagram", "seconds", "wall_s", "realtime_factor", "diverged", "final", "recording"}
     assert keys <= set(data) and set(data["final"]) == {"x", "y", "phi"}
     assert data["diagram"] == "omni_multirate" and data["seconds"] == 0.5
@@ -104,14 +76,14 @@ def test_simulate_tells_where_the_robot_ends(run_json):
     assert data["realtime_factor"] == pytest.approx(0.5 / data["wall_s"], rel=1e-6)
 
 
-def test_simulate_for_people_says_the_same(run):
-    text = run("simulate", "pendulum_multirate", "--seconds", "0.2")
+def test_simulate_for_people_says_the_same(said):
+    text = said("simulate", "pendulum_multirate", "--seconds", "0.2")
     assert re.search(r"pendulum_multirate: 0\.2 s in [0-9.]+ s, [0-9]+ times real time\n", text)
     assert re.search(r"pendulum ends at x = .* m, y = .* m, phi = .* rad\n", text)
 
 
-def test_out_writes_a_recording_with_truth(run_json):
-    data = run_json("simulate", "omni_multirate", "--seconds", "0.5", "--out", "new/run")
+def test_out_writes_a_recording_with_truth(document):
+    data = document("simulate", "omni_multirate", "--seconds", "0.5", "--out", "new/run")
     assert data["recording"] == "new/run"
     recording = load("new/run")
     assert (recording.robot, recording.scenario) == ("omni", "omni_multirate")
@@ -120,14 +92,14 @@ def test_out_writes_a_recording_with_truth(run_json):
     assert last.tolist() == list(data["final"].values())
 
 
-def test_a_recording_holds_the_scenario_that_repeats_it(run_json):
+def test_a_recording_holds_the_scenario_that_repeats_it(document):
     variant = ["omni_multirate_as_printed", "--seconds", "0.5", "--seed", "3", "--set", "omni.plant.mass_kg=8"]
-    first, again = run_json("simulate", *variant, "--out", "run"), run_json("simulate", "run/scenario.yaml")
+    first, again = document("simulate", *variant, "--out", "run"), document("simulate", "run/scenario.yaml")
     assert first["final"] == again["final"] and again["seconds"] == 0.5
 
 
-def test_out_of_two_robots_is_two_recordings(run_json):
-    data = run_json("simulate", "shared_space", "--seconds", "0.2", "--out", "both")
+def test_out_of_two_robots_is_two_recordings(document):
+    data = document("simulate", "shared_space", "--seconds", "0.2", "--out", "both")
     assert data["recordings"] == {"omni": "both/omni", "pendulum": "both/pendulum"}
     assert {name: load(path).robot for name, path in data["recordings"].items()} == {
         "omni": "omni", "pendulum": "pendulum",
@@ -135,106 +107,106 @@ def test_out_of_two_robots_is_two_recordings(run_json):
     assert "imu" in load("both/pendulum").channels and set(data["finals"]) == {"omni", "pendulum"}
 
 
-def test_a_recording_may_be_replaced_by_another_run(run, folder):
-    run("simulate", "omni_multirate", "--seconds", "0.2", "--out", "run")
-    run("simulate", "pendulum_multirate", "--seconds", "0.2", "--out", "run")
-    assert load("run").robot == "pendulum" and os.listdir(folder) == ["run"]
+def test_a_recording_may_be_replaced_by_another_run(said, here):
+    said("simulate", "omni_multirate", "--seconds", "0.2", "--out", "run")
+    said("simulate", "pendulum_multirate", "--seconds", "0.2", "--out", "run")
+    assert load("run").robot == "pendulum" and os.listdir(here) == ["run"]
 
 
-def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(run, folder):
+def test_the_same_seed_writes_the_same_bytes_and_another_seed_others(said, here):
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        run("simulate", "pendulum_multirate", "--seconds", "0.5", "--seed", str(seed), "--out", name)
-    files = {name: {file.name: file.read_bytes() for file in (folder / name).glob("*.csv")} for name in "abc"}
+        said("simulate", "pendulum_multirate", "--seconds", "0.5", "--seed", str(seed), "--out", name)
+    files = {name: {file.name: file.read_bytes() for file in (here / name).glob("*.csv")} for name in "abc"}
     assert len(files["a"]) == 6 and files["a"] == files["b"]
     assert files["a"]["imu.csv"] != files["c"]["imu.csv"] and files["a"]["kinect.csv"] != files["c"]["kinect.csv"]
 
 
-def test_a_later_set_wins_and_seconds_beat_them_all(run_json):
+def test_a_later_set_wins_and_seconds_beat_them_all(document):
     sets = ["--set", "seconds=0.3", "--set", "seconds=0.2"]
-    assert run_json("simulate", "omni_multirate", *sets)["seconds"] == 0.2
-    assert run_json("simulate", "omni_multirate", *sets, "--seconds", "0.1")["seconds"] == 0.1
+    assert document("simulate", "omni_multirate", *sets)["seconds"] == 0.2
+    assert document("simulate", "omni_multirate", *sets, "--seconds", "0.1")["seconds"] == 0.1
 
 
-def test_schedule_has_a_row_for_every_update(run_json):
-    rows = run_json("schedule", "omni_multirate")["updates"]
+def test_schedule_has_a_row_for_every_update(document):
+    rows = document("schedule", "omni_multirate")["updates"]
     assert all(set(row) == {"block", "phase", "period_ticks", "period_s", "offset_s"} for row in rows)
     periods = {row["block"]: row["period_ticks"] for row in rows}
     assert periods["omni_encoder"] == 1 and periods["kinect"] == 19 and periods["omni_way_point"] == 19
 
 
-def test_schedule_for_people_is_a_table(run):
-    assert re.search(r"kinect .* sense .* 95 ms .* 19 .* 0 ms", run("schedule", "omni_multirate"))
+def test_schedule_for_people_is_a_table(said):
+    assert re.search(r"kinect .* sense .* 95 ms .* 19 .* 0 ms", said("schedule", "omni_multirate"))
 
 
-def test_compare_gives_the_metrics_of_every_run(run_json):
+def test_compare_gives_the_metrics_of_every_run(document):
     names = ["omni_multirate", "omni_vision_feedback", "shared_space"]
-    runs = run_json("compare", *names, "--seconds", "1.5", "--set", "omni.trajectory.start_s=0.5")["runs"]
+    runs = document("compare", *names, "--seconds", "1.5", "--set", "omni.trajectory.start_s=0.5")["runs"]
     assert list(runs) == [*names[:2], "shared_space.omni", "shared_space.pendulum"]
     assert all(set(metrics) == METRICS for metrics in runs.values())
     assert not any(metrics["diverged"] for metrics in runs.values())
 
 
-def test_compare_out_writes_a_picture_and_the_same_numbers(run_json, folder):
-    data = run_json("compare", "omni_multirate", "--seconds", "0.5", "--out", "new/folder")
-    assert (folder / "new/folder/comparison.png").read_bytes().startswith(b"\x89PNG")
-    assert json.loads((folder / "new/folder/comparison.json").read_text()) == data
+def test_compare_out_writes_a_picture_and_the_same_numbers(document, here):
+    data = document("compare", "omni_multirate", "--seconds", "0.5", "--out", "new/folder")
+    assert (here / "new/folder/comparison.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((here / "new/folder/comparison.json").read_text()) == data
     assert sorted(os.listdir("new/folder")) == ["comparison.json", "comparison.png"]
 
 
-def test_compare_of_scenario_files_names_them_as_given(run_json, folder):
-    (folder / "a $file$.yaml").write_text("seconds: 0.2\n")
-    assert list(run_json("compare", "./a $file$.yaml", "--out", "folder")["runs"]) == ["./a $file$.yaml"]
+def test_compare_of_scenario_files_names_them_as_given(document, here):
+    (here / "a $file$.yaml").write_text("seconds: 0.2\n")
+    assert list(document("compare", "./a $file$.yaml", "--out", "folder")["runs"]) == ["./a $file$.yaml"]
 
 
 @pytest.mark.parametrize("arguments", [DIVERGING, FALLING], ids=["unstable", "falling"])
-def test_a_lost_robot_is_reported_with_its_time(run_json, arguments):
-    data = run_json("simulate", *arguments, "--seconds", "30")
+def test_a_lost_robot_is_reported_with_its_time(document, arguments):
+    data = document("simulate", *arguments, "--seconds", "30")
     assert data["diverged"] is True and 0.0 < data["diverged_at_s"] < 30.0
     assert all(np.isfinite(list(data["final"].values())))
 
 
 @pytest.mark.parametrize("arguments", [DIVERGING, FALLING], ids=["unstable", "falling"])
-def test_a_lost_robot_still_has_metrics(run_json, arguments):
-    (metrics,) = run_json("compare", *arguments, "--seconds", "30", "--out", "folder")["runs"].values()
+def test_a_lost_robot_still_has_metrics(document, arguments):
+    (metrics,) = document("compare", *arguments, "--seconds", "30", "--out", "folder")["runs"].values()
     assert metrics["diverged"] is True and 0.0 < metrics["diverged_at_s"] < 30.0
 
 
-def test_a_lost_robot_is_recorded_until_then(run_json):
-    data = run_json("simulate", *FALLING, "--seconds", "30", "--out", "run")
+def test_a_lost_robot_is_recorded_until_then(document):
+    data = document("simulate", *FALLING, "--seconds", "30", "--out", "run")
     truth = load("run").channels["truth"]
     assert truth.t[-1] < data["diverged_at_s"] + 1e-5 and np.abs(truth.column("tilt")).max() <= np.pi / 2
 
 
-def test_a_lost_robot_is_told_to_people(run):
-    assert re.search(r"fell or was lost at [0-9.]+ s\n", run("simulate", *FALLING, "--seconds", "30"))
+def test_a_lost_robot_is_told_to_people(said):
+    assert re.search(r"fell or was lost at [0-9.]+ s\n", said("simulate", *FALLING, "--seconds", "30"))
 
 
 @pytest.mark.parametrize("suffix, start", [(".dot", b"digraph"), (".svg", b"<?xml"), (".png", b"\x89PNG")])
-def test_draw_writes_a_picture(run_json, folder, suffix, start):
-    data = run_json("draw", "omni_multirate", "--out", f"x{suffix}")
+def test_draw_writes_a_picture(document, here, suffix, start):
+    data = document("draw", "omni_multirate", "--out", f"x{suffix}")
     assert data["out"] == f"x{suffix}" and data["dot"].startswith("digraph")
-    assert (folder / f"x{suffix}").read_bytes().startswith(start) and os.listdir(folder) == [f"x{suffix}"]
+    assert (here / f"x{suffix}").read_bytes().startswith(start) and os.listdir(here) == [f"x{suffix}"]
 
 
-def test_draw_without_out_prints_the_dot_text(run):
-    assert run("draw", "omni_multirate").startswith("digraph") and "omni_plant" in run("draw", "omni_multirate")
+def test_draw_without_out_prints_the_dot_text(said):
+    assert said("draw", "omni_multirate").startswith("digraph") and "omni_plant" in said("draw", "omni_multirate")
 
 
-def test_draw_to_depth_zero_closes_the_box(run):
-    assert "omni_plant" not in run("draw", "omni_multirate", "--depth", "0")
+def test_draw_to_depth_zero_closes_the_box(said):
+    assert "omni_plant" not in said("draw", "omni_multirate", "--depth", "0")
 
 
 # ------------------------------------------------------------------------------------------------------ what it imports
 
 
-def test_help_imports_nothing_heavy():
+def test_help_imports_nothing_heavy(python):
     program = (
         "import sys\nfrom drake_ispace.cli.app import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
         "heavy = ['pydrake', 'numba', 'numpy', 'scipy', 'control', 'cv2', 'matplotlib', 'pyarrow', 'joblib']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
     shown = python("-c", program)
-    assert "heavy: []" in shown.stdout and "simulate" in shown.stdout
+    assert "heavy: []" in shown and "simulate" in shown
 
 
 LIGHT = {
@@ -245,13 +217,13 @@ LIGHT = {
 
 
 @pytest.mark.parametrize("arguments", LIGHT.values(), ids=LIGHT.keys())
-def test_everyday_commands_import_nothing_they_do_not_need(arguments):
+def test_everyday_commands_import_nothing_they_do_not_need(python, arguments):
     program = (
         f"import sys\nfrom drake_ispace.cli.app import main\ntry: main({arguments})\nexcept SystemExit: pass\n"
         "heavy = ['pyarrow', 'jinja2', 'plotly', 'statsmodels', 'ruptures', 'joblib', 'pandas', 'cv2']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
-    assert python("-c", program).stdout.endswith("heavy: []\n")
+    assert python("-c", program).endswith("heavy: []\n")
 
 
 # ------------------------------------------------------------------------------------------------------ how it stops
@@ -283,41 +255,36 @@ LONG = {
 
 
 @pytest.mark.parametrize("arguments", LONG.values(), ids=LONG.keys())
-def test_ctrl_c_says_so_once_and_leaves_nothing(folder, arguments):
-    command = [sys.executable, "-c", TELLS_WHEN_RUNNING, *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **PYTHON)
-    try:
-        assert process.stdout.readline() == "running\n"
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
-    finally:
-        process.kill()
+def test_ctrl_c_says_so_once_and_leaves_nothing(launched, here, arguments):
+    process = launched("-c", TELLS_WHEN_RUNNING, *arguments)
+    assert process.stdout.readline() == "running\n"
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate()
     assert process.returncode == 130
     assert err == "drake-ispace: stopped, nothing half-written is left behind\n"
-    assert os.listdir(folder) == []
+    assert os.listdir(here) == []
 
 
-def test_an_ignored_ctrl_c_stays_ignored():
+def test_an_ignored_ctrl_c_stays_ignored(python):
     program = "import signal, sys\nfrom drake_ispace.cli.app import main\n"
     program += "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     program += "try: main(['list'])\nfinally: assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN"
-    assert python("-c", program).returncode == 0
+    python("-c", program)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
-def test_a_full_disk_behind_standard_output_is_one_sentence():
+def test_a_full_disk_behind_standard_output_is_one_sentence(launched):
     with open("/dev/full", "w") as full:
-        command = [sys.executable, "-m", "drake_ispace", "list"]
-        shown = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, **PYTHON)
-    assert shown.returncode == 2 and shown.stderr.startswith("drake-ispace: standard output: cannot be written")
-    assert shown.stderr.count("\n") == 1
+        process = launched("-m", "drake_ispace", "list", stdout=full)
+        _, err = process.communicate()
+    assert process.returncode == 2 and err.startswith("drake-ispace: standard output: cannot be written")
+    assert err.count("\n") == 1
 
 
-def test_a_reader_that_leaves_early_is_no_error():
-    command = [sys.executable, "-m", "drake_ispace", "draw", "omni_multirate"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **PYTHON)
+def test_a_reader_that_leaves_early_is_no_error(launched):
+    process = launched("-m", "drake_ispace", "draw", "omni_multirate")
     process.stdout.close()
-    assert process.stderr.read() == b"" and process.wait(timeout=30) in (0, 1)
+    assert process.stderr.read() == "" and process.wait() in (0, 1)
 
 
 # -------------------------------------------------------------------------------------------------------- from Python
@@ -330,5 +297,5 @@ def test_a_run_in_three_lines_of_python():
     assert run.signals["omni_pose"].shape == (101, 3) and run.diverged_s is None
 
 
-def test_python_m_is_the_same_command():
-    assert json.loads(python("-m", "drake_ispace", "list", "--json").stdout)["diagrams"] == list(CATALOG)
+def test_python_m_is_the_same_command(python):
+    assert json.loads(python("-m", "drake_ispace", "list", "--json"))["diagrams"] == list(CATALOG)

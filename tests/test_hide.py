@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.cli.app import main
-from drake_ispace.files.recording import load
 from drake_ispace.hiding import MOTIONS, hide, save_hidden
+from drake_ispace.robots.recordings import load
 from drake_ispace.scenario import load_scenario
 
 FRICTION = {"coulomb_friction": {"torque_n_m": 0.02}}
@@ -104,46 +103,32 @@ def test_an_effect_without_a_wire_in_the_diagram_is_refused():
 # --------------------------------------------------------------------------------------------------- from a terminal
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 HIDE = ["hide", "omni_multirate", "--effect", "coulomb_friction:torque_n_m=0.01", "--seconds", "0.5", "--out", "runs"]
 
 
-def command(capsys, *arguments, code=0):
-    with pytest.raises(SystemExit) as stopped:
-        main(list(arguments))
-    out, err = capsys.readouterr()
-    assert (stopped.value.code or 0) == code
-    return out if code == 0 else err
-
-
-def test_the_command_writes_recordings_and_does_not_print_the_answer(folder, capsys):
-    data = json.loads(command(capsys, *HIDE, "--runs", "3", "--json"))
+def test_the_command_writes_recordings_and_does_not_print_the_answer(here, document, said):
+    data = document(*HIDE, "--runs", "3")
     assert list(data["recordings"].values()) == ["runs/square", "runs/circle", "runs/figure_eight"]
     assert all(load(path).robot == "omni" for path in data["recordings"].values())
     assert hashlib.sha256(Path(data["answer"]).read_bytes()).hexdigest() == data["sha256"]
-    text = command(capsys, *HIDE[:-1], "again", "--runs", "1")
+    text = said(*HIDE[:-1], "again", "--runs", "1")
     assert "answer: again/answer.json" in text and "friction" not in text
 
 
-def test_several_effects_with_several_parameters(folder, capsys):
+def test_several_effects_with_several_parameters(here, said):
     effects = ["--effect", "weak_motor:wheel=2,loss=0.2"]
-    command(capsys, *HIDE, *effects, "--runs", "1")
+    said(*HIDE, *effects, "--runs", "1")
     assert json.loads(Path("runs/answer.json").read_text())["effects"] == {
         "coulomb_friction": {"torque_n_m": 0.01}, "weak_motor": {"wheel": 2, "loss": 0.2},
     }
 
 
-def test_of_two_robots_one_is_chosen(folder, capsys):
+def test_of_two_robots_one_is_chosen(here, said):
     words = ["hide", "shared_space", "--runs", "1", "--seconds", "0.5", "--out", "runs"]
-    command(capsys, *words, "--robot", "pendulum", "--set", "omni.trajectory.radius_m=0.3")
+    said(*words, "--robot", "pendulum", "--set", "omni.trajectory.radius_m=0.3")
     assert load("runs/square").robot == "pendulum"
 
 
-def test_a_folder_with_something_in_it_is_left_alone(folder, capsys):
-    command(capsys, *HIDE, "--runs", "1")
-    assert "runs: is there already, expected a new or an empty folder" in command(capsys, *HIDE, code=2)
+def test_a_folder_with_something_in_it_is_left_alone(here, refused, said):
+    said(*HIDE, "--runs", "1")
+    assert "runs: is there already, expected a new or an empty folder" in refused(*HIDE)

@@ -1,6 +1,5 @@
 """The commands `locate` and `calibrate`, scene files, and real footage of an overhead camera."""
 
-import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -8,10 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drake_ispace.space.kinect import Space
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.cli.app import main
-from drake_ispace.room.room import Space
 from drake_ispace.vision.camera import view_of
 from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_names, scene_top
 from drake_ispace.vision.image_localizer import COLOURS, targets
@@ -40,23 +38,6 @@ def picture(tmp_path_factory):
     file = tmp_path_factory.mktemp("room") / "room.png"
     cv2.imwrite(str(file), Renderer(view_of(SPACE.camera), SPACE.scenery).render(boxes).colour)
     return file
-
-
-def said(capsys, *arguments):
-    """What the command prints."""
-    with pytest.raises(SystemExit) as end:
-        main(list(map(str, arguments)))
-    assert end.value.code == 0
-    return capsys.readouterr().out
-
-
-def refused(capsys, *arguments):
-    """The sentence of a command that ends with status 2."""
-    with pytest.raises(SystemExit) as end:
-        main(list(map(str, arguments)))
-    printed = capsys.readouterr()
-    assert end.value.code == 2 and not printed.out
-    return printed.err
 
 
 # Real footage
@@ -135,12 +116,12 @@ def test_goal_areas_agree_with_the_crosses():
 
 
 @real
-def test_locate_as_json(capsys, field, tmp_path):
+def test_locate_as_json(document, field, tmp_path):
     writer = cv2.VideoWriter(str(tmp_path / "start.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (640, 480))
     for image in field[1]:
         writer.write(image)
     writer.release()
-    data = json.loads(said(capsys, "locate", tmp_path / "start.avi", "--scene", "vsss", "--json"))
+    data = document("locate", tmp_path / "start.avi", "--scene", "vsss")
     assert len(data["frames"]) == 25 and data["frames"][1]["t"] == pytest.approx(0.04)
     for frame in data["frames"]:
         assert {robot["name"] for robot in frame["robots"]} == set(ROBOTS)
@@ -150,31 +131,31 @@ def test_locate_as_json(capsys, field, tmp_path):
 # Pictures of the room
 
 
-def test_robots_of_the_room_are_located(capsys, picture):
-    (frame,) = json.loads(said(capsys, "locate", picture, "--json"))["frames"]
+def test_robots_of_the_room_are_located(document, picture):
+    (frame,) = document("locate", picture)["frames"]
     assert frame["t"] == 0.0
     for robot in frame["robots"]:
         assert [robot["x"], robot["y"], robot["phi"]] == pytest.approx(POSES[robot["name"]], abs=5e-3)
 
 
-def test_the_table_names_every_robot(capsys, picture):
-    text = said(capsys, "locate", picture)
+def test_the_table_names_every_robot(said, picture):
+    text = said("locate", picture)
     assert "omni" in text and "1 of 1" in text and "0.2" in text
 
 
-def test_an_annotated_picture_is_written(capsys, picture, tmp_path):
-    said(capsys, "locate", picture, "--out", tmp_path / "out")
+def test_an_annotated_picture_is_written(said, picture, tmp_path):
+    said("locate", picture, "--out", tmp_path / "out")
     (file,) = (tmp_path / "out").iterdir()
     assert file.name == "located.png" and cv2.imread(str(file)).shape == (480, 640, 3)
 
 
-def test_an_overlay_video_is_written(capsys, picture, tmp_path):
+def test_an_overlay_video_is_written(said, picture, tmp_path):
     image, video = cv2.imread(str(picture)), tmp_path / "in.avi"
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"MJPG"), 10.0, (640, 480))
     for _ in range(4):
         writer.write(image)
     writer.release()
-    said(capsys, "locate", video, "--out", tmp_path / "out")
+    said("locate", video, "--out", tmp_path / "out")
     assert {file.name for file in (tmp_path / "out").iterdir()} == {"located.png", "located.mp4"}
     assert len(list(frames(tmp_path / "out" / "located.mp4"))) == 4
 
@@ -197,8 +178,8 @@ def test_the_packaged_room_is_that_of_the_image_mode():
 # Bad input
 
 
-def test_a_missing_file_is_named(capsys, tmp_path):
-    assert "there is none" in refused(capsys, "locate", tmp_path / "no.png")
+def test_a_missing_file_is_named(refused, tmp_path):
+    assert "there is none" in refused("locate", tmp_path / "no.png")
 
 
 @pytest.mark.parametrize(
@@ -209,35 +190,35 @@ def test_a_missing_file_is_named(capsys, tmp_path):
         ("noise.mp4", b"no video" * 99, "no video"),
     ],
 )
-def test_files_without_a_picture_are_refused(capsys, tmp_path, name, content, message):
+def test_files_without_a_picture_are_refused(refused, tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
-    assert message in refused(capsys, "locate", tmp_path / name)
+    assert message in refused("locate", tmp_path / name)
 
 
-def test_a_truncated_image_is_no_robot_or_a_sentence(capsys, picture, tmp_path):
+def test_a_truncated_image_is_no_robot_or_a_sentence(refused, picture, tmp_path):
     (tmp_path / "cut.png").write_bytes(picture.read_bytes()[:300])
-    assert "no image can be read" in refused(capsys, "locate", tmp_path / "cut.png")
+    assert "no image can be read" in refused("locate", tmp_path / "cut.png")
 
 
 @real
-def test_a_truncated_video_is_refused(capsys, tmp_path):
+def test_a_truncated_video_is_refused(refused, tmp_path):
     (tmp_path / "cut.mp4").write_bytes(FOOTAGE.read_bytes()[:5000])
-    assert "no video can be read" in refused(capsys, "locate", tmp_path / "cut.mp4", "--scene", "vsss")
+    assert "no video can be read" in refused("locate", tmp_path / "cut.mp4", "--scene", "vsss")
 
 
-def test_an_image_of_another_size_is_refused(capsys, tmp_path):
+def test_an_image_of_another_size_is_refused(refused, tmp_path):
     cv2.imwrite(str(tmp_path / "small.png"), np.zeros((100, 100, 3), np.uint8))
-    sentence = refused(capsys, "locate", tmp_path / "small.png")
+    sentence = refused("locate", tmp_path / "small.png")
     assert "small.png" in sentence and "640 x 480" in sentence
 
 
-def test_a_grey_image_shows_no_robot(capsys, tmp_path):
+def test_a_grey_image_shows_no_robot(document, tmp_path):
     cv2.imwrite(str(tmp_path / "grey.png"), np.full((480, 640), 128, np.uint8))
-    assert json.loads(said(capsys, "locate", tmp_path / "grey.png", "--json")) == {"frames": [{"t": 0.0, "robots": []}]}
+    assert document("locate", tmp_path / "grey.png") == {"frames": [{"t": 0.0, "robots": []}]}
 
 
-def test_an_unknown_scene_is_refused(capsys, picture):
-    assert "did you mean 'vsss'" in refused(capsys, "locate", picture, "--scene", "vss")
+def test_an_unknown_scene_is_refused(refused, picture):
+    assert "did you mean 'vsss'" in refused("locate", picture, "--scene", "vss")
 
 
 SCENE = """
@@ -279,23 +260,23 @@ def corner_texts():
     return [f"{u:.3f},{v:.3f}" for u, v in trapezoid(view_of(SPACE.camera), 2.5, 2.0)]
 
 
-def test_calibrate_writes_the_camera_section(capsys, picture, tmp_path):
+def test_calibrate_writes_the_camera_section(document, picture, tmp_path):
     options = [word for text in corner_texts() for word in ("--points", text)]
-    data = json.loads(said(capsys, "calibrate", picture, *options, "--out", tmp_path / "camera.yaml", "--json"))
+    data = document("calibrate", picture, *options, "--out", tmp_path / "camera.yaml")
     assert data["space"]["camera"]["height_m"] == pytest.approx(2.78, abs=1e-3) and data["rms_pixels"] < 0.1
     assert "height_m: 2.7" in (tmp_path / "camera.yaml").read_text()
 
 
-def test_calibrate_wants_points_or_a_board(capsys, picture):
-    assert "either --points or --board" in refused(capsys, "calibrate", picture)
-    assert "no chessboard" in refused(capsys, "calibrate", picture, "--board", "7,6,0.1,0,0,0")
+def test_calibrate_wants_points_or_a_board(refused, picture):
+    assert "either --points or --board" in refused("calibrate", picture)
+    assert "no chessboard" in refused("calibrate", picture, "--board", "7,6,0.1,0,0,0")
 
 
-def test_calibrate_refuses_points_outside_of_the_image(capsys, picture):
+def test_calibrate_refuses_points_outside_of_the_image(refused, picture):
     texts = ["9000,5", *corner_texts()[1:]]
-    assert "lies outside of" in refused(capsys, "calibrate", picture, *[w for t in texts for w in ("--points", t)])
+    assert "lies outside of" in refused("calibrate", picture, *[w for t in texts for w in ("--points", t)])
 
 
-def test_calibrate_refuses_corners_in_the_wrong_order(capsys, picture):
+def test_calibrate_refuses_corners_in_the_wrong_order(refused, picture):
     texts = corner_texts()[::-1]
-    assert "--points: " in refused(capsys, "calibrate", picture, *[w for t in texts for w in ("--points", t)])
+    assert "--points: " in refused("calibrate", picture, *[w for t in texts for w in ("--points", t)])

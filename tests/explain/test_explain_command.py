@@ -52,54 +52,42 @@ def asked(monkeypatch):
     return found
 
 
-def command(capsys, *arguments, code=0):
-    with pytest.raises(SystemExit) as stopped:
-        main(["explain", *arguments])
-    out, err = capsys.readouterr()
-    assert (stopped.value.code or 0) == code
-    if code == 0:
-        assert err == ""
-        return out
-    assert out == "" and err.startswith("drake-ispace: ") and err.count("\n") == 1 and "Traceback" not in err
-    return err
-
-
-def test_runs_model_and_seed_are_handed_on(asked, capsys):
-    command(capsys, "a", "b", *MODEL, "--held-out", "c", "--seed", "7", "--set", "omni.plant.mass_kg=8")
+def test_runs_model_and_seed_are_handed_on(asked, said):
+    said("explain", "a", "b", *MODEL, "--held-out", "c", "--seed", "7", "--set", "omni.plant.mass_kg=8")
     assert [str(run.path) for run in asked["runs"]] == ["a", "b"]
     assert [str(run.path) for run in asked["held_out"]] == ["c"]
     assert asked["seed"] == 7 and asked["model"].omni.plant.mass_kg == 8.0
 
 
-def test_several_runs_may_be_held_out_at_once(asked, capsys):
-    command(capsys, "a", *MODEL, "--held-out", "b", "c", "--seed", "1")
+def test_several_runs_may_be_held_out_at_once(asked, said):
+    said("explain", "a", *MODEL, "--held-out", "b", "c", "--seed", "1")
     assert len(asked["runs"]) == 1 and len(asked["held_out"]) == 2
 
 
-def test_for_people_it_prints_the_explanation(asked, capsys):
-    text = command(capsys, "a", *MODEL)
+def test_for_people_it_prints_the_explanation(asked, said):
+    text = said("explain", "a", *MODEL)
     assert text == f"{answers.named(load_scenario('omni_multirate'))}\n"
 
 
-def test_json_is_the_explanation_as_data(asked, capsys, folder):
-    data = json.loads(command(capsys, "a", *MODEL, "--json"), parse_constant=pytest.fail)
+def test_json_is_the_explanation_as_data(asked, document, folder):
+    data = document("explain", "a", *MODEL)
     assert data == answers.named(load_scenario("omni_multirate")).to_data()
     keys = {"verdict", "effects", "detection", "localization", "untestable", "gap", "model", "seconds"}
     assert keys <= set(data) and set(data["gap"]) == {"held_out", "closed"}
     assert sorted(os.listdir(folder)) == ["a", "b", "blind", "c", "p"]  # nothing is written without --out
 
 
-def test_out_is_a_folder_with_page_model_and_the_same_data(asked, capsys, folder):
-    data = json.loads(command(capsys, "a", *MODEL, "--out", "new/report", "--json"))
+def test_out_is_a_folder_with_page_model_and_the_same_data(asked, document, said, folder):
+    data = document("explain", "a", *MODEL, "--out", "new/report")
     assert data["model"] == "new/report/model.yaml"
     assert json.loads((folder / "new/report/explanation.json").read_text()) == data
     assert load_scenario(data["model"]).omni.effects == {"coulomb_friction": {"torque_n_m": 0.01}}
     assert (folder / "new/report/index.html").is_file() and os.listdir("new") == ["report"]
-    command(capsys, "a", *MODEL, "--out", "new/report")  # a second one replaces it
+    said("explain", "a", *MODEL, "--out", "new/report")  # a second one replaces it
     assert os.listdir("new") == ["report"]
 
 
-def test_an_explanation_that_fails_leaves_nothing(monkeypatch, capsys, folder):
+def test_an_explanation_that_fails_leaves_nothing(monkeypatch, folder):
     def fail(*arguments, **named):
         raise KeyboardInterrupt
 
@@ -131,8 +119,8 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("arguments, parts", REFUSED.values(), ids=REFUSED.keys())
-def test_bad_arguments_are_refused(capsys, folder, arguments, parts):
-    message = command(capsys, *arguments, code=2)
+def test_bad_arguments_are_refused(refused, folder, arguments, parts):
+    message = refused("explain", *arguments)
     for part in parts:
         assert part in message
     assert sorted(os.listdir(folder)) == ["a", "b", "blind", "c", "p"]

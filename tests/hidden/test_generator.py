@@ -6,7 +6,7 @@ import pytest
 from drake_ispace.alignment import to_recording
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.control.feedback import balance_gains, omni_gains
-from drake_ispace.files.recording import load
+from drake_ispace.robots.recordings import load
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import load_scenario
 from hidden import motions, omni_truth, pendulum_truth

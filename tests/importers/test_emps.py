@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers.emps import Drive, load_drive, load_run
-from drake_ispace.files.recording import load
+from drake_ispace.robots.recordings import load
 
 DATA = {
     "t": [[0.0], [0.001], [0.002]], "qm": [[0.0], [0.1], [0.2]], "qg": [[0.0], [0.2], [0.4]],

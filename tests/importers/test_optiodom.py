@@ -5,8 +5,8 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers.optiodom import Metadata, load_folder, load_run, read_metadata
-from drake_ispace.files.recording import load
 from drake_ispace.plants.wheels import WheelGeometry, differential, omni3
+from drake_ispace.robots.recordings import load
 
 OMNI3 = "type,omni3,,\nngear,12,,\nencRes,1024,,\nLi,0.195,,\nDi,0.102,0.104,0.1\nThi,,,\nN,1,,\n"
 DIFF = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.084,0.084\n"

@@ -5,7 +5,7 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers.regbot import COUNTS_PER_WHEEL_TURN, WHEEL_RADIUS_M, load_folder, load_log
-from drake_ispace.files.recording import load
+from drake_ispace.robots.recordings import load
 
 HEAD = """%% logfile from robot 1
 %  1    time 0.000 sec

@@ -9,7 +9,6 @@ from unittest import mock
 import pytest
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.cli.app import main
 from drake_ispace.report import demo as demo_module
 from drake_ispace.report.demo import write_demo
 
@@ -126,17 +125,14 @@ def test_the_first_thing_shown_is_the_hidden_effect_and_what_was_found(page, dat
     assert data["explained"]["seed"] == 3
 
 
-def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch, capsys):
+def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch, document):
     monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
     monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)
     (tmp_path / "demo").mkdir()
     for name in ("index.html", "demo.json"):
         (tmp_path / "demo" / name).write_text("old")
-    with pytest.raises(SystemExit) as stopped:
-        main(["demo", "--seconds", "0.2", "--out", str(tmp_path / "demo"), "--json"])
-    printed = json.loads(capsys.readouterr().out)
-    page = printed.pop("page")
-    assert stopped.value.code in (0, None) and page == str(tmp_path / "demo" / "index.html")
+    printed = document("demo", "--seconds", "0.2", "--out", tmp_path / "demo")
+    assert printed.pop("page") == str(tmp_path / "demo" / "index.html")
     assert json.loads((tmp_path / "demo" / "demo.json").read_text()) == printed
     assert os.listdir(tmp_path) == ["demo"] and "old" not in (tmp_path / "demo" / "index.html").read_text("utf-8")[:3]
 

@@ -8,13 +8,14 @@ one without a name that does better makes the verdict "unknown".
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from drake_ispace.explain.decide.detect import Detection, detect, trials
-from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.generic import Generic, generics
 from drake_ispace.explain.decide.signatures import evidence_of_gain
-from drake_ispace.explain.decide.survey import Survey, doubted, settled, survey
+from drake_ispace.explain.decide.survey import Survey, Unnamed, doubted, settled, survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
 from drake_ispace.explain.predict.prediction import Prediction
@@ -125,11 +126,12 @@ def cost(candidate: Candidate) -> float:
 
 def decide(
     prediction: Prediction, tried: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
-    tell: Callable[[str], None] = lambda text: None,
+    tell: Callable[[str], None] = lambda text: None, unnamed: Unnamed = generics,
 ) -> Decision:
-    """Stages 1, 3 and 4 in one: detect, rank, fit, compare."""
+    """Stages 1, 3 and 4 in one: detect, rank, fit, compare. unnamed: as `survey` takes it."""
+    look = partial(survey, prediction, tried=tried, pool=pool, unnamed=unnamed)
     tell("looking at every effect")
-    start = here = survey(prediction, {}, tried, pool)
+    start = here = look({})
     point: Point = {}
     decision, first, best, tries = None, None, None, None
     while len(point) < _MOST_EFFECTS:
@@ -157,7 +159,7 @@ def decide(
             break
         best = _settled_leader(here, tries, leader)
         tell(f"looking again with {', '.join(c.label for c in best.point)}")
-        here = survey(prediction, best.point, tried, pool, near=True)
+        here = look(best.point, near=True)
         best = fit(here.likelihood, best.point)
         here, point, tries = here.moved(best), best.point, None
         decision = Decision(first, start, here, best, total_gain=_gain_at(here, best), first_gain=_gain_at(start, best))
@@ -165,7 +167,7 @@ def decide(
         return Decision(first, start, start)
     decision.end = here
     if decision.named is not None:
-        decision = _pruned(prediction, decision, tried, pool)
+        decision = pruned(look, decision)
         compare(decision)
         if decision.unknown is None:
             known = decision.end is here and tries is not None
@@ -289,12 +291,15 @@ def without_each(here: Survey, named: Fit) -> dict[Candidate, Fit]:
     }
 
 
-def _pruned(prediction, decision, tried, pool):
-    """Backward deletion: effects without which the others do as well are taken away, all but one if it does as well."""
+def pruned(look: Callable[..., Survey], decision: Decision) -> Decision:
+    """Backward deletion: effects without which the others do as well are taken away, all but one if it does as well.
+
+    look: `survey` of these runs, given a point and `near`.
+    """
     named = decision.named
     one = _one_for_all(decision) if len(named.point) > 1 else None
     if one is not None:
-        decision = _renamed(prediction, decision, one, tried, pool)
+        decision = _renamed(look, decision, one)
         named = decision.named
     while len(named.point) > 1:
         rests = without_each(decision.end, named)
@@ -303,7 +308,7 @@ def _pruned(prediction, decision, tried, pool):
         if refits[weakest] > max(2.0 * MARGIN, decision.least):
             decision.gains = refits
             return decision
-        decision = _renamed(prediction, decision, rests[weakest].point, tried, pool)
+        decision = _renamed(look, decision, rests[weakest].point)
         named = decision.named
     decision.gains = {next(iter(named.point)): decision.total_gain}
     return decision
@@ -322,9 +327,9 @@ def _one_for_all(decision) -> Point | None:
     return best.point if best.misfit - decision.named.misfit < max(2.0 * MARGIN, decision.least) else None
 
 
-def _renamed(prediction, decision, point, tried, pool) -> Decision:
+def _renamed(look, decision, point) -> Decision:
     """The Decision for other effects."""
-    here = survey(prediction, point, tried, pool, near=True)
+    here = look(point, near=True)
     named = fit(here.likelihood, point)
     gains = {"total_gain": _gain_at(here, named), "first_gain": _gain_at(decision.start, named)}
     return replace(decision, end=here, named=named, **gains)

@@ -7,10 +7,12 @@ learned anew after each, and only then taken away again, each weighed against al
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 from drake_ispace.explain.decide.decide import MARGIN, Decision, compare, leaders, left_over, without_each
 from drake_ispace.explain.decide.detect import detect, trials
-from drake_ispace.explain.decide.survey import Survey, survey
+from drake_ispace.explain.decide.generic import generics
+from drake_ispace.explain.decide.survey import Survey, Unnamed, survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import fit
 from drake_ispace.explain.predict.prediction import Prediction
@@ -21,12 +23,13 @@ _LEAST_SHARE = 0.01  # of what all explain, below which one is taken away again
 
 def decide_jointly(
     prediction: Prediction, tried: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
-    tell: Callable[[str], None] = lambda text: None,
+    tell: Callable[[str], None] = lambda text: None, unnamed: Unnamed = generics,
 ) -> Decision:
     """All effects that these runs support together; arguments as `decide`. What remains detectable is `left_over`, it
     does not change the verdict."""
+    look = partial(survey, prediction, tried=tried, pool=pool, unnamed=unnamed)
     tell("looking at every effect")
-    start = here = survey(prediction, {}, tried, pool)
+    start = here = look({})
     first, best = None, None
     while len(here.point) < _MOST_EFFECTS:
         limit = trials(here.screen, here.noise, here.instants, seed)
@@ -36,21 +39,21 @@ def decide_jointly(
         leader = max(tries, key=lambda t: t.merit, default=None)
         if leader is None or not found.found or leader.merit < 2.0 * MARGIN:
             break
-        here, best = _at(prediction, leader.fit.point, tried, pool)
+        here, best = _at(look, leader.fit.point)
         tell(f"found {', '.join(c.label for c in best.point)}")
     if best is None:
         return Decision(first, start, start)
-    return _thinned(prediction, Decision(first, start, here, best), tried, pool, seed, tell)
+    return _thinned(look, Decision(first, start, here, best), seed, tell)
 
 
-def _at(prediction, point, tried, pool) -> tuple[Survey, object]:
+def _at(look, point) -> tuple[Survey, object]:
     """Noise and fit at the point, found in turn."""
-    here = survey(prediction, point, tried, pool)
+    here = look(point)
     best = fit(here.likelihood, point)
-    return survey(prediction, best.point, tried, pool, here.likelihood.whitening), best
+    return look(best.point, whitening=here.likelihood.whitening), best
 
 
-def _thinned(prediction, decision, tried, pool, seed, tell):
+def _thinned(look, decision, seed, tell):
     """Backward deletion, then the rivals of what is left."""
     while True:
         here, named = decision.end, decision.named
@@ -62,7 +65,7 @@ def _thinned(prediction, decision, tried, pool, seed, tell):
         if len(costs) == 1 or costs[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
             break
         tell(f"taking {weakest.label} away again")
-        decision.end, decision.named = _at(prediction, rests[weakest].point, tried, pool)
+        decision.end, decision.named = _at(look, rests[weakest].point)
     decision.gains = costs
     compare(decision)
     decision.left_over = left_over(decision, seed)

@@ -1,6 +1,6 @@
 """All effects looked at from one point: their signatures, the noise that none explains, and a screen of tests."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,8 @@ from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, mer
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 
+#: (prediction, point, residuals there, pool) -> a signature for every amplitude of what has no name.
+Unnamed = Callable[[Prediction, Point, Residuals, ThreadPoolExecutor | None], list[Signature]]
 _ROUNDS = 2
 _MOST_TURNS, _STAYS = 8, 0.3  # of noise and sizes found in turn; standard deviations by which a size may still move
 BLOCK_ROWS = {"motion": 200, "room": 10}  # a second, within which noise may still be alike
@@ -75,11 +77,12 @@ class Survey:
 
 def survey(
     prediction: Prediction, point: Point, tried: Sequence[Candidate], pool: ThreadPoolExecutor | None = None,
-    whitening: Whitening | None = None, near: bool = False,
+    whitening: Whitening | None = None, near: bool = False, unnamed: Unnamed = generics,
 ) -> Survey:
-    """Look around `point`. whitening: that of another point, default fitted here. near: see View.with_noise."""
+    """Look around `point`. whitening: that of another point, default fitted here. near: see View.with_noise. unnamed:
+    what races with the effects that are tried."""
     base = prediction.residuals(merged(point), pool)
-    view = _view(prediction, point, tried, base, pool)
+    view = _view(prediction, point, tried, base, pool, unnamed)
     likelihood = view.likelihood(base, near) if whitening is None else view.with_noise(whitening, base, near)
     return _survey(point, view, base, likelihood)
 
@@ -119,12 +122,12 @@ def settled(view: View, start: Point) -> tuple[Likelihood, Fit]:
     return likelihood, found
 
 
-def _view(prediction, point, tried, base, pool) -> View:
+def _view(prediction, point, tried, base, pool, unnamed) -> View:
     scales = scales_of(prediction)
     names = {c.name for c in point}
     others = [c for c in tried if c.name not in names]
     sizes = {c: _sizes(c, scales) for c in tried}
-    found = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
+    found = signatures(prediction, point, others, scales, base, pool) + unnamed(prediction, point, base, pool)
     steady = [s.change for s in found if not getattr(s.candidate.effect, "is_local", False)]
     noise, timing = (
         [_difference(base, other) for other in assumed(merged(point))]

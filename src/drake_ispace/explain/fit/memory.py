@@ -26,7 +26,7 @@ class Memory:
         total = np.zeros((len(vectors), self.channels, self.bases[0].shape[1]))
         for (a, b), basis in zip(self.places, self.bases, strict=True):
             if start <= a and b <= start + vectors.shape[1]:
-                part = vectors[:, a - start : b - start].reshape(len(vectors), -1, self.channels)
+                part = vectors[:, a - start : b - start].reshape(len(vectors), len(basis), self.channels)
                 total += np.tensordot(part, basis, axes=(1, 0))
         return total
 
@@ -43,6 +43,6 @@ def gram(memories: Sequence[Memory], directions: Directions) -> np.ndarray:
     found = directions.gram()
     for memory in memories:
         groups = [(0, directions.everywhere), *directions.own]
-        amounts = np.vstack([memory.amounts(part, start).reshape(len(part), -1) for start, part in groups])
-        found -= amounts @ amounts.T
+        amounts = np.concatenate([memory.amounts(part, start) for start, part in groups])
+        found -= np.tensordot(amounts, amounts, axes=((1, 2), (1, 2)))
     return found

@@ -1,0 +1,97 @@
+"""Runs whose residuals are linear in the sizes of a few made-up effects: all that deciding needs, in milliseconds."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.effect import Effect
+from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.signatures import Signature
+from drake_ispace.explain.fit.candidates import Candidate
+
+RUNS, ROWS = 2, 400
+
+
+def pattern(seed: int) -> np.ndarray:
+    """(RUNS, ROWS) of ones and minus ones: nearly orthogonal to every other, and nothing that noise remembers."""
+    return np.random.default_rng([seed, 1]).choice([-1.0, 1.0], size=(RUNS, ROWS))
+
+
+def wave(cycles: float) -> np.ndarray:
+    """(RUNS, ROWS) so many cycles of a sine of amplitude one over each run."""
+    return np.tile(np.sin(2.0 * np.pi * cycles * np.arange(ROWS) / ROWS), (RUNS, 1))
+
+
+def noise(seed: int = 0) -> np.ndarray:
+    """(RUNS, ROWS) independent numbers of unit variance."""
+    return np.random.default_rng(seed).standard_normal((RUNS, ROWS))
+
+
+class Made(Effect):
+    """An effect of one size, from `low` on."""
+
+    def __init__(self, name: str, low: float):
+        self.card = Card(name, name, "plant", "", "", "", (), "")
+        self.low = low
+
+    def parameters(self, body):
+        return (Parameter("size", "", low=self.low, high=100.0, probes=(1.0,)),)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """What `survey` asks of a Prediction: residuals are `measured` less size times shape of every effect.
+
+    Attributes:
+        measured: (RUNS, ROWS). shapes: effect -> (RUNS, ROWS) for a size of one. offsets: (run, (ROWS,)) of what a run
+            may be off by itself, one standard deviation long.
+    """
+
+    measured: np.ndarray
+    shapes: Mapping[str, np.ndarray]
+    offsets: tuple[tuple[int, np.ndarray], ...] = ()
+
+    replay = SimpleNamespace(body=SimpleNamespace(wheels=1))
+    tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
+
+    def residuals(self, values, pool=None):
+        left = self.measured - sum(of["size"] * self.shapes[name] for name, of in values.items())
+        return streams(left)
+
+    def nuisances(self, values, pool=None):
+        return [(run, {"room": shape[:, None]}) for run, shape in self.offsets]
+
+    def under_other_noise(self, values):
+        return []
+
+    def under_other_timing(self, values):
+        return []
+
+    def classes(self):
+        return [{}] * RUNS
+
+
+def streams(rows: np.ndarray) -> list[dict[str, np.ndarray]]:
+    """(RUNS, ROWS) as Residuals."""
+    return [{"room": run[:, None]} for run in rows]
+
+
+def made(*names: str, low: float = -100.0) -> list[Candidate]:
+    """A Candidate for each name, its size at least `low`."""
+    effects = [Made(name, low) for name in names]
+    return [Candidate(effect, (), effect.parameters(None)) for effect in effects]
+
+
+def unnamed(driver: str, shape: np.ndarray):
+    """A force that goes with `driver`, of this (RUNS, ROWS) shape, as `decide` takes those without a name."""
+    generic = Generic(driver, "force", driver, 1)
+    candidate = Candidate(generic, (), generic.parameters(None))
+    return lambda prediction, point, base, pool: [Signature(candidate, [1.0], 0, False, streams(shape))]
+
+
+def nothing_unnamed(prediction, point, base, pool):
+    """No disagreement without a name."""
+    return []
