@@ -51,5 +51,5 @@ def test_the_committed_picture_is_up_to_date(runs, name):
 
 
 def test_there_is_a_script_for_every_diagram():
-    others = {"shared", "real_data", *REAL}
+    others = {"shared", "real_data", "regbot_motors", "emps_carriage", *REAL}
     assert {script.stem for script in FOLDER.glob("*.py")} == {*CATALOG, *others}
