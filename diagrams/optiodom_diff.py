@@ -1,10 +1,13 @@
 """A differential drive under a ceiling camera system (OptiOdom): unequal wheels or a wrong base, from circles alone?
 
-Nominal values as its makers measured them (scenario optiodom_diff). Effects are named on the circles; `held_out` is the
-dead-reckoned position error over whole runs of each kind of motion, root mean square over all fixes, pooled over runs.
-The circles are the training runs: their error is not held out, squares and free driving are.
+Nominal values as its makers measured them (scenario optiodom_diff). Squares and free driving are held out.
 """
 
-from real_data import explain_odometry
+from real_data import asked, optiodom_runs, show
 
-explain_odometry(__doc__, "optiodom_diff", "optiodom/diff", "circular", ("circular", "square", "free"))
+import drake_ispace as di
+
+options = asked(__doc__)
+held_out = optiodom_runs(options, "diff", "circular", "square", "free")
+circles = held_out.pop("circular")
+show(options, di.explain("optiodom_diff", circles, held_out, tell=options.tell, choice="together"))

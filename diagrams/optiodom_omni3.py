@@ -1,9 +1,13 @@
 """A three-wheel omni robot under a ceiling camera system (OptiOdom): what does its odometry lack, from circles alone?
 
-Nominal values as its makers measured them (scenario optiodom_omni3). Effects are named on the circles; `held_out` is
-the dead-reckoned position error over whole runs of motions never fitted to, root mean square over all fixes, pooled.
+Nominal values as its makers measured them (scenario optiodom_omni3). Squares and driving by joystick are held out.
 """
 
-from real_data import explain_odometry
+from real_data import asked, optiodom_runs, show
 
-explain_odometry(__doc__, "optiodom_omni3", "optiodom/omni3", "circular", ("square", "joystick"))
+import drake_ispace as di
+
+options = asked(__doc__)
+held_out = optiodom_runs(options, "omni3", "circular", "square", "joystick")
+circles = held_out.pop("circular")
+show(options, di.explain("optiodom_omni3", circles, held_out, tell=options.tell, choice="together"))

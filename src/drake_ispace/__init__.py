@@ -3,7 +3,7 @@
     import drake_ispace as di
 
     run = di.simulate("omni_multirate")
-    print(di.explain("omni_multirate", ["monday/square", "monday/circle"], held_out=["monday/eight"]))
+    print(di.explain("omni_multirate", ["monday/square", "monday/circle"], held_out="monday/eight"))
 
 Wherever a scenario is asked for, its name or its file does as well. What is behind a name is imported when the name is
 first used, so that `import drake_ispace` itself costs nothing.

@@ -1,16 +1,14 @@
 """A user's own plant: followed, explained, replayed open loop."""
 
+import json
+
 import numpy as np
 import pytest
 
+import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.effects.library import library
-from drake_ispace.explain.decide.joint import decide_jointly
-from drake_ispace.explain.explain import explain
-from drake_ispace.explain.fit.candidates import candidates
-from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
 from drake_ispace.explain.predict.prediction import predict
 from drake_ispace.files.recording import Channel, Recording
@@ -47,7 +45,7 @@ def wheel():
 
 
 MODEL = OwnModel(wheel(), torque="drive", wheel_angle="position", wheel_rate="speed")
-EFFECTS = [library()[name] for name in ("viscous_friction", "coulomb_friction", "torque_gain_error", "motor_lag")]
+EFFECTS = [di.effects()[name] for name in ("viscous_friction", "coulomb_friction", "torque_gain_error", "motor_lag")]
 
 
 def measured(viscous, seconds=20.0, seed=0, start_rad=0.3):
@@ -89,14 +87,6 @@ def test_open_loop_the_right_friction_is_right(rubbing):
     assert np.std(found - truth) < 0.1 * np.std(wrong - truth)
 
 
-def test_a_missing_friction_is_named(rubbing):
-    track, replay = rubbing
-    decision = decide_jointly(predict(replay, [track]), candidates(replay.effects, replay.body), 0, None)
-    values = merged(decision.named.point)
-    assert list(values) == ["viscous_friction"]
-    assert values["viscous_friction"]["coefficient_n_m_s"] == pytest.approx(0.01, rel=0.1)
-
-
 def test_known_effects_are_in_the_model():
     known = OwnModel(
         wheel(), torque="drive", wheel_angle="position", wheel_rate="speed",
@@ -131,9 +121,42 @@ def test_a_plant_that_no_torque_accelerates_is_refused():
         OwnModel(lagging, torque="drive", wheel_angle="position").linearised()
 
 
-def test_explain_takes_an_own_model():
-    answer = explain(MODEL, [measured(0.004, seed=1), measured(0.004, seed=2)], [measured(0.004, seed=3)], EFFECTS)
-    (effect,) = answer.effects
-    assert effect.name == "viscous_friction" and answer.model is None
-    assert effect.parameters["coefficient_n_m_s"].estimate == pytest.approx(0.004, rel=0.1)
-    assert answer.closed > 0.9
+@pytest.fixture(scope="module", params=["largest", "together", "free_run"])
+def explained(request):
+    runs = [measured(0.004, seed=seed) for seed in (1, 2)]
+    return di.explain(MODEL, runs, {"third": measured(0.004, seed=3)}, EFFECTS[:2], choice=request.param)
+
+
+def test_every_choice_names_the_missing_friction_with_its_size(explained):
+    (effect,) = explained.effects
+    size = effect.parameters["coefficient_n_m_s"]
+    assert explained.verdict == "named" and effect.name == "viscous_friction" and not effect.equivalents
+    assert size.estimate == pytest.approx(0.004, rel=0.1) and size.free_run == pytest.approx(0.004, rel=0.1)
+    assert size.ci90[0] < size.estimate < size.ci90[1] and size.unit == "N*m*s/rad"
+    assert 0.9 < effect.share <= 1.0
+
+
+def test_every_choice_closes_the_gap_of_the_held_out_run(explained):
+    assert explained.closed > 0.9 and all(gap.closed > 0.9 for gap in explained.gap.values())
+    assert explained.gap
+
+
+def test_every_choice_comes_with_simulations_of_whole_runs(explained):
+    errors = {(row.runs, row.unit): row.after / row.before for row in explained.free_run}
+    assert set(errors) == {("training", "rad"), ("training", "1"), ("third", "rad"), ("third", "1")}
+    assert max(errors.values()) < 0.2
+
+
+def test_an_explanation_of_an_own_model_prints_and_becomes_json(explained):
+    json.dumps(explained.to_data(), allow_nan=False)
+    assert "third, simulated wheel angle: " in str(explained) and explained.model is None
+
+
+@pytest.mark.parametrize("change, said", [
+    ({"logged": "torque"}, "wheel: logged is 'torque', expected 'angle' or 'speed'"),
+    ({"free": ("inertia_kg",)}, "wheel: the plant has no parameter 'inertia_kg', did you mean 'inertia'?"),
+])
+def test_a_model_that_cannot_be_is_refused(change, said):
+    with pytest.raises(InputError) as error:
+        OwnModel(wheel(), torque="drive", wheel_angle="position", wheel_rate="speed", name="wheel", **change)
+    assert str(error.value) == said

@@ -1,52 +1,49 @@
 """`explain`: where do simulation and measurement disagree, which effect is missing, and does adding it close the gap?
 
-Read `explain` from top to bottom: predict, detect, hypothesise and decide, localise, add, confirm.
+Read `explain` and `_decided` from top to bottom: predict, detect, hypothesise and decide, localise, add, confirm, and
+let whole runs go free.
 """
 
 import copy
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.effects.effect import Effect
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.confirm import Confirmation, confirm, drift, on_bound
+from drake_ispace.explain.answer.confirm import Confirmation, confirm
 from drake_ispace.explain.answer.controller import ControllerCheck, check_controller
-from drake_ispace.explain.answer.explanation import (
-    DetectionResult,
-    Estimate,
-    Explanation,
-    NamedEffect,
-    Unknown,
-    Untestable,
-)
-from drake_ispace.explain.answer.localize import localize, onset
-from drake_ispace.explain.answer.next_experiment import needs, next_experiment
-from drake_ispace.explain.decide.decide import Decision, LeftOver, decide
-from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.survey import without
-from drake_ispace.explain.fit.candidates import Candidate, candidates, value_of
-from drake_ispace.explain.fit.profile import profile_interval
+from drake_ispace.explain.answer.describe import described, described_choice, with_free_run
+from drake_ispace.explain.answer.explanation import Explanation, PlantParameter
+from drake_ispace.explain.answer.free_run import Sizes, channel_of, dead_reckoning, fitted, part_of, simulation
+from drake_ispace.explain.answer.validate import held_out_gap, validated_choice
+from drake_ispace.explain.decide.decide import Decision, decide
+from drake_ispace.explain.decide.joint import decide_jointly
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, predict
+from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.tracks import track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
-from drake_ispace.scenario import Scenario, difference, load_scenario
+from drake_ispace.scenario import Scenario, as_scenario, difference
 from drake_ispace.wiring.catalog import entry_of
 
-_VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
-_FORM_SHARE = 0.025  # of a parameter: how far its estimate is off because no model has exactly the robot's form
 _THREADS = 2
 _FOREIGN_CONTROL = 0.12  # share of the torque that the model's controller may leave (its own one leaves 0 to 0.09)
+_DECIDERS = {"largest": decide, "together": decide_jointly}
+_VALIDATED = "free_run"
+
+Run = Recording | str | Path
+Runs = Run | Sequence[Run] | Mapping[str, Run]
 
 
 @dataclass(frozen=True)
@@ -62,33 +59,38 @@ class Case:
 
 
 def explain(
-    model: Scenario | OwnModel | str, runs: Sequence[Recording | str | Path],
-    held_out: Sequence[Recording | str | Path] = (), effects: Sequence[Effect] | None = None, seed: int = 0,
-    tell: Callable[[str], None] = lambda text: None,
+    model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
+    effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
+    choice: str = "largest",
 ) -> Explanation:
     """Find what the model lacks.
 
     Args:
-        model: a Scenario, the name or file of one, or a plant of your own (own_model.py). runs: measured.
-        held_out: others, to prove the answer on. effects: to try, default the whole library. seed: of the bootstraps.
-        tell: told about every stage.
+        model: a Scenario, the name or file of one, or a plant of your own (own_model.py).
+        runs: measured: one or several, or by name as `hide` returns them; a folder stands for the run in it.
+        held_out: others, to prove the answer on; a mapping has kinds of runs whose errors are reported apart.
+        effects: to try, default the whole library. seed: of the bootstraps. tell: told about every stage.
+        choice: "largest": the effect that explains most, and further ones unless they are small beside it. For a model
+            that lacks little. "together": all effects that the runs support, each weighed against the others. For
+            somebody else's robot, whose model mostly lacks several of very different size. "free_run": the fewest
+            effects that simulate whole runs well, fitted to one half of the runs and judged on the other. For a plant
+            of your own, and runs that are too short for a filter.
 
     Raises:
-        InputError: a run that the model cannot predict.
+        InputError: a run that the model cannot predict, an unknown choice, or one that this model cannot have.
     """
     started = time.perf_counter()
+    _check_choice(choice, model)
     tell("preparing the predictions")
-    case = prepare(model, runs, held_out, effects)
-    with ThreadPoolExecutor(_THREADS) as pool:
-        tried = candidates(_triable(case), case.replay.body)
-        decision = decide(case.prediction, tried, seed, pool, tell)
-        tell("localising")
-        answer = _described(case, decision)
-        if decision.named is not None and case.scenario is not None:
-            _add(case, decision, answer)
-        if case.held_out is not None and decision.named is not None:
-            tell("confirming on the held-out runs")
-            _confirmed(answer, confirm(case.held_out, decision, seed, pool))
+    kinds = held_out if isinstance(held_out, Mapping) else {"held out": held_out}
+    kinds = {name: _listed(some) for name, some in kinds.items()}
+    case = prepare(model, _listed(runs), [run for some in kinds.values() for run in some], effects)
+    if choice == _VALIDATED:
+        answer, base, best = _validated(case, seed, tell)
+    else:
+        answer, base, best = _decided(case, _DECIDERS[choice], seed, tell)
+    tell("letting whole runs go free")
+    _free_runs(case, {name: len(some) for name, some in kinds.items()}, answer, base, best)
     if case.scenario is not None:
         tell("checking the controller")
         _controlled(answer, [check_controller(case.scenario, case.robot, run) for run in case.runs])
@@ -98,13 +100,75 @@ def explain(
     return answer
 
 
+def _decided(case, decider, seed, tell) -> tuple[Explanation, Sizes, Sizes]:
+    """By the likelihood of what the model held on the measured motion could not predict; sizes without the effects and
+    with them."""
+    with ThreadPoolExecutor(_THREADS) as pool:
+        decision = decider(case.prediction, candidates(_triable(case), case.replay.body), seed, pool, tell)
+        tell("localising")
+        answer = described(case, decision)
+        if decision.named is not None and case.scenario is not None:
+            _add(case, decision, answer)
+        if decision.named is not None and case.held_out is not None:
+            tell("confirming on the held-out runs")
+            _confirmed(answer, confirm(case.held_out, decision, seed, pool))
+    point = {} if decision.named is None else decision.named.point
+    if case.scenario is not None:
+        return answer, Sizes({}, {}), Sizes(point, {})
+    base = fitted(case.replay, case.prediction.tracks, {})
+    return answer, base, fitted(case.replay, case.prediction.tracks, point) if point else base
+
+
+def _validated(case, seed, tell) -> tuple[Explanation, Sizes, Sizes]:
+    """By simulations of whole runs; sizes as `_decided`."""
+    choice = validated_choice(case.prediction, candidates(_triable(case), case.replay.body), tell)
+    answer = described_choice(case, choice)
+    if case.held_out is not None and choice.named:
+        gap = held_out_gap(case.replay, case.held_out.tracks, choice, seed)
+        if gap is not None:
+            answer.gap, answer.closed = {channel_of(case.replay): gap}, gap.closed
+    return answer, choice.base, choice.sizes
+
+
+def _free_runs(case: Case, kinds: Mapping[str, int], answer: Explanation, base: Sizes, best: Sizes) -> None:
+    """The errors of whole runs that nothing corrects; kinds: how many of the held-out runs are of each."""
+    parts, end = {"training": case.prediction}, 0
+    for name, count in kinds.items():
+        if count:
+            parts[name] = part_of(case.held_out, slice(end, end + count))
+        end += count
+    for name, part in parts.items():
+        if case.scenario is not None:
+            answer.free_run += dead_reckoning(name, part, merged(best.point))
+        else:
+            answer.free_run += simulation(name, case.replay, part.tracks, base, best)
+    if case.scenario is None:
+        answer.effects = with_free_run(answer.effects, case.replay, best)
+        answer.plant = [PlantParameter(name, value, best.plant[name]) for name, value in base.plant.items()]
+
+
+def _listed(runs):
+    if isinstance(runs, Recording | str | Path):
+        return [runs]
+    return list(runs.values() if isinstance(runs, Mapping) else runs)
+
+
+def _check_choice(choice, model):
+    known = [*_DECIDERS, _VALIDATED]
+    if choice not in known:
+        raise InputError(f"choice: there is no {shown(choice)}, {expected_one_of(choice, known)}")
+    if choice == _VALIDATED and not isinstance(model, OwnModel):
+        others = " or ".join(repr(name) for name in _DECIDERS)
+        raise InputError(f"choice: {_VALIDATED!r} is for a plant of your own (OwnModel), expected {others}")
+
+
 def prepare(model, runs, held_out=(), effects=None) -> Case:
     """Load, check and compile; arguments as `explain`.
 
     Raises:
         InputError: as `explain`.
     """
-    scenario = load_scenario(model) if isinstance(model, str) else model
+    scenario = model if isinstance(model, OwnModel) else as_scenario(model)
     if not runs:
         raise InputError("explain: there is no run, expected at least one")
     recordings = [(_name(run, i), run if isinstance(run, Recording) else load(run)) for i, run in enumerate(runs)]
@@ -115,7 +179,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
     if isinstance(model, OwnModel):
         tracks = [own_track(recording, model, name) for name, recording in recordings]
         proof = [own_track(recording, model, name) for name, recording in others]
-        replay = own_replay(model, tracks + proof, effects)
+        replay = own_replay(model, tracks, effects)
         return Case(None, model.name, given, replay, predict(replay, tracks), predict(replay, proof) if proof else None)
     robot = _robot(scenario, recordings + others)
     wheels = len(getattr(scenario, robot.name).plant.geometry.wheels)
@@ -168,99 +232,6 @@ def _robot(scenario, recordings) -> Robot:
                 f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
             )
     return own
-
-
-def _described(case: Case, decision: Decision) -> Explanation:
-    """The Explanation before anything is added and confirmed."""
-    start, named = decision.start, decision.named
-    found = decision.detection
-    detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.evidence)
-    left = _left(decision)
-    places = localize(case.prediction, start, left) if found.found else []
-    effects = [] if named is None else [_named(case, decision, candidate) for candidate in named.point]
-    unknown = None if decision.unknown is None else _unknown(decision, left)
-    verdict = "none"
-    if unknown is not None:
-        verdict = "unknown"
-    elif effects:
-        verdict = "set" if any(effect.equivalents for effect in effects) else "named"
-    untestable = _untestable(case, decision)
-    warnings = drift(decision) if named is not None else []
-    for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
-        warnings.append(f"channel {channel} was not used, because not every held-out run has it")
-    if decision.left_over is not None:
-        warnings.append(_besides(decision.left_over, decision.total_gain))
-    warnings += [
-        f"{name} of {effect.name} sits on its bound" for effect in effects
-        for name, p in effect.parameters.items() if p.on_bound
-    ]
-    return Explanation(
-        verdict, effects, detection, places, untestable, unknown=unknown, warnings=warnings,
-        next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
-    )
-
-
-def _besides(left: LeftOver, explained: float) -> str:
-    effect = left.candidate.effect
-    what = f"a {effect.link} that goes with {effect.driver}" if isinstance(effect, Generic) else left.candidate.name
-    share = 100.0 * left.gain / max(left.gain + explained, 1e-12)
-    return f"besides, perhaps {what} (p = {left.p_value:.2g}, {share:.0f} % of what is explained)"
-
-
-def _left(decision) -> Residuals:
-    """Residuals of the best explanation, with a name or without; as they are where there is none."""
-    start = decision.start
-    if decision.named is not None:
-        return start.likelihood.raw(decision.named.point)
-    if decision.unknown is None:
-        return start.residuals
-    return without(start.residuals, *start.screen.use_of(decision.unknown[0], start.w))
-
-
-def _named(case, decision, candidate: Candidate) -> NamedEffect:
-    named, card = decision.named, candidate.effect.card
-    likelihood = decision.end.likelihood
-    parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
-    inflation = decision.start.screen.inflation_of(candidate)
-    for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
-        form = 1.645 * _FORM_SHARE * abs(z - candidate.neutral[i])
-        low, high = candidate.bounds[i]
-        lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * inflation)
-        lower, upper = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
-        ends = sorted(value_of(parameter, min(max(end, low), high)) for end in (lower, upper))
-        known = case.replay.known.get(card.name, {}).get(parameter.name, parameter.neutral)
-        more = known - parameter.neutral if np.isfinite(known) else 0.0  # what was found comes on top of it
-        interval = (float(ends[0] + more), float(ends[1] + more))
-        at = float(value_of(parameter, z) + more)
-        parameters[parameter.name] = Estimate(at, interval, parameter.unit, on_bound(named, candidate, i))
-    rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
-    share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
-    return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
-
-
-def _unknown(decision, left) -> Unknown:
-    generic, gain = decision.unknown
-    nearest, explained = decision.nearest or (None, 0.0)
-    memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
-    symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
-    share = gain / max(gain + decision.total_gain, 1e-12)
-    return Unknown(
-        generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, left),
-        nearest.name if nearest else "none", float(np.sqrt(max(gain - explained, 0.0))),
-    )
-
-
-def _untestable(case, decision) -> list[Untestable]:
-    """Effects whose signature these runs would not show even at the largest size that a search begins with."""
-    screen, longest = decision.start.screen, {}
-    for signature, length in zip(screen.signatures, screen.length, strict=True):
-        if not isinstance(signature.candidate.effect, Generic):
-            name = signature.candidate.name
-            longest[name] = max(longest.get(name, 0.0), float(np.sqrt(max(length, 0.0))))
-    return [
-        Untestable(name, needs(case.replay.effects[name])) for name in case.replay.effects
-        if longest.get(name, 0.0) < _VISIBLE
-    ]
 
 
 def _add(case: Case, decision: Decision, answer: Explanation) -> None:

@@ -1,6 +1,7 @@
 """Stage 6, confirm: how much of the gap the named effects close on runs that they were not fitted to."""
 
 import itertools
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -64,11 +65,11 @@ def confirm(
         if after > _WORSE * before and _is_clear(own[1] - own[0], draws):
             warnings.append(f"{label} got worse on the held-out runs: {before:.3g} -> {after:.3g} {unit}")
         if _is_clear(own[0] - own[2], draws):
-            gaps[label] = Gap(before, after, floor, _closed(own), _interval(own, draws), unit)
+            gaps[label] = Gap(before, after, floor, closed_share(own), bootstrap_interval(own, draws), unit)
     everything = [sums(likelihood.freed(likelihood.whitening(residuals))) for residuals in raw]
     closed, ci90 = None, None
     if everything[0].sum() - everything[2].sum() > _LEAST_GAP:
-        closed, ci90 = _closed(everything), _interval(everything, draws)
+        closed, ci90 = closed_share(everything), bootstrap_interval(everything, draws)
         if closed < 0.5:
             warnings.append(f"only {100 * closed:.0f} % of the gap is closed on the held-out runs")
     return Confirmation(gaps, closed, ci90, warnings)
@@ -125,12 +126,14 @@ def on_bound(named: Fit, candidate: Candidate, i: int) -> bool:
     return z != candidate.neutral[i] and (z <= low or z >= high)
 
 
-def _closed(sums):
+def closed_share(sums: Sequence[np.ndarray]) -> float:
+    """Share of the gap that is closed; sums: (blocks,) of squared errors, before, after and at the floor."""
     before, after, floor = (float(part.sum()) for part in sums)
     return 1.0 - (after - floor) / max(before - floor, 1e-300)
 
 
-def _interval(sums, draws):
+def bootstrap_interval(sums: Sequence[np.ndarray], draws: np.ndarray) -> tuple[float, float]:
+    """90 % interval of `closed_share`; draws: (replicates, blocks) numbers of blocks."""
     totals = [part[draws].sum(axis=1) for part in sums]
     gap = totals[0] - totals[2]
     known = gap > 0.05 * np.mean(gap)  # a draw without the blocks that show the gap says nothing

@@ -12,12 +12,14 @@ from drake_ispace.scenario import Scenario
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter of a named effect: value, 90 % interval, unit; whether it sits on its bound."""
+    """A parameter of a named effect: value, 90 % interval, unit; whether it sits on its bound; free_run: the value with
+    which free-run simulations come nearest to the runs, None where there is none (FreeRun)."""
 
     estimate: float
     ci90: tuple[float, float]
     unit: str
     on_bound: bool = False
+    free_run: float | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,43 @@ class Gap:
 
 
 @dataclass(frozen=True)
+class FreeRun:
+    """Root mean square error over whole runs in which nothing corrects the model, with the model as given and with the
+    effects.
+
+    Attributes:
+        runs: "training", or the name of held-out ones. channel: "dead-reckoned position" (encoders from the start of
+            each run, against the camera), or of a user's own plant "simulated wheel angle" or "simulated wheel speed",
+            on the recorded torque. Its own sizes are those of Estimate.free_run.
+    """
+
+    runs: str
+    channel: str
+    unit: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Validated:
+    """A set of effects that was tried: root mean square error of free-run simulations of each half of the runs, with
+    the sizes that fit the other half best."""
+
+    effects: list[str]
+    error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class PlantParameter:
+    """A free parameter of a user's own plant: what it is without effects, and beside the named ones."""
+
+    name: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
 class Unknown:
     """A disagreement that no effect of the library stands for.
 
@@ -106,7 +145,10 @@ class Explanation:
     Attributes:
         verdict: "named", "set", "none" or "unknown". warnings: what a reader must know first.
         model: the scenario with the named effects in it, None where there is none; difference: as plain data.
-        gap: channel -> Gap on the held-out runs. seconds: it took.
+        detection: None where effects were chosen by validation.
+        gap: channel -> Gap on the held-out runs. free_run: a row for the training runs and each kind of held-out ones.
+        validated: every set of effects, where they were chosen by validation. plant: of the user's own, fitted.
+        seconds: it took.
         controller: how much of the recorded torque the model's controller leaves, median of the runs; None: not known.
         closed_loop: "run", "before_m", "after_m": rms distance from where the camera saw the robot to where the model
             goes along the same reference, its own controller in the loop; only a written report has it.
@@ -114,11 +156,14 @@ class Explanation:
 
     verdict: str
     effects: list[NamedEffect]
-    detection: DetectionResult
+    detection: DetectionResult | None
     localization: list[Place]
     untestable: list[Untestable]
     gap: dict[str, Gap] = field(default_factory=dict)
     closed: float | None = None
+    free_run: list[FreeRun] = field(default_factory=list)
+    validated: list[Validated] = field(default_factory=list)
+    plant: list[PlantParameter] = field(default_factory=list)
     unknown: Unknown | None = None
     warnings: list[str] = field(default_factory=list)
     next_experiment: str = ""
@@ -136,11 +181,12 @@ class Explanation:
         data = {
             "verdict": self.verdict,
             "effects": [dataclasses.asdict(effect) for effect in self.effects],
-            "detection": dataclasses.asdict(self.detection),
+            "detection": None if self.detection is None else dataclasses.asdict(self.detection),
             "localization": [dataclasses.asdict(place) for place in self.localization],
             "untestable": [dataclasses.asdict(entry) for entry in self.untestable],
             "unknown": None if self.unknown is None else dataclasses.asdict(self.unknown),
             "gap": {"held_out": {name: dataclasses.asdict(g) for name, g in self.gap.items()}, "closed": self.closed},
+            **{name: [dataclasses.asdict(row) for row in getattr(self, name)] for name in _TABLES},
             "controller": None if self.controller is None else dataclasses.asdict(self.controller),
             "closed_loop": self.closed_loop,
             "warnings": self.warnings, "next_experiment": self.next_experiment, "difference": self.difference,
@@ -158,14 +204,15 @@ class Explanation:
             beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
-        lines = [f"{_VERDICTS[self.verdict]} (p = {self.detection.p_value:.2g})"]
+        lines = [_VERDICTS[self.verdict] + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
         lines += [f"! {warning}" for warning in self.warnings]
         for effect in self.effects:
             others = f", or {', '.join(effect.equivalents)}" if effect.equivalents else ""
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():
                 low, high = p.ci90
-                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}")
+                free = "" if p.free_run in (None, p.estimate) else f", simulates best at {p.free_run:.4g}"
+                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{free}")
         if self.unknown is not None:
             of = self.unknown
             lines.append(f"  a {of.link} that goes with {of.driver}; nearest: {of.nearest}")
@@ -174,6 +221,12 @@ class Explanation:
                 f"  held out, {name}: {gap.before:.4g} -> {gap.after:.4g} {gap.unit} (floor {gap.floor:.4g}), "
                 f"{100 * gap.closed:.0f} % closed"
             )
+        lines += [
+            f"  {row.runs}, {row.channel}: {row.before:.4g} -> {row.after:.4g} {row.unit}" for row in self.free_run
+        ]
+        lines += [f"  {row.name}: {row.before:.4g} -> {row.after:.4g}" for row in self.plant]
+        for row in self.validated:
+            lines.append(f"  validated, {' + '.join(row.effects) or 'no effect'}: {row.error:.4g} {row.unit}")
         if self.untestable:
             names = [entry.effect for entry in self.untestable]
             more = f" and {len(names) - 6} more" if len(names) > 6 else ""
@@ -183,6 +236,7 @@ class Explanation:
         return "\n".join(lines)
 
 
+_TABLES = ("free_run", "validated", "plant")
 _VERDICTS = {
     "named": "The model lacks", "set": "The model lacks one of a set that these runs cannot tell apart",
     "none": "Nothing is missing", "unknown": "Something is missing that no effect of the library stands for",

@@ -1,7 +1,7 @@
 """A user's own plant under `explain`: any Block of his that takes a torque per wheel and gives the wheels' angles.
 
     model = OwnModel(MyPlant(), torque="force", wheel_angle="position", wheel_rate="speed")
-    print(explain(model, runs, effects=[*library().values(), MyEffect()]))
+    print(di.explain(model, runs, effects=[*di.effects().values(), MyEffect()]))
 
 "Torque" and "wheel" are what the library calls them: a force on a carriage or a voltage of a motor does as well, in
 units of its own, as long as the recordings use the same. The wheels' effects that are nothing special to a robot
@@ -17,7 +17,7 @@ from pydrake.systems.primitives import FirstOrderTaylorApproximation
 from scipy.linalg import solve_continuous_are
 
 from drake_ispace.blocks.block import Block
-from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.effects.library import library
@@ -101,6 +101,12 @@ class OwnModel:
             those of the run. torque: input (n,). wheel_angle, wheel_rate: outputs (n,) [rad, rad/s].
         name: prefix of the blocks. effects: name -> values of those that the model has already.
         unknown_torque: root mean square of forces that nobody knows [N m], None: 5 % of the recorded ones.
+        logged: "angle", or "speed" where the runs' wheel angles are sums of a logged speed: what free-run simulations
+            are compared in. free: parameters of the plant that no data sheet gives; free-run simulations fit them
+            together with the effects, filters take them as the plant has them.
+
+    Raises:
+        InputError: logged is neither of both, or a free parameter is none of the plant's or zero.
     """
 
     plant: Block
@@ -110,6 +116,25 @@ class OwnModel:
     name: str = "own"
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     unknown_torque: float | None = None
+    logged: str = "angle"
+    free: Sequence[str] = ()
+
+    def __post_init__(self):
+        if self.logged not in ("angle", "speed"):
+            raise InputError(f"{self.name}: logged is {shown(self.logged)}, expected 'angle' or 'speed'")
+        values = self.parameters
+        for name in self.free:
+            if name not in values:
+                known = expected_one_of(name, values)
+                raise InputError(f"{self.name}: the plant has no parameter {shown(name)}, {known}")
+            if values[name] == 0.0:
+                raise InputError(f"{self.name}: the free parameter {name} is 0, expected the value to begin with")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Name -> value of the plant's own."""
+        spec = self.plant.spec
+        return dict(zip(spec.parameter_names, map(float, spec.parameter_values), strict=True))
 
     @property
     def wheels(self) -> int:
@@ -159,10 +184,13 @@ class OwnReplay(Replay):
 
     Attributes:
         place: (m, n) continuous state per wheel angle. angles: (n,) of the plant's own start [rad].
+        logged: as of the OwnModel. free: its free parameters and the plant's values of them.
     """
 
     place: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     angles: np.ndarray = field(default_factory=lambda: np.empty(0))
+    logged: str = "angle"
+    free: Mapping[str, float] = field(default_factory=dict)
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """((ticks, n) innovations of the angles, (0, 3) for the room that there is not); start: as Replay."""
@@ -244,7 +272,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
         body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
-        angles=angles,
+        angles=angles, logged=model.logged, free={name: model.parameters[name] for name in model.free},
     )
 
 
