@@ -46,7 +46,7 @@ def test_it_gains_the_square_of_its_whitened_signature():
     found = decided(noise() + 0.8 * SHAPES["tilt"])
     likelihood = found.end.likelihood
     signature = likelihood.whitening(streams(SHAPES["tilt"]))
-    length2 = signature @ likelihood.freed(signature)
+    length2 = signature @ likelihood.marginalised(signature)
     assert length2 == pytest.approx(RUNS * ROWS, rel=0.1)
     assert gains(found)["tilt"] == pytest.approx(sizes(found)["tilt"] ** 2 * length2, rel=1e-3)
     assert found.total_gain == gains(found)["tilt"]
@@ -88,7 +88,7 @@ def test_an_effect_is_not_named_for_its_opposite():
     opposite = noise() - 0.8 * SHAPES["tilt"]
     assert list(sizes(decided(opposite))) == ["tilt"]
     found = decided(opposite, low=0.0)
-    assert sizes(found) == {} and found.start.evidence[0] < 0.5
+    assert sizes(found) == {} and found.start.minus_log10_p[0] < 0.5
 
 
 def test_what_a_run_may_be_off_by_itself_is_no_effect():
@@ -115,7 +115,7 @@ def test_a_rival_says_how_far_behind_it_is():
     found = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": like})
     (of, (rival,)), = found.rivals.items()
     other = fit(found.end.likelihood, {rival.candidate: found.named.point[of]})
-    assert rival.behind == pytest.approx(other.misfit - found.named.misfit, abs=0.05)
+    assert rival.behind == pytest.approx(other.deviance - found.named.deviance, abs=0.05)
 
 
 @BOTH

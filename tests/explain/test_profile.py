@@ -1,4 +1,4 @@
-"""Ends of an interval, on misfits whose shape is known."""
+"""Ends of an interval, on deviances whose shape is known."""
 
 import numpy as np
 import pytest

@@ -8,7 +8,7 @@ from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
 from drake_ispace.explain.decide.detect import detect
-from drake_ispace.explain.decide.signatures import evidence_of_gain
+from drake_ispace.explain.decide.signatures import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
@@ -59,14 +59,14 @@ def test_the_threshold_is_where_the_p_value_is_the_false_alarm_rate():
 def test_evidence_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
     gains = np.array([0.0, 1.0, 40.0, 900.0])
     exact = -chi2.logsf(gains, parameters) / np.log(10.0)
-    assert evidence_of_gain(gains, parameters) == pytest.approx(exact)
-    nearer, farther = evidence_of_gain(np.array([999.999, 1000.001]), parameters)
+    assert minus_log10_p_of_gain(gains, parameters) == pytest.approx(exact)
+    nearer, farther = minus_log10_p_of_gain(np.array([999.999, 1000.001]), parameters)
     assert farther == pytest.approx(nearer, abs=2e-3)
-    assert 1070.0 < evidence_of_gain(5000.0, parameters) < 1088.0
+    assert 1070.0 < minus_log10_p_of_gain(5000.0, parameters) < 1088.0
 
 
 def test_an_explanation_without_effects_says_so_and_is_plain_data():
     answer = Explanation("none", [], DetectionResult(0.4, 3.1, 0.01, np.float64(1.2)), [], [])
     data = answer.to_data()
     assert data["verdict"] == "none" and data["gap"] == {"held_out": {}, "closed": None}
-    assert type(data["detection"]["evidence"]) is float and "Nothing is missing" in str(answer)
+    assert type(data["detection"]["minus_log10_p"]) is float and "Nothing is missing" in str(answer)

@@ -104,8 +104,8 @@ def said(found: Explanation, truth: dict[str, float], name: str) -> dict:
             if key in truth and p.unit != "wheel"
         },
         "p_value": found.detection.p_value,
-        "evidence": found.detection.evidence,
-        "detectability": detectability(found.detection.evidence),
+        "minus_log10_p": found.detection.minus_log10_p,
+        "detectability": detectability(found.detection.minus_log10_p),
         "closed": found.closed,
         "unknown": unknown,
         "untestable": [entry.effect for entry in found.untestable],
@@ -122,10 +122,10 @@ def _against(estimate, ci90, true):
     }
 
 
-def detectability(evidence: float) -> float:
-    """The normal deviate that has this evidence (-log10 of a two-sided p-value): an estimate of the root of the
+def detectability(minus_log10_p: float) -> float:
+    """The normal deviate that has this minus_log10_p (-log10 of a two-sided p-value): an estimate of the root of the
     non-centrality of the leading effect, as the runs show it."""
-    return float(np.clip(-ndtri_exp(-evidence * np.log(10.0) - np.log(2.0)), 0.0, 100.0))
+    return float(np.clip(-ndtri_exp(-minus_log10_p * np.log(10.0) - np.log(2.0)), 0.0, 100.0))
 
 
 def cases(

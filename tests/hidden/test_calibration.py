@@ -59,7 +59,7 @@ def test_whitened_residuals_are_white(surveyed):
 
 
 def test_evidence_on_noise_alone_is_that_of_some_independent_effects(surveyed):
-    """The tail of the largest evidence falls tenfold per unit, and fewer effects are independent than there are."""
+    """The tail of the largest minus_log10_p falls tenfold per unit, and fewer effects are independent than there are."""
     largest = trials(surveyed.screen, surveyed.noise, surveyed.instants, 0)
     tenth, half = np.quantile(largest, [0.9, 0.5])
     assert 0.5 < tenth - half < 1.5

@@ -45,7 +45,7 @@ def test_an_alarm_in_doubt_is_that_of_the_wheel_it_is_about():
     runs = [generate("omni", motion, {"weak_motor": {"wheel": 1, "loss": 0.1}}, 20.0, 40 + i)
             for i, motion in enumerate(MOTIONS)]
     found = explain("omni_multirate", runs)
-    assert 10.0 < found.detection.evidence < 25.0
+    assert 10.0 < found.detection.minus_log10_p < 25.0
     assert [e.name for e in found.effects] == ["weak_motor"] and found.effects[0].parameters["wheel"].estimate == 1
 
 

@@ -15,7 +15,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 
-_LEAST_GAP = 12.0  # of misfit, below which there is no gap to speak of
+_LEAST_GAP = 12.0  # of deviance, below which there is no gap to speak of
 _REPLICATES = 500
 _WORSE = 1.02  # times the error before, from which on a channel got worse
 _CLEAR = 0.01  # share of the draws of a bootstrap that may say the contrary
@@ -27,7 +27,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Confirmation:
-    """gaps: channel -> Gap where there is one; closed: share of the misfit's gap that is closed over all channels (None
+    """gaps: channel -> Gap where there is one; closed: share of the deviance's gap that is closed over all channels (None
     where there is no gap); warnings: in sentences."""
 
     gaps: dict[str, Gap]
@@ -66,7 +66,7 @@ def confirm(
             warnings.append(f"{label} got worse on the held-out runs: {before:.3g} -> {after:.3g} {unit}")
         if _is_clear(own[0] - own[2], draws):
             gaps[label] = Gap(before, after, floor, closed_share(own), bootstrap_interval(own, draws), unit)
-    everything = [sums(likelihood.freed(likelihood.whitening(residuals))) for residuals in raw]
+    everything = [sums(likelihood.marginalised(likelihood.whitening(residuals))) for residuals in raw]
     closed, ci90 = None, None
     if everything[0].sum() - everything[2].sum() > _LEAST_GAP:
         closed, ci90 = closed_share(everything), bootstrap_interval(everything, draws)

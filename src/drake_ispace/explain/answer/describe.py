@@ -36,7 +36,7 @@ def described(case, decision: Decision) -> Explanation:
     """The Explanation of a Case before anything is added and confirmed."""
     start, named = decision.start, decision.named
     found = decision.detection
-    detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.evidence)
+    detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.minus_log10_p)
     left = _left(decision)
     places = localize(case.prediction, start, left) if found.found else []
     effects = [] if named is None else [_named(case, decision, candidate) for candidate in named.point]
@@ -113,10 +113,10 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
     named, card = decision.named, candidate.effect.card
     likelihood = decision.end.likelihood
     parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
-    inflation = decision.start.screen.inflation_of(candidate)
+    overdispersion = decision.start.screen.overdispersion_of(candidate)
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
         form = 1.645 * _FORM_SHARE * abs(z - candidate.neutral[i])
-        lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * inflation)
+        lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * overdispersion)
         ends = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
         parameters[parameter.name] = _estimate(case.replay, named, candidate, i, ends)
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))

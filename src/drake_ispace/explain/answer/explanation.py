@@ -47,12 +47,12 @@ class DetectionResult:
     p_value: float
     threshold: float
     false_alarm_rate: float
-    evidence: float
+    minus_log10_p: float
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where the disagreement shows: share of the explained misfit that a channel carries, and what it goes with."""
+    """Where the disagreement shows: share of the explained deviance that a channel carries, and what it goes with."""
 
     channel: str
     share: float
@@ -115,8 +115,8 @@ class Unknown:
     """A disagreement that no effect of the library stands for.
 
     Attributes:
-        link: "force" or "motion". driver: with what it goes. share: of the misfit that effects and it explain together.
-        symmetry, memory, onset: in words. nearest: library effect; distance: misfit that it leaves of it, in standard
+        link: "force" or "motion". driver: with what it goes. share: of the deviance that effects and it explain together.
+        symmetry, memory, onset: in words. nearest: library effect; distance: deviance that it leaves of it, in standard
             deviations.
     """
 

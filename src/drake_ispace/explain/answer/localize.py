@@ -38,7 +38,7 @@ def localize(prediction: Prediction, here: Survey, left: Residuals) -> list[Plac
 
 
 def _gained(here, left):
-    """(rows,) of misfit, by the explanation."""
+    """(rows,) of deviance, by the explanation."""
     return here.likelihood.parts(here.w) - here.likelihood.parts(here.likelihood.whitening(left))
 
 
@@ -124,11 +124,11 @@ def _driver(prediction, here, drivers: dict[str, list[dict[str, np.ndarray]]], l
         for name, x in driven.items():
             regressors.setdefault(name, []).append(x[ticks])
     y = np.concatenate(values)
-    merits = {}
+    penalised_gains = {}
     for name, parts in regressors.items():
         x = np.vstack(parts)
         x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
         rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        merits[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) - _PER_COLUMN * x.shape[1]
-    best = max(merits, key=merits.get)
-    return best if merits[best] > _LEAST_DRIVEN else "none of the variables tried"
+        penalised_gains[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) - _PER_COLUMN * x.shape[1]
+    best = max(penalised_gains, key=penalised_gains.get)
+    return best if penalised_gains[best] > _LEAST_DRIVEN else "none of the variables tried"

@@ -34,10 +34,10 @@ def decide_jointly(
     while len(here.point) < _MOST_EFFECTS:
         limit = trials(here.screen, here.noise, here.instants, seed)
         tries = leaders(here)
-        found = detect(max((t.evidence for t in tries), default=0.0), limit)
+        found = detect(max((t.minus_log10_p for t in tries), default=0.0), limit)
         first = first or found
-        leader = max(tries, key=lambda t: t.merit, default=None)
-        if leader is None or not found.found or leader.merit < 2.0 * MARGIN:
+        leader = max(tries, key=lambda t: t.penalised_gain, default=None)
+        if leader is None or not found.found or leader.penalised_gain < 2.0 * MARGIN:
             break
         here, best = _at(look, leader.fit.point)
         tell(f"found {', '.join(c.label for c in best.point)}")
@@ -58,9 +58,9 @@ def _thinned(look, decision, seed, tell):
     while True:
         here, named = decision.end, decision.named
         likelihood = here.likelihood
-        decision.total_gain = likelihood.misfit(likelihood.whitened({})) - named.misfit
+        decision.total_gain = likelihood.deviance(likelihood.whitened({})) - named.deviance
         rests = without_each(here, named)
-        costs = {c: rest.misfit - named.misfit for c, rest in rests.items()}
+        costs = {c: rest.deviance - named.deviance for c, rest in rests.items()}
         weakest = min(costs, key=costs.get)
         if len(costs) == 1 or costs[weakest] > max(2.0 * MARGIN, _LEAST_SHARE * decision.total_gain):
             break

@@ -16,7 +16,7 @@ _FAR = 500.0  # half a gain, beyond which the tail of chi square is taken by its
 _LEAST = 1.0  # squared length of a signature below which the runs say nothing about the effect at that size
 
 
-def evidence_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
+def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
     """-log10 of the chance that `parameters` numbers fitted to noise gain so much, also where that is below 10^-300."""
     half, k = np.maximum(np.asarray(gain) / 2.0, _FAR), parameters / 2.0
     tail = -half + (k - 1.0) * np.log(half) - gammaln(k) + np.log1p((k - 1.0) / half)
@@ -70,10 +70,10 @@ class Screen:
     def __init__(self, likelihood: Likelihood, found: Sequence[Signature], changes: np.ndarray):
         self.signatures = list(found)
         self.changes = changes
-        self.freed = likelihood.freed(changes)
-        self.inner = changes @ self.freed.T
+        self.marginalised = likelihood.marginalised(changes)
+        self.inner = changes @ self.marginalised.T
         self.length = np.diag(self.inner).copy()
-        self.inflation = np.ones(len(found))
+        self.overdispersion = np.ones(len(found))
         self.one_sided = np.array([s.one_sided for s in found])
         self.candidates = list(dict.fromkeys(s.candidate for s in found))
         self._of = {c: [i for i, s in enumerate(found) if s.candidate is c] for c in self.candidates}
@@ -85,34 +85,34 @@ class Screen:
         `blocks` ((rows,), ascending numbers), and these sums count as the independent ones.
         """
         starts = np.flatnonzero(np.diff(blocks, prepend=-1))
-        sums = np.add.reduceat(self.freed * noise, starts, axis=1)
-        self.inflation = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
+        sums = np.add.reduceat(self.marginalised * noise, starts, axis=1)
+        self.overdispersion = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
 
-    def inflation_of(self, candidate: Candidate) -> float:
+    def overdispersion_of(self, candidate: Candidate) -> float:
         """The largest over a candidate's signatures."""
-        return float(self.inflation[self._of[candidate]].max()) if candidate in self._of else 1.0
+        return float(self.overdispersion[self._of[candidate]].max()) if candidate in self._of else 1.0
 
     def gains(self, w: np.ndarray) -> np.ndarray:
-        """(k,) how much each signature alone lowers the misfit of `w` (rows,)."""
-        return self._gains(self.freed @ w)
+        """(k,) how much each signature alone lowers the deviance of `w` (rows,)."""
+        return self._gains(self.marginalised @ w)
 
     def _gains(self, g):
         shape = (-1,) + (1,) * (g.ndim - 1)
-        gain = g**2 / (np.maximum(self.length, _LEAST) * self.inflation).reshape(shape)
+        gain = g**2 / (np.maximum(self.length, _LEAST) * self.overdispersion).reshape(shape)
         impossible = (self.one_sided.reshape(shape) & (g < 0.0)) | (self.length < _LEAST).reshape(shape)
         return np.where(impossible, 0.0, gain)
 
-    def evidence(self, w: np.ndarray) -> np.ndarray:
+    def minus_log10_p(self, w: np.ndarray) -> np.ndarray:
         """(candidates,) -log10 of the p-value of the best use of each candidate, not corrected for trying many."""
-        return self.evidence_of(self.freed @ w)
+        return self.minus_log10_p_of(self.marginalised @ w)
 
-    def evidence_of(self, g: np.ndarray) -> np.ndarray:
+    def minus_log10_p_of(self, g: np.ndarray) -> np.ndarray:
         """The same from products of all signatures with residuals, (k,) or (k, trials)."""
         gains = self._gains(g)
         best = []
         for candidate in self.candidates:
             own = self._of[candidate]
-            single = evidence_of_gain(gains[own].max(axis=0), 1)
+            single = minus_log10_p_of_gain(gains[own].max(axis=0), 1)
             best.append(np.maximum(single, self._joint(own, g)) if len(candidate.parameters) > 1 else single)
         return np.array(best)
 
@@ -127,17 +127,17 @@ class Screen:
             return np.zeros(products.shape[1:])
         g = products[firsts]
         gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
-        gain = gain / self.inflation[firsts].max()
-        return evidence_of_gain(gain, len(firsts))
+        gain = gain / self.overdispersion[firsts].max()
+        return minus_log10_p_of_gain(gain, len(firsts))
 
     def joint_gain(self, candidate: Candidate, w: np.ndarray) -> float:
-        """How much all signatures of a candidate together lower the misfit of `w`."""
+        """How much all signatures of a candidate together lower the deviance of `w`."""
         own = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        return float(self.freed[own] @ w @ self._amounts(own, w))
+        return float(self.marginalised[own] @ w @ self._amounts(own, w))
 
     def _amounts(self, own, w):
         """(own,) how much of each of these signatures together explains most of `w`."""
-        return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.freed[own] @ w)
+        return np.linalg.pinv(self.inner[np.ix_(own, own)], rcond=1e-8) @ (self.marginalised[own] @ w)
 
     def use_of(self, effect, w: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
         """How much of each change by an effect's signatures together explains most of `w`, and these changes."""
@@ -150,7 +150,7 @@ class Screen:
         gains = self.gains(w)
         best = own[int(np.argmax(gains[own]))]
         found = self.signatures[best]
-        amount = float(self.freed[best] @ w / max(self.length[best], _LEAST))
+        amount = float(self.marginalised[best] @ w / max(self.length[best], _LEAST))
         neutral, z = candidate.neutral, list(found.z)
         for i, (low, high) in enumerate(candidate.bounds):
             share = min(max(amount, -3.0), 3.0)

@@ -56,7 +56,7 @@ class Survey:
 
     Attributes:
         point: effects in the model. view: raw. residuals: left by it; w: the same, whitened. likelihood: with the noise
-            of here. screen: tests of every candidate. evidence: of each of them in w. noise: (rows,) what none of them
+            of here. screen: tests of every candidate. minus_log10_p: of each of them in w. noise: (rows,) what none of them
             explains. instants: see Whitening.
     """
 
@@ -66,13 +66,13 @@ class Survey:
     w: np.ndarray
     likelihood: Likelihood
     screen: Screen
-    evidence: np.ndarray
+    minus_log10_p: np.ndarray
     noise: np.ndarray
     instants: np.ndarray
 
     def moved(self, found: Fit) -> "Survey":
         """At a fit near by, under the same noise and with the same signatures."""
-        return replace(self, point=found.point, w=found.w, evidence=self.screen.evidence(found.w))
+        return replace(self, point=found.point, w=found.w, minus_log10_p=self.screen.minus_log10_p(found.w))
 
 
 def survey(
@@ -101,7 +101,7 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     noise = _noise(likelihood, screen, w)
     screen.calibrate(noise, whitening.instants(residuals, BLOCK_ROWS))
     instants = whitening.instants(residuals)
-    return Survey(point, view, residuals, w, likelihood, screen, screen.evidence(w), noise, instants)
+    return Survey(point, view, residuals, w, likelihood, screen, screen.minus_log10_p(w), noise, instants)
 
 
 def settled(view: View, start: Point) -> tuple[Likelihood, Fit]:

@@ -55,7 +55,7 @@ class Likelihood:
     def whitened(self, point: Point) -> np.ndarray:
         return self.whitening(self.raw(point))
 
-    def freed(self, vectors: np.ndarray) -> np.ndarray:
+    def marginalised(self, vectors: np.ndarray) -> np.ndarray:
         """What neither the noise's memory nor offsets can explain of (rows,) or (k, rows): M (I - N (N'MN + 1)^-1 N' M)
         with M what memory leaves and N the offsets."""
         left = np.array(vectors, ndmin=2)
@@ -74,13 +74,13 @@ class Likelihood:
         for memory in self.memory:
             memory.take(vectors)
 
-    def misfit(self, w: np.ndarray) -> float:
+    def deviance(self, w: np.ndarray) -> float:
         """Sum of squares of whitened residuals with the best offsets, priors included."""
         return float(self.parts(w).sum())
 
     def parts(self, w: np.ndarray) -> np.ndarray:
-        """(rows,) what each row adds to the misfit."""
-        return w * self.freed(w)
+        """(rows,) what each row adds to the deviance."""
+        return w * self.marginalised(w)
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
         """(len(moved), rows) change of the whitened residuals per natural size of a coordinate."""
@@ -104,13 +104,13 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Fit:
-    """The best point found, its misfit, and the covariance of its coordinates in natural sizes.
+    """The best point found, its deviance, and the covariance of its coordinates in natural sizes.
 
     order: which coordinate each row of `covariance` is.
     """
 
     point: Point
-    misfit: float
+    deviance: float
     covariance: np.ndarray
     order: list[tuple[Candidate, int]]
     w: np.ndarray = field(repr=False)
@@ -125,7 +125,7 @@ def fit(
     likelihood: Likelihood, start: Point, iterations: int = 12, tolerance: float = 0.02,
     held: tuple[Candidate, int] | None = None,
 ) -> Fit:
-    """Levenberg and Marquardt from `start`, within bounds, until the misfit falls by less than `tolerance`; held: a
+    """Levenberg and Marquardt from `start`, within bounds, until the deviance falls by less than `tolerance`; held: a
     coordinate that stays."""
     point = {candidate: list(z) for candidate, z in start.items()}
     order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
@@ -135,13 +135,13 @@ def fit(
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
-    misfit, damping = likelihood.misfit(w), 1e-3
+    deviance, damping = likelihood.deviance(w), 1e-3
     if not order:
-        return Fit(point, misfit, np.empty((0, 0)), order, w)
+        return Fit(point, deviance, np.empty((0, 0)), order, w)
     for _ in range(iterations):
         slopes = likelihood.slopes(point, order, w)
-        freed = likelihood.freed(slopes)
-        normal, gradient = slopes @ freed.T, freed @ w
+        marginalised = likelihood.marginalised(slopes)
+        normal, gradient = slopes @ marginalised.T, marginalised @ w
         free = _free(point, order, gradient)
         gained = 0.0
         for _ in range(6):
@@ -150,16 +150,16 @@ def fit(
             step[free] = -np.linalg.lstsq(damped[np.ix_(free, free)], gradient[free], rcond=None)[0]
             moved = _moved(likelihood, point, order, step)
             w_new = likelihood.whitened(moved)
-            new = likelihood.misfit(w_new) if np.isfinite(w_new).all() else np.inf
-            if new < misfit:
-                gained, point, w, misfit, damping = misfit - new, moved, w_new, new, max(damping / 5.0, 1e-7)
+            new = likelihood.deviance(w_new) if np.isfinite(w_new).all() else np.inf
+            if new < deviance:
+                gained, point, w, deviance, damping = deviance - new, moved, w_new, new, max(damping / 5.0, 1e-7)
                 break
             damping *= 8.0
         if gained < tolerance:
             break
     slopes = likelihood.slopes(point, order, w)
-    normal = slopes @ likelihood.freed(slopes).T
-    return Fit(point, misfit, np.linalg.pinv(normal, rcond=1e-10), order, w)
+    normal = slopes @ likelihood.marginalised(slopes).T
+    return Fit(point, deviance, np.linalg.pinv(normal, rcond=1e-10), order, w)
 
 
 def _free(point, order, gradient):

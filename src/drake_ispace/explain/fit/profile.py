@@ -9,14 +9,14 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, fit
 
 _DOUBLINGS = 5
-_FAR = 1e9  # of misfit, where the model runs away
+_FAR = 1e9  # of deviance, where the model runs away
 _FINE = 0.03  # of the distance, to which an end is found
 
 
 def profile_interval(
     likelihood: Likelihood, best: Fit, candidate: Candidate, i: int, rise: float
 ) -> tuple[float, float]:
-    """The coordinates below and above the best at which the misfit has risen by `rise`; a bound where it never does."""
+    """The coordinates below and above the best at which the deviance has risen by `rise`; a bound where it never does."""
     z = best.point[candidate][i]
     guess = max(best.std(candidate, i, likelihood.sizes), 1e-12 * max(abs(z), 1.0)) * np.sqrt(rise)
     excess = _excess(likelihood, best, candidate, i, rise)
@@ -26,7 +26,7 @@ def profile_interval(
 
 
 def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
-    """Coordinate -> misfit there, the others fitted to it, beyond the best one and `rise`."""
+    """Coordinate -> deviance there, the others fitted to it, beyond the best one and `rise`."""
     at = best.order.index((candidate, i))
     along = best.covariance[:, at] / max(best.covariance[at, at], 1e-300)
 
@@ -37,7 +37,7 @@ def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
             low, high = c.bounds[j]
             point[c][j] = float(np.clip(point[c][j] + slope * step * likelihood.sizes[c][j], low, high))
         point[candidate][i] = value
-        return fit(likelihood, point, iterations=3, held=(candidate, i)).misfit - best.misfit - rise
+        return fit(likelihood, point, iterations=3, held=(candidate, i)).deviance - best.deviance - rise
 
     return excess
 

@@ -23,7 +23,7 @@ def tuned(replay, tracks, starts):
         return replay
     for which, tried in ((1, _HEADING), (0, _PLACE)):
         found = [with_gain(replay, which, value) for value in tried]
-        replay = min(found, key=lambda r: _misfit(r, tracks, starts))
+        replay = min(found, key=lambda r: _deviance(r, tracks, starts))
     return replay
 
 
@@ -34,7 +34,7 @@ def with_gain(replay, which: int, value: float):
     return dataclasses.replace(replay, rollout=dataclasses.replace(replay.rollout, parameters=numbers))
 
 
-def _misfit(replay, tracks, starts):
+def _deviance(replay, tracks, starts):
     """Minus twice the log likelihood per row of Gaussian innovations, but for a constant.
 
     What goes with the motion itself (a share of the way, of the turning, a drift) is not noise and is taken away first,
