@@ -199,7 +199,7 @@ def prepare(model, runs, held_out=(), effects=None) -> Case:
 
 
 def _triable(case: Case) -> dict[str, Effect]:
-    """Effects that the predictions depend on: base torque, only those of geometry, encoders and camera."""
+    """Effects that the predictions depend on: without torque, only those of geometry, encoders and camera."""
     kinematic = not case.prediction.channels["motion"] and case.robot in ("omni", "pendulum")
     return {
         name: effect for name, effect in case.replay.effects.items() if (effect.kinematic or not kinematic)
