@@ -3,19 +3,13 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tried import OMNI, candidate
 
 from drake_ispace.discrepancy.candidates import Candidate, candidates, coordinate, probes, value_of
 from drake_ispace.discrepancy.detect import detect
 from drake_ispace.discrepancy.explanation import DetectionResult, Explanation
 from drake_ispace.discrepancy.hypothesize import evidence_of_gain
 from drake_ispace.effects.library import library
-from drake_ispace.scenario import body_of, load_scenario
-
-OMNI = body_of(load_scenario("omni_multirate"), "omni")
-
-
-def candidate(name):
-    return next(c for c in candidates({name: library()[name]}, OMNI))
 
 
 def test_a_limit_is_fitted_as_its_reciprocal():
