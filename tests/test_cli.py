@@ -201,7 +201,7 @@ def test_draw_to_depth_zero_closes_the_box(said):
 
 def test_help_imports_nothing_heavy(python):
     program = (
-        "import sys\nfrom drake_ispace.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
+        "import sys\nfrom drake_ispace.cli.app import main\ntry: main(['--help'])\nexcept SystemExit: pass\n"
         "heavy = ['pydrake', 'numba', 'numpy', 'scipy', 'control', 'cv2', 'matplotlib', 'pyarrow', 'joblib']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
@@ -218,7 +218,7 @@ EVERYDAY = [
 
 def test_everyday_commands_import_nothing_they_do_not_need(python):
     program = (
-        f"import sys\nfrom drake_ispace.cli import main\nfor words in {EVERYDAY}:\n"
+        f"import sys\nfrom drake_ispace.cli.app import main\nfor words in {EVERYDAY}:\n"
         "    try: main(words)\n    except SystemExit as stopped: assert not stopped.code\n"
         "heavy = ['pyarrow', 'jinja2', 'plotly', 'statsmodels', 'ruptures', 'joblib', 'pandas', 'cv2']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
@@ -266,7 +266,8 @@ def test_ctrl_c_says_so_once_and_leaves_nothing(launched, here, arguments):
 
 
 def test_an_ignored_ctrl_c_stays_ignored(python):
-    program = "import signal, sys\nfrom drake_ispace.cli import main\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    program = "import signal, sys\nfrom drake_ispace.cli.app import main\n"
+    program += "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     program += "try: main(['list'])\nfinally: assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN"
     python("-c", program)
 
