@@ -5,11 +5,15 @@ An effect either puts one new block into a wire (`BlockEffect`), or is a wrong n
 """
 
 import abc
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from drake_ispace.blocks.block import Block, Spec
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.messages import FIX
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.robots.robot import Robot
 
@@ -43,13 +47,21 @@ def body_of(scenario, robot: Robot) -> Body:
     return Body(robot, plant, len(plant.geometry.wheels), scenario.seed)
 
 
-class Effect(abc.ABC):
-    """An effect: `card`, `needs` (what a robot must offer to have it), and what the subclass adds.
+def ports(body: Body) -> dict[str, int]:
+    """Sizes of the ports that an effect's block may have: the wires, and other outputs of a plant."""
+    own = {"velocity": 3, "ground_force": 3, "body_motion": 6, "pose": 3, "fix": FIX, "balance": 4}
+    return {"torque": body.wheels, "wheel_angle": body.wheels, "wheel_rate": body.wheels} | own
+
+
+class Effect:
+    """An effect: `card`, `parameters`, `needs` (what a robot must offer to have it), and what the subclass adds.
 
     `choices` names whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
     """
 
     card: Card
+    #: Its continuous parameters; where they depend on the robot, `parameters_of` has them instead.
+    parameters: tuple[Parameter, ...] = ()
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
@@ -60,9 +72,14 @@ class Effect(abc.ABC):
     #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.
     general = False
 
-    @abc.abstractmethod
-    def parameters(self, body: Body) -> tuple[Parameter, ...]:
+    @property
+    def name(self) -> str:
+        """The name on its card."""
+        return self.card.name
+
+    def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
         """Its continuous parameters for this body."""
+        return self.parameters
 
     def applies_to(self, body: Body) -> bool:
         """Whether the robot offers all that it needs."""
@@ -70,27 +87,55 @@ class Effect(abc.ABC):
 
     def neutral(self, body: Body) -> dict[str, float]:
         """Every parameter and choice at the value that changes nothing."""
-        return {p.name: p.neutral for p in self.parameters(body)} | {name: 1 for name in self.choices}
+        return {p.name: p.neutral for p in self.parameters_of(body)} | {name: 1 for name in self.choices}
 
 
 class BlockEffect(Effect):
-    """An effect that is one block in the wire `wire`.
+    """An effect that is one block in the wire `wire`; wires.py has a subclass for each.
 
-    The block has an input and an output of the wire's name. Its other inputs are ports of the same name of the robot's
-    plant (`wheel_rate`, `velocity`, `balance`, `pose`).
+    The block has an input and an output of the wire's name. What else its kernels read of `ports` becomes an input that
+    is wired to the output of this name of the robot's plant (`wheel_rate`, `velocity`, `balance`, `pose`).
+
+    Attributes:
+        output: the kernel that writes the wire's signal with the effect in it. update: the kernel that writes the
+            block's memory x_d, in the sensing phase of every tick; None: the block has no memory.
     """
 
     wire: str
+    output: Callable
+    update: Callable | None = None
 
     def applies_to(self, body: Body) -> bool:
         return self.wire in body.robot.offers and super().applies_to(body)
 
-    @abc.abstractmethod
+    def output_of(self, body: Body) -> Callable:
+        """The kernel `output` for this body."""
+        return type(self).output  # through the instance it would be a method
+
+    def block_parameters(self, body: Body, values: Mapping[str, float]) -> Mapping[str, Any]:
+        """Parameters of the kernels, numbers of the same size for all `values`; as a rule the values themselves."""
+        return {p.name: values[p.name] for p in self.parameters_of(body)}
+
+    def memory_size(self, body: Body) -> int:
+        """How many numbers x_d holds, which begin at 0; as a rule as many as the wire."""
+        return ports(body)[self.wire]
+
     def spec(self, body: Body, values: Mapping[str, float]) -> Spec:
         """Ports, kernels and parameters of the block at these values."""
+        output, update, sizes = self.output_of(body), type(self).update, ports(body)
+        names = [self.wire, *arguments(output), *(arguments(update) if update else ())]
+        spec = Spec(
+            inputs={name: sizes[name] for name in names if name in sizes},
+            outputs={self.wire: Output(sizes[self.wire], output)}, parameters=self.block_parameters(body, values),
+        )
+        if update is None:
+            return spec
+        return replace(
+            spec, discrete_state=np.zeros(self.memory_size(body)), updates=(Update(update, Phase.SENSE),),
+        )
 
 
-class PlantEffect(Effect):
+class PlantEffect(Effect, abc.ABC):
     """An effect that is another number in the plant, unknown to controller and odometry."""
 
     @abc.abstractmethod
