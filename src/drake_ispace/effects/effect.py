@@ -26,7 +26,7 @@ class Body:
     """What an effect may know of the robot that has it.
 
     Attributes:
-        robot: that has it. plant: the dataclass of its plant's parameters. wheels: how many.
+        robot: the one that has the effect. plant: the dataclass of its plant's parameters. wheels: their number.
         seed: of what is random in its effects.
     """
 
@@ -37,7 +37,7 @@ class Body:
 
     @property
     def name(self) -> str:
-        """In front of the names of its blocks."""
+        """Name of the robot, with which the names of its blocks begin."""
         return self.robot.name
 
 
@@ -48,23 +48,22 @@ def body_of(scenario, robot: Robot) -> Body:
 
 
 def ports(body: Body) -> dict[str, int]:
-    """Sizes of the ports that an effect's block may have: the wires, and other outputs of a plant."""
+    """The ports that the block of an effect may have, wires and other outputs of a plant, and the size of each."""
     own = {"velocity": 3, "ground_force": 3, "body_motion": 6, "pose": 3, "fix": FIX, "balance": 4}
     return {"torque": body.wheels, "wheel_angle": body.wheels, "wheel_rate": body.wheels} | own
 
 
 class Effect:
-    """An effect: `card`, `parameters`, `needs` (what a robot must offer to have it), and what the subclass adds.
+    """A named physical cause, said by class attributes and by what the subclass adds."""
 
-    `choices` names whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
-    """
-
+    #: What is known of it before any data.
     card: Card
-    #: Its continuous parameters; where they depend on the robot, `parameters_of` has them instead.
+    #: Its continuous parameters. Where they depend on the robot, the method `parameters_of` takes the place of this.
     parameters: tuple[Parameter, ...] = ()
+    #: Names of whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
+    choices: tuple[str, ...] = ()
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()
-    choices: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.
     kinematic = False
     #: Whether the replay of a run has it. What happens at random is counted instead.
@@ -78,7 +77,7 @@ class Effect:
         return self.card.name
 
     def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
-        """Its continuous parameters for this body."""
+        """The continuous parameters for this body."""
         return self.parameters
 
     def applies_to(self, body: Body) -> bool:
@@ -91,14 +90,14 @@ class Effect:
 
 
 class BlockEffect(Effect):
-    """An effect that is one block in the wire `wire`; wires.py has a subclass for each.
+    """An effect that is one block in the wire `wire`; wires.py has a subclass for every wire.
 
-    The block has an input and an output of the wire's name. What else its kernels read of `ports` becomes an input that
-    is wired to the output of this name of the robot's plant (`wheel_rate`, `velocity`, `balance`, `pose`).
+    The block has an input and an output of the wire's name. An argument of a kernel that has the name of another of the
+    `ports` is an input as well, which comes from the robot's plant (`wheel_rate`, `velocity`, `balance`, `pose`).
 
     Attributes:
-        output: the kernel that writes the wire's signal with the effect in it. update: the kernel that writes the
-            block's memory x_d, in the sensing phase of every tick; None: the block has no memory.
+        output: the kernel that writes the wire's signal with the effect in it.
+        update: the kernel that writes the block's memory x_d in the sensing phase of every tick; None: no memory.
     """
 
     wire: str
@@ -113,11 +112,11 @@ class BlockEffect(Effect):
         return type(self).output  # through the instance it would be a method
 
     def block_parameters(self, body: Body, values: Mapping[str, float]) -> Mapping[str, Any]:
-        """Parameters of the kernels, numbers of the same size for all `values`; as a rule the values themselves."""
+        """Parameters of the kernels: the values themselves, unless a subclass computes others of one size for all."""
         return {p.name: values[p.name] for p in self.parameters_of(body)}
 
     def memory_size(self, body: Body) -> int:
-        """How many numbers x_d holds, which begin at 0; as a rule as many as the wire."""
+        """How many numbers x_d holds, all 0 at the start: as many as the wire, unless a subclass needs another."""
         return ports(body)[self.wire]
 
     def spec(self, body: Body, values: Mapping[str, float]) -> Spec:
@@ -130,9 +129,7 @@ class BlockEffect(Effect):
         )
         if update is None:
             return spec
-        return replace(
-            spec, discrete_state=np.zeros(self.memory_size(body)), updates=(Update(update, Phase.SENSE),),
-        )
+        return replace(spec, discrete_state=np.zeros(self.memory_size(body)), updates=(Update(update, Phase.SENSE),))
 
 
 class PlantEffect(Effect, abc.ABC):
@@ -147,7 +144,7 @@ class EffectBlock(Block):
     """The block of a BlockEffect; see its card for ports and equation.
 
     Args:
-        effect, body, values: whose, of which robot, how large.
+        effect: the one that the block stands for. body: the robot that has it. values: all its parameters.
     """
 
     def __init__(self, effect: BlockEffect, body: Body, values: Mapping[str, float]):

@@ -47,7 +47,7 @@ def keep(xd, held, out):
 
 
 class Delay(BlockEffect):
-    """A delay by the parameter `delay_s`: `output` calls `shift`, `update` calls `keep`."""
+    """A delay of the held command by its one parameter, `delay_s`: `output` calls `shift`, `update` calls `keep`."""
 
     def memory_size(self, body):
         (delay,) = self.parameters
