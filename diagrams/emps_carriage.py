@@ -11,7 +11,8 @@ import numpy as np
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect, Effect
+from drake_ispace.effects.effect import Effect
+from drake_ispace.effects.wires import TorqueEffect
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.free_run import fitted, simulation
 from drake_ispace.explain.explain import prepare
@@ -56,25 +57,16 @@ def shifted(torque, offset_n_m, out):
         out[i] = torque[i] + offset_n_m
 
 
-class ForceOffset(BlockEffect):
+class ForceOffset(TorqueEffect):
     """tau + offset: a drive that pushes a little when told to rest."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="force_offset", title="Force offset", home="actuator", equation="tau' = tau + offset",
         source="offset of the amplifier, a rail that is not level", signature="a constant unmodelled torque",
         look_alikes=("coulomb_friction",), excitation="motion both ways: friction turns its sign, an offset does not",
     )
-
-    def parameters(self, body):
-        return (Parameter("offset_n_m", "N*m", 0.0, -np.inf, np.inf, (0.03, 0.1), "torque"),)
-
-    def spec(self, body, values):
-        return Spec(
-            inputs={"torque": body.wheels}, outputs={"torque": Output(body.wheels, shifted)},
-            parameters={"offset_n_m": values["offset_n_m"]},
-        )
+    parameters = (Parameter("offset_n_m", "N*m", 0.0, -np.inf, np.inf, (0.03, 0.1), "torque"),)
+    output = shifted
 
 
 def carriage() -> OwnModel:

@@ -1,9 +1,8 @@
 """An effect of one's own, in one file outside of the package: a motor whose torque fades with speed."""
 
-from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.wires import TorqueEffect
 
 
 @kernel
@@ -12,11 +11,9 @@ def softened(torque, wheel_rate, loss_s_rad, out):
         out[i] = torque[i] * (1.0 - loss_s_rad * abs(wheel_rate[i]))
 
 
-class TorqueFade(BlockEffect):
+class TorqueFade(TorqueEffect):
     """tau (1 - loss |w|): the faster the wheel, the less is left of the torque."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="torque_fade", title="Torque fade", home="actuator", equation="tau' = tau (1 - loss |w|)",
         source="back electromotive force of a motor that is driven by voltage",
@@ -24,15 +21,8 @@ class TorqueFade(BlockEffect):
         look_alikes=("viscous_friction", "torque_gain_error"),
         excitation="braking at speed: friction helps there, a fading torque does not",
     )
-
-    def parameters(self, body):
-        return (Parameter("loss_s_rad", "s/rad", 0.0, 0.0, 0.1, (0.001, 0.01)),)
-
-    def spec(self, body, values):
-        return Spec(
-            inputs={"torque": body.wheels, "wheel_rate": body.wheels},
-            outputs={"torque": Output(body.wheels, softened)}, parameters={"loss_s_rad": values["loss_s_rad"]},
-        )
+    parameters = (Parameter("loss_s_rad", "s/rad", 0.0, 0.0, 0.1, (0.001, 0.01)),)
+    output = softened
 
 
 EFFECTS = [TorqueFade()]

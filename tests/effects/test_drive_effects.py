@@ -4,22 +4,24 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.places import actuator, transmission
+from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
-from drake_ispace.scenario import load_scenario
+from drake_ispace.scenario import Scenario, load_scenario
 
+BY_NAME = {effect.name: effect for effect in (*actuator.EFFECTS, *transmission.EFFECTS)}
 #: One scenario has them all, so that it is compiled once.
-LISTED = [f"omni.effects.{effect.card.name}={{}}" for effect in (*actuator.EFFECTS, *transmission.EFFECTS)]
-STRONG = {
-    "command_delay": "{delay_s: 0.012}", "torque_saturation": "{limit_n_m: 0.02}",
-    "torque_slew_limit": "{rate_n_m_s: 1.5}", "actuator_dead_zone": "{width_n_m: 0.002}",
-    "torque_gain_error": "{share: -0.1}", "weak_motor": "{wheel: 2, loss: 0.3}",
-    "battery_sag_time": "{rate_per_s: 0.03}", "battery_sag_load": "{share_per_n_m: 1.0}",
-    "motor_lag": "{time_constant_s: 0.02}",
-    "viscous_friction": "{coefficient_n_m_s: 0.0005}", "coulomb_friction": "{torque_n_m: 0.003}",
-    "stribeck_friction": "{bump_n_m: 0.002, speed_rad_s: 2.0}", "load_dependent_friction": "{share: 0.1}",
-    "transmission_backlash": "{gap_rad: 0.05}",
-}
+LISTED = [f"omni.effects.{name}={{}}" for name in BY_NAME]
+OMNI = body_of(Scenario(), robots()["omni"])
+#: About the root mean squares of this run [N m, rad/s], of which the probes of a card are multiples.
+SCALES = {"": 1.0, "torque": 0.02, "speed": 5.0}
+
+
+def at_probes(effect):
+    """A setting with the effect as large as the last probes on its card, on the second wheel if it has one."""
+    values = {p.name: p.probes[-1] * SCALES[p.scale] for p in effect.parameters_of(OMNI)}
+    return f"omni.effects.{effect.name}={values | dict.fromkeys(effect.choices, 2)}"
 
 
 def run(*overrides):
@@ -36,18 +38,14 @@ def test_neutral_values_change_no_bit(neutral):
         assert np.array_equal(rows, neutral[name]), name
 
 
-@pytest.mark.parametrize("name", STRONG)
+@pytest.mark.parametrize("name", BY_NAME)
 def test_other_values_change_the_run(name, neutral):
-    assert not np.array_equal(run(*LISTED, f"omni.effects.{name}={STRONG[name]}")["omni_pose"], neutral["omni_pose"])
-
-
-def test_every_effect_has_another_value():
-    assert [f"omni.effects.{name}={{}}" for name in STRONG] == LISTED
+    assert not np.array_equal(run(*LISTED, at_probes(BY_NAME[name]))["omni_pose"], neutral["omni_pose"])
 
 
 @pytest.mark.parametrize("place", [actuator, transmission], ids=["actuator", "transmission"])
 def test_parity_with_drake_with_all_of_them(place):
-    strong = [f"omni.effects.{effect.card.name}={STRONG[effect.card.name]}" for effect in place.EFFECTS]
+    strong = map(at_probes, place.EFFECTS)
     found = parity(load_scenario("omni_multirate", ["seconds=2", *LISTED, *strong]))
     assert found["ticks"] == 400 and found["max_abs_difference"] == 0.0
 

@@ -68,7 +68,7 @@ def test_an_effect_has_a_place_and_a_robot(name):
 
 @pytest.mark.parametrize("effect, body", EVERY)
 def test_parameters_and_probes_lie_within_bounds(effect, body):
-    parameters = effect.parameters(body)
+    parameters = effect.parameters_of(body)
     names = [p.name for p in parameters] + list(effect.choices)
     assert parameters and len(set(names)) == len(names)
     for p in parameters:
@@ -91,7 +91,7 @@ def numbers(effect, body, values):
 @pytest.mark.parametrize("effect, body", EVERY)
 def test_values_change_numbers_and_nothing_else(effect, body):
     neutral = effect.neutral(body)
-    probes = {p.name: min(max(p.probes[-1], p.low), p.high) for p in effect.parameters(body)}
+    probes = {p.name: min(max(p.probes[-1], p.low), p.high) for p in effect.parameters_of(body)}
     one, other = numbers(effect, body, neutral), numbers(effect, body, neutral | probes)
     if not isinstance(effect, BlockEffect):
         assert type(one) is type(other) is type(body.plant) and one != other
@@ -108,7 +108,7 @@ def test_values_change_numbers_and_nothing_else(effect, body):
 def test_a_fit_may_put_any_value_within_bounds(effect, body):
     neutral = effect.neutral(body)
     at_neutral = numbers(effect, body, neutral)
-    for p in effect.parameters(body):
+    for p in effect.parameters_of(body):
         for value in filter(math.isfinite, (p.low, p.high)):
             found = numbers(effect, body, neutral | {p.name: value})
             if isinstance(effect, BlockEffect):
@@ -216,9 +216,6 @@ def test_what_is_no_effect_is_named(registered):
 def test_a_name_that_is_taken_is_refused(registered):
     class Second(Effect):
         card = Card("mass_error", "", "plant", "", "", "", (), "")
-
-        def parameters(self, body):
-            return ()
 
     registered(mine=[Second()])
     with pytest.raises(InputError, match="entry point mine: there is an effect mass_error already"):

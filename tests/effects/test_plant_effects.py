@@ -69,7 +69,7 @@ def test_every_number_a_fit_may_try_makes_a_plant(body):
     for effect in EFFECTS:
         if not effect.applies_to(body):
             continue
-        for parameter in effect.parameters(body):
+        for parameter in effect.parameters_of(body):
             assert parameter.low <= min(parameter.probes) <= max(parameter.probes) <= parameter.high
             for value in (parameter.low, parameter.high):
                 kind(effect.change(body.robot, body.plant, effect.neutral(body) | {parameter.name: value}))

@@ -50,7 +50,7 @@ def test_slip_adds_to_what_the_plant_has():
     plant = RoverPlantParameters(slip=Slip(ratio=[0.1, 0.0, 0.2]))
     assert changed("constant_slip", plant, ratio_x=0.05, ratio_y=0.3).slip.ratio == pytest.approx([0.15, 0.3, 0.2])
     differential = Body(BODY.robot, RoverPlantParameters(wheels="differential"), 2)
-    assert [p.name for p in library()["constant_slip"].parameters(differential)] == ["ratio"]
+    assert [p.name for p in library()["constant_slip"].parameters_of(differential)] == ["ratio"]
 
 
 @pytest.mark.parametrize("name", ["velocity_base", "odometry_replay"])

@@ -35,10 +35,7 @@ class Made(Effect):
 
     def __init__(self, name: str, low: float):
         self.card = Card(name, name, "plant", "", "", "", (), "")
-        self.low = low
-
-    def parameters(self, body):
-        return (Parameter("size", "", low=self.low, high=100.0, probes=(1.0,)),)
+        self.parameters = (Parameter("size", "", low=low, high=100.0, probes=(1.0,)),)
 
 
 @dataclass(frozen=True)
@@ -82,13 +79,13 @@ def streams(rows: np.ndarray) -> list[dict[str, np.ndarray]]:
 def made(*names: str, low: float = -100.0) -> list[Candidate]:
     """A Candidate for each name, its size at least `low`."""
     effects = [Made(name, low) for name in names]
-    return [Candidate(effect, (), effect.parameters(None)) for effect in effects]
+    return [Candidate(effect, (), effect.parameters) for effect in effects]
 
 
 def unnamed(driver: str, shape: np.ndarray):
     """A force that goes with `driver`, of this (RUNS, ROWS) shape, as `decide` takes those without a name."""
     generic = Generic(driver, "force", driver, 1)
-    candidate = Candidate(generic, (), generic.parameters(None))
+    candidate = Candidate(generic, (), generic.parameters)
     return lambda prediction, point, base, pool: [Signature(candidate, [1.0], 0, False, streams(shape))]
 
 

@@ -28,7 +28,7 @@ def test_probes_stay_within_bounds_and_leave_the_neutral_value():
     for effect in library().values():
         if not effect.applies_to(OMNI):
             continue
-        tried = Candidate(effect, (), effect.parameters(OMNI))
+        tried = Candidate(effect, (), effect.parameters_of(OMNI))
         for z in probes(tried, {"torque": 0.02, "speed": 8.0}):
             assert z != tried.neutral
             assert all(low <= at <= high for at, (low, high) in zip(z, tried.bounds, strict=True))

@@ -36,11 +36,17 @@ This page is written by `python -m drake_ispace.effects.document`.
 """
 _OWN = '''## An effect of your own
 
-An effect is an object of a subclass of `BlockEffect` (a new block in a wire: `torque`, `ground_force`, `wheel_angle`,
-`body_motion`, `pose`, `fix`, `velocity`) or of `PlantEffect` (another number in the plant). One file of your own is
-enough, say `own_effect.py`. The block has an input and an output with the name of the wire; its other inputs are
-outputs of the plant (`wheel_rate`, `velocity`, `pose`). A kernel's argument names are its wiring. What `spec` makes of
-`values` must be numbers only: ports and sizes stay the same for all values, so that a fit needs no new compilation.
+An effect is an object of a class of your own, and one file is enough for it, say `own_effect.py`. The base class says
+where the effect enters. In `drake_ispace.effects.wires`, `VelocityEffect`, `TorqueEffect`, `GroundEffect`,
+`WheelAngleEffect`, `BodyMotionEffect`, `PoseEffect` and `FixEffect` put a block into a wire; in
+`drake_ispace.effects.effect`, `PlantEffect` changes a number of the plant.
+
+The kernel `output` writes the wire's signal with the effect in it; a `GroundEffect` has two in its place, `planar` and
+`balancing`. A kernel's argument names are its wiring: the wire,
+other outputs of the plant (`wheel_rate`, `velocity`, `balance`, `pose`), and parameters of the block. Those are the
+effect's own `parameters`, or what `block_parameters` makes of their values. It must make numbers only: ports and sizes
+stay the same for all values, so that a fit needs no new compilation. A kernel `update`, if there is one, writes the
+memory `xd` of the block once a tick. Where parameters depend on the robot, a method `parameters_of` gives them.
 
 ```py
 from unittest import mock
@@ -48,10 +54,9 @@ from unittest import mock
 import numpy as np
 
 import drake_ispace as di
-from drake_ispace.blocks.block import Output, Spec
-from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.wires import TorqueEffect
 
 
 @kernel
@@ -60,11 +65,9 @@ def shifted(torque, offset, out):
         out[i] = torque[i] + offset[i]
 
 
-class TorqueOffset(BlockEffect):
+class TorqueOffset(TorqueEffect):
     """tau_i + offset for one wheel."""
 
-    wire = "torque"
-    general = True  # any robot with a torque per wheel can have it
     choices = ("wheel",)
     card = Card(
         name="torque_offset", title="Torque offset", home="actuator", equation="tau'_i = tau_i + offset for i = wheel",
@@ -73,23 +76,19 @@ class TorqueOffset(BlockEffect):
         look_alikes=("coulomb_friction", "floor_tilt"),
         excitation="reversals: friction changes its sign with the speed, an offset does not",
     )
+    parameters = (Parameter("offset_n_m", "N*m", 0.0, -1.0, 1.0, (-0.02, 0.02)),)
+    output = shifted
 
-    def parameters(self, body):
-        return (Parameter("offset_n_m", "N*m", 0.0, -1.0, 1.0, (-0.02, 0.02)),)
-
-    def spec(self, body, values):
+    def block_parameters(self, body, values):
         offset = np.zeros(body.wheels)
         offset[int(values["wheel"]) - 1] = values["offset_n_m"]
-        return Spec(
-            inputs={"torque": body.wheels}, outputs={"torque": Output(body.wheels, shifted)},
-            parameters={"offset": offset},
-        )
+        return {"offset": offset}
 
 
 EFFECTS = [TorqueOffset()]
 
 if __name__ == "__main__":  # try it before it is installed
-    with mock.patch.dict(di.effects(), {effect.card.name: effect for effect in EFFECTS}):
+    with mock.patch.dict(di.effects(), {effect.name: effect for effect in EFFECTS}):
         settings = ["seconds=1", "omni.effects.torque_offset.wheel=2", "omni.effects.torque_offset.offset_n_m=0.05"]
         run = di.simulate(di.load_scenario("omni_multirate", settings))
         print(run.signals["omni_pose"][-1])
@@ -127,7 +126,7 @@ def effects_markdown() -> str:
 def _overview(effects):
     """Name, home and robots of all."""
     rows = [
-        f"| [`{e.card.name}`](#{e.card.name}) | {e.card.home} | {', '.join(robots_of(e))} | {_cell(e.card.equation)} |"
+        f"| [`{e.name}`](#{e.name}) | {e.card.home} | {', '.join(robots_of(e))} | {_cell(e.card.equation)} |"
         for e in effects
     ]
     return "\n".join(["| effect | home | robots | equation |", "|---|---|---|---|", *rows, ""])
@@ -150,7 +149,7 @@ def _table(effect):
     """A row per parameter; one for all robots where they agree."""
     rows: dict[str, list[str]] = {}
     for body in bodies_of(effect):
-        for p in effect.parameters(body):
+        for p in effect.parameters_of(body):
             reading = " (fitted as 1 / value)" if p.reciprocal else ""
             text = (
                 f"`{p.name}`{reading} | {p.unit} | {_number(p.neutral)} | {_number(p.low)} to {_number(p.high)} "
@@ -172,9 +171,9 @@ def _example(effect):
     """A scenario with the effect at its last probes."""
     body = bodies_of(effect)[0]
     values = {name: min(2, body.wheels) for name in effect.choices}
-    values |= {p.name: p.probes[-1] for p in effect.parameters(body)}
+    values |= {p.name: p.probes[-1] for p in effect.parameters_of(body)}
     inside = ", ".join(f"{name}: {_number(value)}" for name, value in values.items())
-    return [f"diagram: {body.robot.diagram}", f"{body.name}:", "  effects:", f"    {effect.card.name}: {{{inside}}}"]
+    return [f"diagram: {body.robot.diagram}", f"{body.name}:", "  effects:", f"    {effect.name}: {{{inside}}}"]
 
 
 def _number(value):

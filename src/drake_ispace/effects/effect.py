@@ -5,11 +5,15 @@ An effect either puts one new block into a wire (`BlockEffect`), or is a wrong n
 """
 
 import abc
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from drake_ispace.blocks.block import Block, Spec
+import numpy as np
+
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.kernels import arguments
+from drake_ispace.blocks.messages import FIX
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.robots.robot import Robot
 
@@ -22,7 +26,7 @@ class Body:
     """What an effect may know of the robot that has it.
 
     Attributes:
-        robot: that has it. plant: the dataclass of its plant's parameters. wheels: how many.
+        robot: the one that has the effect. plant: the dataclass of its plant's parameters. wheels: their number.
         seed: of what is random in its effects.
     """
 
@@ -33,7 +37,7 @@ class Body:
 
     @property
     def name(self) -> str:
-        """In front of the names of its blocks."""
+        """Name of the robot, with which the names of its blocks begin."""
         return self.robot.name
 
 
@@ -43,16 +47,23 @@ def body_of(scenario, robot: Robot) -> Body:
     return Body(robot, plant, len(plant.geometry.wheels), scenario.seed)
 
 
-class Effect(abc.ABC):
-    """An effect: `card`, `needs` (what a robot must offer to have it), and what the subclass adds.
+def ports(body: Body) -> dict[str, int]:
+    """The ports that the block of an effect may have, wires and other outputs of a plant, and the size of each."""
+    own = {"velocity": 3, "ground_force": 3, "body_motion": 6, "pose": 3, "fix": FIX, "balance": 4}
+    return {"torque": body.wheels, "wheel_angle": body.wheels, "wheel_rate": body.wheels} | own
 
-    `choices` names whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
-    """
 
+class Effect:
+    """A named physical cause, said by class attributes and by what the subclass adds."""
+
+    #: What is known of it before any data.
     card: Card
+    #: Its continuous parameters. Where they depend on the robot, the method `parameters_of` takes the place of this.
+    parameters: tuple[Parameter, ...] = ()
+    #: Names of whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
+    choices: tuple[str, ...] = ()
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()
-    choices: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.
     kinematic = False
     #: Whether the replay of a run has it. What happens at random is counted instead.
@@ -60,9 +71,14 @@ class Effect(abc.ABC):
     #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.
     general = False
 
-    @abc.abstractmethod
-    def parameters(self, body: Body) -> tuple[Parameter, ...]:
-        """Its continuous parameters for this body."""
+    @property
+    def name(self) -> str:
+        """The name on its card."""
+        return self.card.name
+
+    def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
+        """The continuous parameters for this body."""
+        return self.parameters
 
     def applies_to(self, body: Body) -> bool:
         """Whether the robot offers all that it needs."""
@@ -70,27 +86,53 @@ class Effect(abc.ABC):
 
     def neutral(self, body: Body) -> dict[str, float]:
         """Every parameter and choice at the value that changes nothing."""
-        return {p.name: p.neutral for p in self.parameters(body)} | {name: 1 for name in self.choices}
+        return {p.name: p.neutral for p in self.parameters_of(body)} | {name: 1 for name in self.choices}
 
 
 class BlockEffect(Effect):
-    """An effect that is one block in the wire `wire`.
+    """An effect that is one block in the wire `wire`; wires.py has a subclass for every wire.
 
-    The block has an input and an output of the wire's name. Its other inputs are ports of the same name of the robot's
-    plant (`wheel_rate`, `velocity`, `balance`, `pose`).
+    The block has an input and an output of the wire's name. An argument of a kernel that has the name of another of the
+    `ports` is an input as well, which comes from the robot's plant (`wheel_rate`, `velocity`, `balance`, `pose`).
+
+    Attributes:
+        output: the kernel that writes the wire's signal with the effect in it.
+        update: the kernel that writes the block's memory x_d in the sensing phase of every tick; None: no memory.
     """
 
     wire: str
+    output: Callable
+    update: Callable | None = None
 
     def applies_to(self, body: Body) -> bool:
         return self.wire in body.robot.offers and super().applies_to(body)
 
-    @abc.abstractmethod
+    def output_of(self, body: Body) -> Callable:
+        """The kernel `output` for this body."""
+        return type(self).output  # through the instance it would be a method
+
+    def block_parameters(self, body: Body, values: Mapping[str, float]) -> Mapping[str, Any]:
+        """Parameters of the kernels: the values themselves, unless a subclass computes others of one size for all."""
+        return {p.name: values[p.name] for p in self.parameters_of(body)}
+
+    def memory_size(self, body: Body) -> int:
+        """How many numbers x_d holds, all 0 at the start: as many as the wire, unless a subclass needs another."""
+        return ports(body)[self.wire]
+
     def spec(self, body: Body, values: Mapping[str, float]) -> Spec:
         """Ports, kernels and parameters of the block at these values."""
+        output, update, sizes = self.output_of(body), type(self).update, ports(body)
+        names = [self.wire, *arguments(output), *(arguments(update) if update else ())]
+        spec = Spec(
+            inputs={name: sizes[name] for name in names if name in sizes},
+            outputs={self.wire: Output(sizes[self.wire], output)}, parameters=self.block_parameters(body, values),
+        )
+        if update is None:
+            return spec
+        return replace(spec, discrete_state=np.zeros(self.memory_size(body)), updates=(Update(update, Phase.SENSE),))
 
 
-class PlantEffect(Effect):
+class PlantEffect(Effect, abc.ABC):
     """An effect that is another number in the plant, unknown to controller and odometry."""
 
     @abc.abstractmethod
@@ -102,7 +144,7 @@ class EffectBlock(Block):
     """The block of a BlockEffect; see its card for ports and equation.
 
     Args:
-        effect, body, values: whose, of which robot, how large.
+        effect: the one that the block stands for. body: the robot that has it. values: all its parameters.
     """
 
     def __init__(self, effect: BlockEffect, body: Body, values: Mapping[str, float]):

@@ -22,16 +22,16 @@ def library() -> dict[str, Effect]:
     Raises:
         InputError: an entry point that is no effect, or whose name is taken.
     """
-    found = {effect.card.name: effect for place in _PLACES for effect in place.EFFECTS}
+    found = {effect.name: effect for place in _PLACES for effect in place.EFFECTS}
     for entry in entry_points(group="drake_ispace.effects"):
         loaded = entry.load()
         for effect in loaded if isinstance(loaded, list | tuple) else [loaded]:
             if not isinstance(effect, Effect):
                 where = f"entry point {entry.name} of drake_ispace.effects"
                 raise InputError(f"{where}: expected an Effect, got {effect!r}")
-            if effect.card.name in found:
-                raise InputError(f"entry point {entry.name}: there is an effect {effect.card.name} already")
-            found[effect.card.name] = effect
+            if effect.name in found:
+                raise InputError(f"entry point {entry.name}: there is an effect {effect.name} already")
+            found[effect.name] = effect
     return found
 
 
@@ -58,7 +58,7 @@ def _checked_values(name, values, body, where):
     if not effect.applies_to(body):
         others = ", ".join(body.name for body in bodies() if effect.applies_to(body))
         raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {others}")
-    rules = {p.name: {"minimum": p.low, "maximum": p.high, "unit": p.unit} for p in effect.parameters(body)}
+    rules = {p.name: {"minimum": p.low, "maximum": p.high, "unit": p.unit} for p in effect.parameters_of(body)}
     found = {}
     for key, value in values.items():
         if key in effect.choices:

@@ -38,7 +38,7 @@ def _parameters(effect):
     for body in bodies_of(effect):
         own = [
             {"name": p.name, "unit": p.unit, "neutral": _finite(p.neutral), "bounds": [_finite(p.low), _finite(p.high)]}
-            for p in effect.parameters(body)
+            for p in effect.parameters_of(body)
         ]
         own += [{"name": name, "unit": "wheel", "neutral": 1, "bounds": [1, body.wheels]} for name in effect.choices]
         for entry in own:

@@ -212,7 +212,7 @@ def _triable(case: Case) -> dict[str, Effect]:
 
 
 def _parameters(case, effect):
-    return effect.parameters(case.replay.body)
+    return effect.parameters_of(case.replay.body)
 
 
 def _name(run, i):

@@ -60,7 +60,7 @@ def splice_effects(
     for effect, values in effects:
         if not isinstance(effect, BlockEffect) or effect.wire not in wires:
             continue
-        name = f"{body.name}_{effect.card.name}"
+        name = f"{body.name}_{effect.name}"
         block = EffectBlock(effect, body, effect.neutral(body) | dict(values))
         bench.splice(wires[effect.wire], name, block, effect.wire)
         others = [port for port in block.spec.inputs if port != effect.wire]

@@ -10,8 +10,8 @@ import numpy as np
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
-from drake_ispace.effects.places.shaping import LEAST_LIMIT, delay_spec, keep, lag_spec, mix, scale, shaping_spec, shift
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, mix, one_wheel, scale, shift
+from drake_ispace.effects.wires import TorqueEffect
 
 
 @kernel
@@ -24,11 +24,9 @@ def remember_commands(xd, torque, out):
     keep(xd, torque, out)
 
 
-class CommandDelay(BlockEffect):
+class CommandDelay(Delay, TorqueEffect):
     """tau(t - delay) of the held command; for a part of a tick the mean of the two commands that fall into the tick."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="command_delay", title="Command delay", home="actuator", equation="tau'(t) = tau(t - delay)",
         source="bus and computing time between controller and driver",
@@ -37,13 +35,8 @@ class CommandDelay(BlockEffect):
         excitation="steps and fast reversals of the command: a lag rounds them and a slew limit makes ramps of them, a "
         "delay shifts them; a late camera shifts the pose alone, not the encoders",
     )
-    longest_s = 0.06
-
-    def parameters(self, body):
-        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.001, 0.005, 0.02), tolerance=2e-4),)
-
-    def spec(self, body, values):
-        return delay_spec("torque", body.wheels, delayed, remember_commands, values["delay_s"], self.longest_s)
+    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.06, (0.001, 0.005, 0.02), tolerance=2e-4),)
+    output, update = delayed, remember_commands
 
 
 @kernel
@@ -52,11 +45,9 @@ def saturated(torque, limit_n_m, out):
         out[i] = min(max(torque[i], -limit_n_m), limit_n_m)
 
 
-class TorqueSaturation(BlockEffect):
+class TorqueSaturation(TorqueEffect):
     """clip(tau, -limit, limit) on every wheel."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="torque_saturation", title="Torque limit", home="actuator", equation="tau' = clip(tau, -limit, limit)",
         source="current limit of the driver, stall torque of the motor",
@@ -65,12 +56,10 @@ class TorqueSaturation(BlockEffect):
         excitation="commands of several sizes held for a while: below the limit nothing is missing, where a gain error "
         "and a sagging supply take something of every command; a slew limit spares what is held",
     )
-
-    def parameters(self, body):
-        return (Parameter("limit_n_m", "N*m", math.inf, LEAST_LIMIT, math.inf, (1.0, 2.0), "torque", reciprocal=True),)
-
-    def spec(self, body, values):
-        return shaping_spec("torque", body.wheels, saturated, {"limit_n_m": values["limit_n_m"]})
+    parameters = (
+        Parameter("limit_n_m", "N*m", math.inf, LEAST_LIMIT, math.inf, (1.0, 2.0), "torque", reciprocal=True),
+    )
+    output = saturated
 
 
 @kernel
@@ -79,11 +68,9 @@ def slewed(xd, torque, most_n_m, out):
         out[i] = min(max(torque[i], xd[i] - most_n_m), xd[i] + most_n_m)
 
 
-class TorqueSlewLimit(BlockEffect):
+class TorqueSlewLimit(TorqueEffect):
     """From tick to tick the torque changes by rate T at most; x_d = [torque that went through (n)]."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="torque_slew_limit", title="Torque slew limit", home="actuator", equation="|tau'_k - tau'_k-1| <= rate T",
         source="ramp in the driver that spares gears and supply",
@@ -92,15 +79,13 @@ class TorqueSlewLimit(BlockEffect):
         excitation="steps of several sizes: a lag takes the same time for all of them, a slew limit takes longer for "
         "larger ones",
     )
+    parameters = (
+        Parameter("rate_n_m_s", "N*m/s", math.inf, LEAST_LIMIT, math.inf, (10.0, 50.0), "torque", reciprocal=True),
+    )
+    output = update = slewed
 
-    def parameters(self, body):
-        return (
-            Parameter("rate_n_m_s", "N*m/s", math.inf, LEAST_LIMIT, math.inf, (10.0, 50.0), "torque", reciprocal=True),
-        )
-
-    def spec(self, body, values):
-        most = values["rate_n_m_s"] * TICK_S
-        return shaping_spec("torque", body.wheels, slewed, {"most_n_m": most}, slewed, body.wheels)
+    def block_parameters(self, body, values):
+        return {"most_n_m": values["rate_n_m_s"] * TICK_S}
 
 
 @kernel
@@ -109,11 +94,9 @@ def beyond_dead_zone(torque, width_n_m, out):
         out[i] = torque[i] - min(max(torque[i], -width_n_m), width_n_m)
 
 
-class ActuatorDeadZone(BlockEffect):
+class ActuatorDeadZone(TorqueEffect):
     """tau - clip(tau, -width, width) on every wheel."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="actuator_dead_zone", title="Dead zone", home="actuator", equation="tau' = tau - clip(tau, -width, width)",
         source="driver that switches late, magnets' drag in the motor",
@@ -122,12 +105,8 @@ class ActuatorDeadZone(BlockEffect):
         excitation="braking: friction helps to brake, a dead zone weakens the brake as it weakens the drive; coasting, "
         "where friction acts and a dead zone does not",
     )
-
-    def parameters(self, body):
-        return (Parameter("width_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.01),)
-
-    def spec(self, body, values):
-        return shaping_spec("torque", body.wheels, beyond_dead_zone, {"width_n_m": values["width_n_m"]})
+    parameters = (Parameter("width_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.01),)
+    output = beyond_dead_zone
 
 
 @kernel
@@ -135,11 +114,9 @@ def scaled(torque, gain, out):
     scale(torque, gain, out)
 
 
-class TorqueGainError(BlockEffect):
+class TorqueGainError(TorqueEffect):
     """(1 + share) tau."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="torque_gain_error", title="Torque gain error", home="actuator", equation="tau' = (1 + share) tau",
         source="motor constant or amplifier gain other than assumed",
@@ -147,19 +124,16 @@ class TorqueGainError(BlockEffect):
         look_alikes=("mass_error", "inertia_error", "load_dependent_friction", "battery_sag_load"),
         excitation="acceleration along all axes and turning: a mass error scales forces only, not the yaw moment",
     )
+    parameters = (Parameter("share", "1", 0.0, -0.7, 0.7, (0.05,), tolerance=0.005),)
+    output = scaled
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.7, 0.7, (0.05,), tolerance=0.005),)
-
-    def spec(self, body, values):
-        return shaping_spec("torque", body.wheels, scaled, {"gain": np.full(body.wheels, 1.0 + values["share"])})
+    def block_parameters(self, body, values):
+        return {"gain": np.full(body.wheels, 1.0 + values["share"])}
 
 
-class WeakMotor(BlockEffect):
+class WeakMotor(TorqueEffect):
     """(1 - loss) tau on the wheel that is named, 1 to n."""
 
-    wire = "torque"
-    general = True
     choices = ("wheel",)
     card = Card(
         name="weak_motor", title="Weak motor", home="actuator", equation="tau'_i = (1 - loss) tau_i, i = wheel",
@@ -170,18 +144,15 @@ class WeakMotor(BlockEffect):
         excitation="acceleration along all axes and turning, so that every wheel has its own command; a wheel of "
         "another size shows at constant speed too, where a weak motor does not",
     )
-
-    def parameters(self, body):
-        return (Parameter("loss", "1", 0.0, -0.5, 0.95, (0.05, 0.3), tolerance=0.005),)
+    parameters = (Parameter("loss", "1", 0.0, -0.5, 0.95, (0.05, 0.3), tolerance=0.005),)
+    output = scaled
 
     def applies_to(self, body):
-        """Of one wheel it would be the torque gain error."""
+        """Whether there is more than one wheel: of one it would be the torque gain error."""
         return super().applies_to(body) and body.wheels > 1
 
-    def spec(self, body, values):
-        gain = np.ones(body.wheels)
-        gain[int(values["wheel"]) - 1] = 1.0 - values["loss"]
-        return shaping_spec("torque", body.wheels, scaled, {"gain": gain})
+    def block_parameters(self, body, values):
+        return {"gain": one_wheel(body, values, 1.0 - values["loss"])}
 
 
 @kernel
@@ -196,11 +167,9 @@ def remember_time(tick, out):
     out[0] = tick * TICK_S
 
 
-class BatterySagTime(BlockEffect):
+class BatterySagTime(TorqueEffect):
     """(1 - rate t) tau, t the time of the tick since the start of the run."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="battery_sag_time", title="Battery that runs down", home="actuator", equation="tau' = (1 - rate t) tau",
         source="supply of a driver without current control, a winding that gets warm",
@@ -208,13 +177,11 @@ class BatterySagTime(BlockEffect):
         look_alikes=("torque_gain_error", "battery_sag_load", "weak_motor"),
         excitation="the same acceleration early and late in a long run: a gain error is the same in both",
     )
+    parameters = (Parameter("rate_per_s", "1/s", 0.0, -0.03, 0.03, (0.003, 0.01), tolerance=5e-4),)
+    output, update = sagged_in_time, remember_time
 
-    def parameters(self, body):
-        return (Parameter("rate_per_s", "1/s", 0.0, -0.03, 0.03, (0.003, 0.01), tolerance=5e-4),)
-
-    def spec(self, body, values):
-        rate = values["rate_per_s"]
-        return shaping_spec("torque", body.wheels, sagged_in_time, {"rate_per_s": rate}, remember_time, 1)
+    def memory_size(self, body):
+        return 1
 
 
 @kernel
@@ -227,11 +194,9 @@ def sagged_by_load(torque, share_per_n_m, out):
         out[i] = left * torque[i]
 
 
-class BatterySagLoad(BlockEffect):
+class BatterySagLoad(TorqueEffect):
     """(1 - share sum |tau|) tau, all wheels from one supply; the factor does not fall below 0."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="battery_sag_load", title="Battery that sags under load", home="actuator",
         equation="tau'_i = (1 - share sum |tau_j|) tau_i",
@@ -241,12 +206,8 @@ class BatterySagLoad(BlockEffect):
         excitation="weak and strong acceleration, along one axis and along several at once: a gain error takes the "
         "same share of all of them, a torque limit takes nothing of weak ones",
     )
-
-    def parameters(self, body):
-        return (Parameter("share_per_n_m", "1/(N*m)", 0.0, 0.0, math.inf, (0.1, 0.5), tolerance=0.02),)
-
-    def spec(self, body, values):
-        return shaping_spec("torque", body.wheels, sagged_by_load, {"share_per_n_m": values["share_per_n_m"]})
+    parameters = (Parameter("share_per_n_m", "1/(N*m)", 0.0, 0.0, math.inf, (0.1, 0.5), tolerance=0.02),)
+    output = sagged_by_load
 
 
 @kernel
@@ -259,11 +220,9 @@ def remember_lagged(xd, torque, memory, out):
     mix(xd, torque, memory, out)
 
 
-class MotorLag(BlockEffect):
-    """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
+class MotorLag(Lag, TorqueEffect):
+    """First-order lag of the held command, its mean over each tick (shaping.Lag)."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="motor_lag", title="Motor lag", home="actuator", equation="time_constant d(tau')/dt = tau - tau'",
         source="electrical time constant of winding and driver, M(q) of (3.27)",
@@ -271,12 +230,8 @@ class MotorLag(BlockEffect):
         look_alikes=("command_delay", "torque_slew_limit"),
         excitation="steps and fast reversals of the command: a delay shifts them, a lag rounds them",
     )
-
-    def parameters(self, body):
-        return (Parameter("time_constant_s", "s", 0.0, 0.0, 0.2, (0.001, 0.005, 0.02), tolerance=2e-4),)
-
-    def spec(self, body, values):
-        return lag_spec("torque", body.wheels, lagged, remember_lagged, values["time_constant_s"])
+    parameters = (Parameter("time_constant_s", "s", 0.0, 0.0, 0.2, (0.001, 0.005, 0.02), tolerance=2e-4),)
+    output, update = lagged, remember_lagged
 
 
 EFFECTS = (

@@ -5,16 +5,16 @@ localiser, and so does the room's edge, beyond which nothing is seen: what count
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream, uniform
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.wires import PoseEffect
 
 _LONGEST_S = 0.25
 _RING = math.ceil(_LONGEST_S / TICK_S) + 2  # poses, from this tick's own to the two around the oldest instant
@@ -91,17 +91,7 @@ def hidden(tick, pose, share, noise_stream, out):
         out[0], out[1], out[2] = np.nan, np.nan, np.nan
 
 
-class CameraEffect(BlockEffect):
-    """A block of the wire `pose`."""
-
-    kinematic = True
-    wire = "pose"
-
-    def block(self, maths, parameters, **memory):
-        return Spec(inputs={"pose": 3}, outputs={"pose": Output(3, maths)}, parameters=parameters, **memory)
-
-
-class CameraLatency(CameraEffect):
+class CameraLatency(PoseEffect):
     """The pose of `latency` ago under the stamp of now; between two ticks a straight line, angles the short way."""
 
     card = Card(
@@ -113,18 +103,17 @@ class CameraLatency(CameraEffect):
         excitation="several speeds, stops and turns: slip leaves an error of the way after a stop, a latency none; "
         "from clock_offset of the same size it differs in the delay of feedback alone",
     )
+    parameters = (Parameter("latency_s", "s", 0.0, 0.0, _LONGEST_S, (0.02, 0.08), tolerance=1e-3),)
+    output, update = delayed, remember_pose
 
-    def parameters(self, body):
-        return (Parameter("latency_s", "s", 0.0, 0.0, _LONGEST_S, (0.02, 0.08), tolerance=1e-3),)
+    def memory_size(self, body):
+        return 3 * _RING
 
-    def spec(self, body, values):
-        return self.block(
-            delayed, {"latency_ticks": values["latency_s"] / TICK_S}, discrete_state=np.zeros(3 * _RING),
-            updates=(Update(remember_pose, Phase.SENSE),),
-        )
+    def block_parameters(self, body, values):
+        return {"latency_ticks": values["latency_s"] / TICK_S}
 
 
-class MarkerOffset(CameraEffect):
+class MarkerOffset(PoseEffect):
     """p + R(phi) (x, y): the middle of the markers is not the middle of the robot.
 
     Where a robot's markers may be mounted at any angle they may be turned as well: phi + yaw.
@@ -137,21 +126,21 @@ class MarkerOffset(CameraEffect):
         look_alikes=("camera_offset", "centre_of_gravity_offset", "camera_latency", "clock_offset"),
         excitation="at least half a turn: camera_offset stays with the room; several speeds against a latency",
     )
+    parameters = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
+    yaw = (Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
 
-    def parameters(self, body):
-        places = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
-        if not body.robot.markers_may_turn:
-            return places
-        return (*places, Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3))
+    def parameters_of(self, body):
+        return self.parameters + self.yaw if body.robot.markers_may_turn else self.parameters
 
-    def spec(self, body, values):
-        place = np.array([values["x_m"], values["y_m"]])
-        if body.robot.markers_may_turn:
-            return self.block(mounted, {"place": place, "yaw_rad": values["yaw_rad"]})
-        return self.block(placed, {"place": place})
+    def output_of(self, body):
+        return mounted if body.robot.markers_may_turn else placed
+
+    def block_parameters(self, body, values):
+        yaw = {"yaw_rad": values["yaw_rad"]} if body.robot.markers_may_turn else {}
+        return {"place": np.array([values["x_m"], values["y_m"]])} | yaw
 
 
-class CameraScale(CameraEffect):
+class CameraScale(PoseEffect):
     """(1 + share) (x, y) about the room's middle, headings as they are."""
 
     card = Card(
@@ -162,15 +151,14 @@ class CameraScale(CameraEffect):
         excitation="driving and turning, both: a wrong radius or encoder scale changes turns too, a camera does not; "
         "slip follows the robot's own axes, the camera's scale is equal in all directions",
     )
+    parameters = (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+    output = stretched
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
-
-    def spec(self, body, values):
-        return self.block(stretched, {"gain": 1.0 + values["share"]})
+    def block_parameters(self, body, values):
+        return {"gain": 1.0 + values["share"]}
 
 
-class CameraRotation(CameraEffect):
+class CameraRotation(PoseEffect):
     """x, y turned about the room's middle, and the heading with them."""
 
     card = Card(
@@ -182,15 +170,11 @@ class CameraRotation(CameraEffect):
         excitation="a known start, far from the room's middle: where only the room says where the robot starts, it is "
         "no more than another choice of axes",
     )
-
-    def parameters(self, body):
-        return (Parameter("angle_rad", "rad", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=3e-3),)
-
-    def spec(self, body, values):
-        return self.block(rotated, {"angle_rad": values["angle_rad"]})
+    parameters = (Parameter("angle_rad", "rad", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=3e-3),)
+    output = rotated
 
 
-class CameraOffset(CameraEffect):
+class CameraOffset(PoseEffect):
     """A constant added to the reported place."""
 
     card = Card(
@@ -201,15 +185,14 @@ class CameraOffset(CameraEffect):
         excitation="a known start and at least half a turn: marker_offset turns with the heading; without a known "
         "start it is no more than another choice of axes",
     )
+    parameters = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=2e-3) for axis in "xy")
+    output = shifted
 
-    def parameters(self, body):
-        return tuple(Parameter(f"{axis}_m", "m", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=2e-3) for axis in "xy")
-
-    def spec(self, body, values):
-        return self.block(shifted, {"shift": np.array([values["x_m"], values["y_m"]])})
+    def block_parameters(self, body, values):
+        return {"shift": np.array([values["x_m"], values["y_m"]])}
 
 
-class CameraDropouts(CameraEffect):
+class CameraDropouts(PoseEffect):
     """A share of the vision instants, drawn each on its own, in which the robot is not seen.
 
     The random stream is `{robot}.camera_dropouts` under the seed of the body.
@@ -226,14 +209,13 @@ class CameraDropouts(CameraEffect):
         look_alikes=("camera_latency", "clock_offset"),
         excitation="none needed: the fixes that a recording lacks are counted",
     )
-
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, 0.0, 0.9, (0.1, 0.4), tolerance=0.005),)
+    parameters = (Parameter("share", "1", 0.0, 0.0, 0.9, (0.1, 0.4), tolerance=0.005),)
+    output = hidden
 
     def spec(self, body, values):
-        name = f"{body.name}.{self.card.name}"
-        key = stream(body.seed, name)
-        return self.block(hidden, {"share": values["share"], "noise_stream": key}, noise_stream=name)
+        name, spec = f"{body.name}.{self.name}", super().spec(body, values)
+        parameters = {**spec.parameters, "noise_stream": stream(body.seed, name)}
+        return replace(spec, parameters=parameters, noise_stream=name)
 
 
 #: From the robot to the message: when, which point of the robot, how it is mapped, whether it is seen.

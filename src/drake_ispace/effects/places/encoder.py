@@ -6,10 +6,10 @@ rate and stays right.
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.places.shaping import one_wheel
+from drake_ispace.effects.wires import WheelAngleEffect
 
 
 @kernel
@@ -18,19 +18,9 @@ def scaled(wheel_angle, gain, out):
         out[i] = gain[i] * wheel_angle[i]
 
 
-def scaling(wheels, gain):
-    """The block that multiplies every wheel's angle by its `gain` (n,)."""
-    return Spec(
-        inputs={"wheel_angle": wheels}, outputs={"wheel_angle": Output(wheels, scaled)}, parameters={"gain": gain}
-    )
-
-
-class EncoderScale(BlockEffect):
+class EncoderScale(WheelAngleEffect):
     """(1 + share) theta, all wheels."""
 
-    wire = "wheel_angle"
-    general = True
-    kinematic = True
     card = Card(
         name="encoder_scale", title="Encoder scale", home="encoder", equation="theta_measured = (1 + share) theta",
         source="counts per turn or gear ratio other than assumed",
@@ -40,21 +30,17 @@ class EncoderScale(BlockEffect):
         excitation="acceleration beside driving and turning: a wrong radius also changes what force a torque gives, a "
         "wrong scale of the encoder does not; turning apart from driving, because camera_scale leaves headings alone",
     )
+    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+    output = scaled
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
-
-    def spec(self, body, values):
-        return scaling(body.wheels, np.full(body.wheels, 1.0 + values["share"]))
+    def block_parameters(self, body, values):
+        return {"gain": np.full(body.wheels, 1.0 + values["share"])}
 
 
-class EncoderLostCounts(BlockEffect):
+class EncoderLostCounts(WheelAngleEffect):
     """(1 - share) theta of one wheel: of the counts of any turn, to and fro, that share goes missing."""
 
-    wire = "wheel_angle"
-    general = True
     choices = ("wheel",)
-    kinematic = True
     card = Card(
         name="encoder_lost_counts", title="Encoder loses counts", home="encoder",
         equation="theta_measured_i = (1 - share) theta_i for i = wheel",
@@ -65,14 +51,11 @@ class EncoderLostCounts(BlockEffect):
         excitation="straight lines in several directions, forward and back, and acceleration: one wheel's radius also "
         "changes the force that its torque gives",
     )
+    parameters = (Parameter("share", "1", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=5e-4),)
+    output = scaled
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=5e-4),)
-
-    def spec(self, body, values):
-        gain = np.ones(body.wheels)
-        gain[int(values["wheel"]) - 1] = 1.0 - values["share"]
-        return scaling(body.wheels, gain)
+    def block_parameters(self, body, values):
+        return {"gain": one_wheel(body, values, 1.0 - values["share"])}
 
 
 EFFECTS = (EncoderScale(), EncoderLostCounts())

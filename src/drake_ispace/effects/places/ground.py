@@ -12,15 +12,14 @@ import dataclasses
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect, PlantEffect
+from drake_ispace.effects.effect import PlantEffect
 from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, smooth_sign
+from drake_ispace.effects.wires import GroundEffect
 from drake_ispace.plants.slip import GRAVITY
-from drake_ispace.robots.robot import BALANCING, PLANAR
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
 _AXIS = {"": 0, "_x": 0, "_y": 1}
@@ -70,12 +69,12 @@ class ConstantSlip(PlantEffect):
         "motion along y tells the omni robot's two ratios apart and both from the camera's scale, which is one for all",
     )
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         names = [f"ratio{axis}" for axis in _axes(body)]
         return tuple(Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for name in names)
 
     def change(self, robot, plant, values):
-        return _slip_with(plant, self.card.name, "ratio", values)
+        return _slip_with(plant, self.name, "ratio", values)
 
 
 class WheelSlip(PlantEffect):
@@ -96,11 +95,11 @@ class WheelSlip(PlantEffect):
         excitation="hard acceleration and braking at speed: a clock error goes with speed, this with force times speed",
     )
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         return tuple(Parameter(f"gain{axis}", "1", 0.0, 0.0, 0.95, (0.1, 0.4), tolerance=0.02) for axis in _axes(body))
 
     def change(self, robot, plant, values):
-        return _slip_with(plant, self.card.name, "traction_gain", values)
+        return _slip_with(plant, self.name, "traction_gain", values)
 
 
 @kernel
@@ -115,18 +114,9 @@ def scrubbed_balancing(ground_force, balance, moment_n_m, scale_rad_s, out):
     out[1] = ground_force[1] - moment_n_m * smooth_sign(balance[2], scale_rad_s)
 
 
-def _ground_spec(body, planar, balancing, parameters):
-    """The block of a ground force; planar, balancing: its kernel and further inputs for either kind of coordinates."""
-    maths, inputs = {PLANAR: planar, BALANCING: balancing}[body.robot.ground]
-    return Spec(
-        inputs={"ground_force": 3} | inputs, outputs={"ground_force": Output(3, maths)}, parameters=parameters,
-    )
-
-
-class TurnScrub(BlockEffect):
+class TurnScrub(GroundEffect):
     """M_z = -M sign(wz): the contact patches are twisted on the spot."""
 
-    wire = "ground_force"
     card = Card(
         name="turn_scrub", title="Scrub while turning", home="ground", equation="M_z = -M tanh(wz / w_s)",
         source="width of the tyres, rollers on carpet",
@@ -134,16 +124,12 @@ class TurnScrub(BlockEffect):
         look_alikes=("coulomb_friction", "inertia_error", "yaw_inertia_error", "weak_motor"),
         excitation="turning on the spot both ways at several speeds, and straight driving: wheel friction brakes both",
     )
+    parameters = (Parameter("moment_n_m", "N*m", 0.0, 0.0, 2.0, (0.01, 0.1), tolerance=1e-3),)
+    planar, balancing = scrubbed_planar, scrubbed_balancing
 
-    def parameters(self, body):
-        return (Parameter("moment_n_m", "N*m", 0.0, 0.0, 2.0, (0.01, 0.1), tolerance=1e-3),)
-
-    def spec(self, body, values):
+    def block_parameters(self, body, values):
         moment = values["moment_n_m"]
-        return _ground_spec(
-            body, (scrubbed_planar, {"velocity": 3}), (scrubbed_balancing, {"balance": 4}),
-            {"moment_n_m": moment, "scale_rad_s": ground_scale(body, body.robot.ground.turn, moment)},
-        )
+        return {"moment_n_m": moment, "scale_rad_s": ground_scale(body, body.robot.ground.turn, moment)}
 
 
 @kernel
@@ -162,10 +148,9 @@ def resisted_balancing(ground_force, balance, force_n, scale_m_s, out):
     out[1], out[2] = ground_force[1], ground_force[2]
 
 
-class SoftFloor(BlockEffect):
+class SoftFloor(GroundEffect):
     """F = -F_roll v/|v| on the robot's middle; of the pendulum on Q_s alone."""
 
-    wire = "ground_force"
     card = Card(
         name="soft_floor", title="Rolling resistance of a soft floor", home="ground",
         equation="F = -F_roll tanh(|v| / v_s) v/|v|", source="Fig. 6.3, carpet",
@@ -175,16 +160,11 @@ class SoftFloor(BlockEffect):
         "the diagonal, where its wheels' friction adds up otherwise; the pendulum's tilt, since friction of the wheels "
         "turns its body too",
     )
+    parameters = (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5), tolerance=0.02),)
+    planar, balancing = resisted_planar, resisted_balancing
 
-    def parameters(self, body):
-        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5), tolerance=0.02),)
-
-    def spec(self, body, values):
-        force = values["force_n"]
-        return _ground_spec(
-            body, (resisted_planar, {"pose": 3, "velocity": 3}), (resisted_balancing, {"balance": 4}),
-            {"force_n": force, "scale_m_s": ground_scale(body, 0, force)},
-        )
+    def block_parameters(self, body, values):
+        return {"force_n": values["force_n"], "scale_m_s": ground_scale(body, 0, values["force_n"])}
 
 
 @kernel
@@ -207,14 +187,13 @@ def tilted_balancing(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted
     out[2] = ground_force[2] + lifted_kg_m * np.cos(balance[0]) * along
 
 
-class FloorTilt(BlockEffect, PlantEffect):
+class FloorTilt(GroundEffect, PlantEffect):
     """Gravity along a floor that rises by slope_x, slope_y along x, y of W, to first order, by the nominal masses.
 
     Q_s = -m_total g a, Q_theta = -m_b g z a cos(theta), Q_phi = -m_b g z a' sin(theta) with the slopes a along and a'
     to the left of the heading. The tilt is relative to the floor's normal; the IMU feels gravity as it is: +g a, +g a'.
     """
 
-    wire = "ground_force"
     card = Card(
         name="floor_tilt", title="Tilted floor", home="ground", equation="F_W = -m g (slope_x, slope_y)",
         source="(2.25) with gravity off the floor's normal",
@@ -223,20 +202,17 @@ class FloorTilt(BlockEffect, PlantEffect):
         excitation="both directions along a line, and several headings: resistance turns with the motion, a weak motor "
         "with the body, the slope with neither",
     )
+    parameters = tuple(
+        Parameter(f"slope_{axis}_rad", "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for axis in "xy"
+    )
+    planar, balancing = tilted_planar, tilted_balancing
 
     def change(self, robot, plant, values):
         return robot.on_slope(plant, values["slope_x_rad"], values["slope_y_rad"])
 
-    def parameters(self, body):
-        names = ("slope_x_rad", "slope_y_rad")
-        return tuple(Parameter(name, "rad", 0.0, -0.1, 0.1, (0.005, 0.02), tolerance=5e-4) for name in names)
-
-    def spec(self, body, values):
+    def block_parameters(self, body, values):
         downhill = -GRAVITY * np.array([values["slope_x_rad"], values["slope_y_rad"]])
-        return _ground_spec(
-            body, (tilted_planar, {"pose": 3}), (tilted_balancing, {"pose": 3, "balance": 4}),
-            {"downhill_m_s2": downhill} | body.robot.weight(body.plant),
-        )
+        return {"downhill_m_s2": downhill} | body.robot.weight(body.plant)
 
 
 EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), FloorTilt())

@@ -6,12 +6,9 @@ axes, x ahead, y left, z up along the body. Noise comes later, in the IMU itself
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
-
-AX, AY, AZ, WX, WY, WZ = range(6)
+from drake_ispace.effects.wires import BodyMotionEffect
 
 
 @kernel
@@ -45,16 +42,7 @@ def rotation(vector) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-class ImuEffect(BlockEffect):
-    """A block of the IMU's wire: `maths` with its one parameter `name`, whose value the subclass gives."""
-
-    wire = "body_motion"
-
-    def block(self, maths, **parameter):
-        return Spec(inputs={"body_motion": 6}, outputs={"body_motion": Output(6, maths)}, parameters=parameter)
-
-
-class ImuMisalignment(ImuEffect):
+class ImuMisalignment(BodyMotionEffect):
     """Readings in the axes of an IMU that is turned on the body: R' a and R' w, R = exp(r x), r = (x, 0, z)."""
 
     card = Card(
@@ -67,17 +55,16 @@ class ImuMisalignment(ImuEffect):
         excitation="pitching without yawing (driving straight to and fro) and yawing without pitching (turning on the "
         "spot): only a turned IMU couples them",
     )
+    parameters = tuple(
+        Parameter(f"about_{axis}_rad", "rad", 0.0, -0.5, 0.5, (0.006, 0.05), tolerance=6e-3) for axis in "xz"
+    )
+    output = turned
 
-    def parameters(self, body):
-        names = ("about_x_rad", "about_z_rad")
-        return tuple(Parameter(name, "rad", 0.0, -0.5, 0.5, (0.006, 0.05), tolerance=6e-3) for name in names)
-
-    def spec(self, body, values):
-        axes = rotation([values["about_x_rad"], 0.0, values["about_z_rad"]]).T
-        return self.block(turned, axes=axes.ravel())
+    def block_parameters(self, body, values):
+        return {"axes": rotation([values["about_x_rad"], 0.0, values["about_z_rad"]]).T.ravel()}
 
 
-class GyroScale(ImuEffect):
+class GyroScale(BodyMotionEffect):
     """(1 + share) w, all three axes."""
 
     card = Card(
@@ -88,17 +75,14 @@ class GyroScale(ImuEffect):
         look_alikes=("gyro_bias", "track_error", "encoder_scale", "imu_misalignment"),
         excitation="turning both ways at several speeds: a bias does not change its sign with the turn",
     )
+    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+    output = scaled
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
-
-    def spec(self, body, values):
-        gain = np.ones(6)
-        gain[WX:] = 1.0 + values["share"]
-        return self.block(scaled, gain=gain)
+    def block_parameters(self, body, values):
+        return {"gain": np.repeat([1.0, 1.0 + values["share"]], 3)}
 
 
-class AccelerometerScale(ImuEffect):
+class AccelerometerScale(BodyMotionEffect):
     """(1 + share) a, all three axes."""
 
     card = Card(
@@ -109,17 +93,14 @@ class AccelerometerScale(ImuEffect):
         look_alikes=("accelerometer_bias", "imu_misalignment", "centre_of_gravity_offset"),
         excitation="large tilts and accelerations to and fro: ax then grows with the motion, a bias does not",
     )
+    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+    output = scaled
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
-
-    def spec(self, body, values):
-        gain = np.ones(6)
-        gain[:WX] = 1.0 + values["share"]
-        return self.block(scaled, gain=gain)
+    def block_parameters(self, body, values):
+        return {"gain": np.repeat([1.0 + values["share"], 1.0], 3)}
 
 
-class GyroBias(ImuEffect):
+class GyroBias(BodyMotionEffect):
     """A constant added to wy (pitch) and wz (yaw)."""
 
     card = Card(
@@ -130,17 +111,14 @@ class GyroBias(ImuEffect):
         look_alikes=("gyro_scale", "accelerometer_bias", "centre_of_gravity_offset", "imu_misalignment"),
         excitation="standing still before and after moving: the bias is there, a scale error is not",
     )
+    parameters = tuple(Parameter(f"{name}_rad_s", "rad/s", 0.0, -0.5, 0.5, (0.005, 0.03)) for name in ("pitch", "yaw"))
+    output = biased
 
-    def parameters(self, body):
-        return tuple(Parameter(f"{name}_rad_s", "rad/s", 0.0, -0.5, 0.5, (0.005, 0.03)) for name in ("pitch", "yaw"))
-
-    def spec(self, body, values):
-        bias = np.zeros(6)
-        bias[WY], bias[WZ] = values["pitch_rad_s"], values["yaw_rad_s"]
-        return self.block(biased, bias=bias)
+    def block_parameters(self, body, values):
+        return {"bias": np.array([0.0, 0.0, 0.0, 0.0, values["pitch_rad_s"], values["yaw_rad_s"]])}
 
 
-class AccelerometerBias(ImuEffect):
+class AccelerometerBias(BodyMotionEffect):
     """A constant added to ax and az."""
 
     card = Card(
@@ -152,14 +130,11 @@ class AccelerometerBias(ImuEffect):
         excitation="turning on the spot by half a turn: a bias turns with the robot, a tilted floor stays with the "
         "room; large tilts to tell z from a scale error",
     )
+    parameters = tuple(Parameter(f"{axis}_m_s2", "m/s^2", 0.0, -3.0, 3.0, (0.05, 0.3)) for axis in "xz")
+    output = biased
 
-    def parameters(self, body):
-        return tuple(Parameter(f"{axis}_m_s2", "m/s^2", 0.0, -3.0, 3.0, (0.05, 0.3)) for axis in "xz")
-
-    def spec(self, body, values):
-        bias = np.zeros(6)
-        bias[AX], bias[AZ] = values["x_m_s2"], values["z_m_s2"]
-        return self.block(biased, bias=bias)
+    def block_parameters(self, body, values):
+        return {"bias": np.array([values["x_m_s2"], 0.0, values["z_m_s2"], 0.0, 0.0, 0.0])}
 
 
 #: In the order in which a reading comes about: axes, sensitivity, zero level.

@@ -2,11 +2,10 @@
 
 import math
 
-from drake_ispace.blocks.block import Output, Spec
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
+from drake_ispace.effects.wires import FixEffect
 
 _LARGEST_S = 0.15
 #: How much older than its age a fix can look, in ticks.
@@ -21,11 +20,9 @@ def stamped(fix, offset_ticks, out):
         out[0] = max(fix[0] + offset_ticks, 0.0)
 
 
-class ClockOffset(BlockEffect):
+class ClockOffset(FixEffect):
     """The stamp of a fix is off by a constant, rounded to whole ticks, in which the robot keeps its odometry."""
 
-    wire = "fix"
-    kinematic = True
     card = Card(
         name="clock_offset", title="Clock offset", home="link", equation="t_stamp = t_captured + offset",
         source="the clocks of room and robot, set by hand or by a message of unknown delay",
@@ -36,15 +33,11 @@ class ClockOffset(BlockEffect):
         "offset on the robot turns with the heading; a positive offset and a latency differ in the delay of "
         "feedback alone",
     )
+    parameters = (Parameter("offset_s", "s", 0.0, -_LARGEST_S, _LARGEST_S, (0.003, -0.02, 0.02), tolerance=1e-3),)
+    output = stamped
 
-    def parameters(self, body):
-        return (Parameter("offset_s", "s", 0.0, -_LARGEST_S, _LARGEST_S, (0.003, -0.02, 0.02), tolerance=1e-3),)
-
-    def spec(self, body, values):
-        return Spec(
-            inputs={"fix": 5}, outputs={"fix": Output(5, stamped)},
-            parameters={"offset_ticks": float(round(values["offset_s"] / TICK_S))},
-        )
+    def block_parameters(self, body, values):
+        return {"offset_ticks": float(round(values["offset_s"] / TICK_S))}
 
 
 EFFECTS = (ClockOffset(),)

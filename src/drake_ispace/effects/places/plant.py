@@ -9,7 +9,7 @@ class NumberError(PlantEffect):
 
     low, high = -0.3, 0.3
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         number = body.robot.numbers[self.needs[0]]
         return (Parameter("share", "1", 0.0, self.low, self.high, number.probes, tolerance=number.tolerance),)
 
@@ -76,7 +76,7 @@ class CentreOfGravityOffset(PlantEffect):
         "and fast rocking, since mass and height part only through the inertia m_b z^2",
     )
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         return tuple(
             Parameter(c.name, "m", 0.0, c.low, c.high, c.probes, tolerance=c.tolerance)
             for c in body.robot.centre_of_gravity(body.plant)
@@ -116,9 +116,7 @@ class SingleWheelRadiusError(PlantEffect):
         excitation="straight driving along x and y both ways, and turning: a track error shows while turning only; "
         "lost counts leave the forces alone and a weak motor the odometry",
     )
-
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+    parameters = (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
 
     def change(self, robot, plant, values):
         return robot.worn(plant, values["share"], [int(values["wheel"]) - 1])
@@ -138,7 +136,7 @@ class WheelRadiusErrors(PlantEffect):
         excitation="long runs round both ways: a wrong track turns its sign with the bend, a wheel's radius does not",
     )
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         return tuple(
             Parameter(f"share_{i}", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3)
             for i in range(1, body.wheels + 1)

@@ -9,24 +9,15 @@ what changes within one enters with its mean.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.effect import BlockEffect, Body
 
 LEAST_LIMIT = 1e-6  # smallest limit that a scenario may set
-
-
-def shaping_spec(
-    wire: str, size: int, function: Callable, parameters: Mapping[str, object], update: Callable | None = None,
-    state_size: int = 0,
-) -> Spec:
-    """Of a block in the wire `wire`, with one update of `state_size` numbers in the sensing phase or none."""
-    memory = {"discrete_state": np.zeros(state_size), "updates": (Update(update, Phase.SENSE),)} if update else {}
-    return Spec(inputs={wire: size}, outputs={wire: Output(size, function)}, parameters=parameters, **memory)
 
 
 @kernel
@@ -55,13 +46,15 @@ def keep(xd, held, out):
         out[i] = xd[i - n]
 
 
-def delay_spec(
-    wire: str, size: int, function: Callable, update: Callable, delay_s: float, longest_s: float,
-) -> Spec:
-    """Of a delay: `function` calls `shift`, `update` calls `keep`, with memory for a delay of `longest_s`."""
-    rows = math.ceil(longest_s / TICK_S) + 1
-    ticks = round(delay_s / TICK_S, 6)  # 0.005 s is one tick
-    return shaping_spec(wire, size, function, {"delay_ticks": ticks}, update, rows * size)
+class Delay(BlockEffect):
+    """A delay of the held command by its one parameter, `delay_s`: `output` calls `shift`, `update` calls `keep`."""
+
+    def memory_size(self, body):
+        (delay,) = self.parameters
+        return (math.ceil(delay.high / TICK_S) + 1) * super().memory_size(body)
+
+    def block_parameters(self, body, values):
+        return {"delay_ticks": round(values["delay_s"] / TICK_S, 6)}  # 0.005 s is one tick
 
 
 @kernel
@@ -71,19 +64,28 @@ def mix(xd, held, share, out):
         out[i] = share * xd[i] + (1.0 - share) * held[i]
 
 
-def lag_spec(wire: str, size: int, function: Callable, update: Callable, time_constant_s: float) -> Spec:
-    """Of a first-order lag of the held command, x_d = [what it has reached at the end of the tick (n)].
+class Lag(BlockEffect):
+    """A first-order lag of the held command by `time_constant_s`, x_d = [what it reaches at the end of the tick (n)].
 
-    `update` mixes with the share `memory`: y_k = a y_k-1 + (1 - a) u_k, a = exp(-T/time_constant). `function` gives the
+    `update` mixes with the share `memory`: y_k = a y_k-1 + (1 - a) u_k, a = exp(-T/time_constant). `output` gives the
     mean over the tick, it mixes with the share `blend`: b y_k-1 + (1 - b) u_k, b = (1 - a) time_constant/T. (The value
     at the end would come half a tick early: a lag of 5 ms would pass for one of 7 ms.)
     """
-    memory = math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0
-    parameters = {"memory": memory, "blend": (1.0 - memory) * time_constant_s / TICK_S}
-    return shaping_spec(wire, size, function, parameters, update, size)
+
+    def block_parameters(self, body, values):
+        time_constant_s = values["time_constant_s"]
+        memory = math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0
+        return {"memory": memory, "blend": (1.0 - memory) * time_constant_s / TICK_S}
 
 
 @kernel
 def scale(held, gain, out):
     for i in range(out.shape[0]):
         out[i] = gain[i] * held[i]
+
+
+def one_wheel(body: Body, values: Mapping[str, float], gain: float) -> np.ndarray:
+    """(n,) gains of the wheels: `gain` for the one that the choice `wheel` names, 1 for all others."""
+    gains = np.ones(body.wheels)
+    gains[int(values["wheel"]) - 1] = gain
+    return gains

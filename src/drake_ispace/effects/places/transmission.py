@@ -8,20 +8,11 @@ import math
 
 import numpy as np
 
-from drake_ispace.blocks.block import Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
 from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, slope_left, smooth_sign, speed_scale, steepest_slope
-
-
-def _friction_spec(body, function, parameters):
-    """Of a block that takes a torque away from every wheel, given its speed."""
-    return Spec(
-        inputs={"torque": body.wheels, "wheel_rate": body.wheels}, outputs={"torque": Output(body.wheels, function)},
-        parameters=parameters,
-    )
+from drake_ispace.effects.wires import TorqueEffect, WheelAngleEffect
 
 
 @kernel
@@ -30,11 +21,9 @@ def viscous(torque, wheel_rate, coefficient_n_m_s, out):
         out[i] = torque[i] - coefficient_n_m_s * wheel_rate[i]
 
 
-class ViscousFriction(BlockEffect):
+class ViscousFriction(TorqueEffect):
     """-c w on every wheel, beyond what the plant has; at most what the 5 ms step can integrate."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="viscous_friction", title="Viscous friction", home="transmission", equation="tau' = tau - c w",
         source="(3.35), c_v",
@@ -42,14 +31,12 @@ class ViscousFriction(BlockEffect):
         look_alikes=("coulomb_friction", "soft_floor", "torque_gain_error"),
         excitation="several speeds: at one speed alone it equals Coulomb friction",
     )
+    output = viscous
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         least, most = body.robot.least_friction(body.plant, "viscous_n_m_s"), slope_left(body)
         tolerance = 0.03 * -least if math.isfinite(least) else 0.0
         return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=tolerance),)
-
-    def spec(self, body, values):
-        return _friction_spec(body, viscous, {"coefficient_n_m_s": values["coefficient_n_m_s"]})
 
 
 @kernel
@@ -58,11 +45,9 @@ def coulomb(torque, wheel_rate, torque_n_m, speed_scale_rad_s, out):
         out[i] = torque[i] - torque_n_m * smooth_sign(wheel_rate[i], speed_scale_rad_s)
 
 
-class CoulombFriction(BlockEffect):
+class CoulombFriction(TorqueEffect):
     """-C tanh(w / w_s) on every wheel, beyond what the plant has."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="coulomb_friction", title="Coulomb friction", home="transmission", equation="tau' = tau - C sign(w)",
         source="(3.35), c_cu: seals and preloaded gears",
@@ -73,16 +58,15 @@ class CoulombFriction(BlockEffect):
         excitation="slow and fast runs in both directions: viscous friction grows with speed, a soft floor acts along "
         "the robot's way and not on each wheel, a dead zone takes torque away at standstill and from braking as well",
     )
+    output = coulomb
 
-    def parameters(self, body):
+    def parameters_of(self, body):
         least = body.robot.least_friction(body.plant, "coulomb_n_m")
         return (Parameter("torque_n_m", "N*m", 0.0, least, math.inf, (0.03, 0.15), "torque", tolerance=0.008),)
 
-    def spec(self, body, values):
+    def block_parameters(self, body, values):
         torque = values["torque_n_m"]
-        return _friction_spec(
-            body, coulomb, {"torque_n_m": torque, "speed_scale_rad_s": speed_scale(body, torque)}
-        )
+        return {"torque_n_m": torque, "speed_scale_rad_s": speed_scale(body, torque)}
 
 
 @kernel
@@ -92,11 +76,9 @@ def stribeck(torque, wheel_rate, bump_n_m, speed_rad_s, speed_scale_rad_s, out):
         out[i] = torque[i] - bump_n_m * np.exp(-share * share) * smooth_sign(wheel_rate[i], speed_scale_rad_s)
 
 
-class StribeckFriction(BlockEffect):
+class StribeckFriction(TorqueEffect):
     """-B exp(-(w / w_S)^2) tanh(w / w_s) on every wheel: what breaking loose costs beyond Coulomb friction."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="stribeck_friction", title="Stribeck friction", home="transmission",
         equation="tau' = tau - B exp(-(w/w_S)^2) sign(w)",
@@ -106,18 +88,15 @@ class StribeckFriction(BlockEffect):
         excitation="creeping, with many starts and reversals, and fast runs beside them: Coulomb friction stays when "
         "the wheel is fast; a dead zone follows the command and not the speed",
     )
+    parameters = (
+        Parameter("bump_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.04),
+        Parameter("speed_rad_s", "rad/s", 1.0, LEAST_SPEED_RAD_S, math.inf, (0.1, 0.4), "speed"),
+    )
+    output = stribeck
 
-    def parameters(self, body):
-        return (
-            Parameter("bump_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.04),
-            Parameter("speed_rad_s", "rad/s", 1.0, LEAST_SPEED_RAD_S, math.inf, (0.1, 0.4), "speed"),
-        )
-
-    def spec(self, body, values):
-        bump = values["bump_n_m"]
-        return _friction_spec(body, stribeck, {
-            "bump_n_m": bump, "speed_rad_s": values["speed_rad_s"], "speed_scale_rad_s": speed_scale(body, bump),
-        })
+    def block_parameters(self, body, values):
+        bump, speed = values["bump_n_m"], values["speed_rad_s"]
+        return {"bump_n_m": bump, "speed_rad_s": speed, "speed_scale_rad_s": speed_scale(body, bump)}
 
 
 @kernel
@@ -128,11 +107,9 @@ def load_dependent(torque, wheel_rate, share, least_speed_rad_s, slope_n_m_s, ou
         out[i] = torque[i] - drag * smooth_sign(wheel_rate[i], width)
 
 
-class LoadDependentFriction(BlockEffect):
+class LoadDependentFriction(TorqueEffect):
     """-share |tau| tanh(w / w_s) on every wheel, tau the torque that arrives here; w_s grows with |tau| (smooth.py)."""
 
-    wire = "torque"
-    general = True
     card = Card(
         name="load_dependent_friction", title="Load-dependent friction", home="transmission",
         equation="tau' = tau - share |tau| sign(w)",
@@ -142,14 +119,12 @@ class LoadDependentFriction(BlockEffect):
         excitation="acceleration and braking in turn: a gain error scales both alike, this one weakens the drive and "
         "strengthens the brake; coasting, where only Coulomb friction acts",
     )
+    parameters = (Parameter("share", "1", 0.0, 0.0, 0.9, (0.05, 0.2), tolerance=5e-3),)
+    output = load_dependent
 
-    def parameters(self, body):
-        return (Parameter("share", "1", 0.0, 0.0, 0.9, (0.05, 0.2), tolerance=5e-3),)
-
-    def spec(self, body, values):
-        return _friction_spec(body, load_dependent, {
-            "share": values["share"], "least_speed_rad_s": LEAST_SPEED_RAD_S, "slope_n_m_s": steepest_slope(body),
-        })
+    def block_parameters(self, body, values):
+        slope = steepest_slope(body)
+        return {"share": values["share"], "least_speed_rad_s": LEAST_SPEED_RAD_S, "slope_n_m_s": slope}
 
 
 @kernel
@@ -167,16 +142,15 @@ def motor_angle(xd, wheel_angle, torque, half_gap_rad, rate_rad_s_n_m, out):
         out[i] += wheel_angle[i]
 
 
-class TransmissionBacklash(BlockEffect):
+class TransmissionBacklash(WheelAngleEffect):
     """The encoder sits on the motor's side of a play: it reads the wheel's angle plus a lead of at most gap / 2.
 
     The motor crosses the play as fast as its torque drives it when nothing else resists: at `rate` times the torque.
     It starts in the middle. The torque that the play does not pass meanwhile is left out.
     """
 
-    wire = "wheel_angle"
     needs = ("torque",)
-    general = True
+    kinematic = False
     card = Card(
         name="transmission_backlash", title="Backlash", home="transmission",
         equation="theta' = theta + l, dl/dt = rate tau, |l| <= gap/2",
@@ -186,20 +160,14 @@ class TransmissionBacklash(BlockEffect):
         excitation="many reversals: the error does not grow with the way, as it does where the encoder's scale is "
         "wrong or counts are lost; a pose from the room at rest shows it without any torque, which friction cannot do",
     )
+    parameters = (
+        Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),
+        Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (500.0,)),
+    )
+    output, update = motor_angle, lead
 
-    def parameters(self, body):
-        return (
-            Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),
-            Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (500.0,)),
-        )
-
-    def spec(self, body, values):
-        return Spec(
-            inputs={"wheel_angle": body.wheels, "torque": body.wheels},
-            outputs={"wheel_angle": Output(body.wheels, motor_angle)},
-            parameters={"half_gap_rad": 0.5 * values["gap_rad"], "rate_rad_s_n_m": values["rate_rad_s_n_m"]},
-            discrete_state=np.zeros(body.wheels), updates=(Update(lead, Phase.SENSE),),
-        )
+    def block_parameters(self, body, values):
+        return {"half_gap_rad": 0.5 * values["gap_rad"], "rate_rad_s_n_m": values["rate_rad_s_n_m"]}
 
 
 EFFECTS = (

@@ -9,8 +9,8 @@ import numpy as np
 
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import BlockEffect
-from drake_ispace.effects.places.shaping import LEAST_LIMIT, delay_spec, keep, lag_spec, mix, scale, shaping_spec, shift
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, mix, scale, shift
+from drake_ispace.effects.wires import VelocityEffect
 
 
 @kernel
@@ -23,10 +23,9 @@ def remember_commands(xd, velocity, out):
     keep(xd, velocity, out)
 
 
-class VelocityDelay(BlockEffect):
+class VelocityDelay(Delay, VelocityEffect):
     """v(t - delay) of the held command; for a part of a tick the mean of the two commands that fall into the tick."""
 
-    wire = "velocity"
     card = Card(
         name="velocity_delay", title="Delay of the velocity command", home="actuator", equation="v'(t) = v(t - delay)",
         source="radio, bus and computing time between command and drive",
@@ -35,13 +34,8 @@ class VelocityDelay(BlockEffect):
         excitation="steps of the command: a lag rounds them, a delay shifts them; a late camera shifts the pose alone, "
         "not the encoders",
     )
-    longest_s = 0.3
-
-    def parameters(self, body):
-        return (Parameter("delay_s", "s", 0.0, 0.0, self.longest_s, (0.01, 0.05)),)
-
-    def spec(self, body, values):
-        return delay_spec("velocity", 3, delayed, remember_commands, values["delay_s"], self.longest_s)
+    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.3, (0.01, 0.05)),)
+    output, update = delayed, remember_commands
 
 
 @kernel
@@ -53,10 +47,9 @@ def saturated(velocity, limit_m_s, limit_rad_s, out):
     out[2] = min(max(velocity[2], -limit_rad_s), limit_rad_s)
 
 
-class VelocitySaturation(BlockEffect):
+class VelocitySaturation(VelocityEffect):
     """Speed at most limit_m_s, in the commanded direction; turning clip(wz, -limit_rad_s, limit_rad_s)."""
 
-    wire = "velocity"
     card = Card(
         name="velocity_saturation", title="Speed limit", home="actuator",
         equation="v' = v min(1, limit_m_s / |v|), wz' = clip(wz, -limit_rad_s, limit_rad_s)",
@@ -66,15 +59,11 @@ class VelocitySaturation(BlockEffect):
         excitation="commands of several speeds, each held for a while: below the limit nothing is missing, where a "
         "gain error takes its share of every command",
     )
-
-    def parameters(self, body):
-        return (
-            Parameter("limit_m_s", "m/s", math.inf, LEAST_LIMIT, math.inf, (0.15, 0.3), reciprocal=True),
-            Parameter("limit_rad_s", "rad/s", math.inf, LEAST_LIMIT, math.inf, (0.5, 1.0), reciprocal=True),
-        )
-
-    def spec(self, body, values):
-        return shaping_spec("velocity", 3, saturated, {name: values[name] for name in ("limit_m_s", "limit_rad_s")})
+    parameters = (
+        Parameter("limit_m_s", "m/s", math.inf, LEAST_LIMIT, math.inf, (0.15, 0.3), reciprocal=True),
+        Parameter("limit_rad_s", "rad/s", math.inf, LEAST_LIMIT, math.inf, (0.5, 1.0), reciprocal=True),
+    )
+    output = saturated
 
 
 @kernel
@@ -82,10 +71,9 @@ def scaled(velocity, gain, out):
     scale(velocity, gain, out)
 
 
-class VelocityGain(BlockEffect):
+class VelocityGain(VelocityEffect):
     """(1 + share) v, a share for each of vx, vy and wz."""
 
-    wire = "velocity"
     card = Card(
         name="velocity_gain", title="Gain of the velocity command", home="actuator",
         equation="vx' = (1 + share_x) vx, vy' = (1 + share_y) vy, wz' = (1 + share_yaw) wz",
@@ -95,13 +83,11 @@ class VelocityGain(BlockEffect):
         excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
         "camera, a gain between command and encoder; a speed limit spares slow commands",
     )
+    parameters = tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,)) for name in ("share_x", "share_y", "share_yaw"))
+    output = scaled
 
-    def parameters(self, body):
-        return tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,)) for name in ("share_x", "share_y", "share_yaw"))
-
-    def spec(self, body, values):
-        shares = (values["share_x"], values["share_y"], values["share_yaw"])
-        return shaping_spec("velocity", 3, scaled, {"gain": np.array([1.0 + share for share in shares])})
+    def block_parameters(self, body, values):
+        return {"gain": np.array([1.0 + values[p.name] for p in self.parameters])}
 
 
 @kernel
@@ -110,10 +96,9 @@ def coupled(velocity, yaw_per_x, yaw_per_y, out):
     out[2] = velocity[2] + (yaw_per_x * velocity[0] + yaw_per_y * velocity[1])
 
 
-class VelocityCoupling(BlockEffect):
+class VelocityCoupling(VelocityEffect):
     """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight."""
 
-    wire = "velocity"
     card = Card(
         name="velocity_coupling", title="Turning while driving", home="actuator",
         equation="wz' = wz + yaw_per_x vx + yaw_per_y vy",
@@ -123,12 +108,8 @@ class VelocityCoupling(BlockEffect):
         excitation="straight driving forwards, backwards and sideways: a wheel of another size turns the robot without "
         "its encoders noticing",
     )
-
-    def parameters(self, body):
-        return tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
-
-    def spec(self, body, values):
-        return shaping_spec("velocity", 3, coupled, {name: values[name] for name in ("yaw_per_x", "yaw_per_y")})
+    parameters = tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
+    output = coupled
 
 
 @kernel
@@ -141,10 +122,9 @@ def remember_lagged(xd, velocity, memory, out):
     mix(xd, velocity, memory, out)
 
 
-class VelocityLag(BlockEffect):
-    """First-order lag of the held command, its mean over each tick (shaping.lag_spec)."""
+class VelocityLag(Lag, VelocityEffect):
+    """First-order lag of the held command, its mean over each tick (shaping.Lag)."""
 
-    wire = "velocity"
     card = Card(
         name="velocity_lag", title="Lag of the velocity", home="actuator",
         equation="time_constant d(v')/dt = v - v'",
@@ -154,12 +134,8 @@ class VelocityLag(BlockEffect):
         excitation="steps and fast reversals of the command: a delay shifts them, a lag rounds them; a speed limit "
         "acts on fast commands only",
     )
-
-    def parameters(self, body):
-        return (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
-
-    def spec(self, body, values):
-        return lag_spec("velocity", 3, lagged, remember_lagged, values["time_constant_s"])
+    parameters = (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
+    output, update = lagged, remember_lagged
 
 
 EFFECTS = (VelocityDelay(), VelocitySaturation(), VelocityGain(), VelocityCoupling(), VelocityLag())

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import Effect
+from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.signatures import Signature
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
@@ -25,23 +24,28 @@ _RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
 _WARM_S = 5.0
 
 
-class Generic(Effect):
-    """A disagreement without a name of its own.
+@dataclass(frozen=True, eq=False)
+class Generic:
+    """A disagreement that no effect stands for; a Candidate may have it in the place of an Effect.
 
     Attributes:
-        link: "force" or "motion". driver: with what it goes. columns: how many amplitudes it has.
+        name: by which others can be told from it. link: "force" or "motion". driver: with what it goes.
+        columns: how many amplitudes it has.
     """
 
-    def __init__(self, name: str, link: str, driver: str, columns: int):
-        self.card = Card(name, f"{link} that goes with {driver}", "", "", "", "", (), "")
-        self.link, self.driver, self.columns = link, driver, columns
+    name: str
+    link: str
+    driver: str
+    columns: int
 
     @property
     def is_local(self) -> bool:
         """Whether it is so free that it explains slow noise as well, wherever the robot happens to be meanwhile."""
         return self.columns > 4
 
-    def parameters(self, body):
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """An amplitude for every column."""
         return tuple(Parameter(f"amplitude_{i + 1}", "", probes=(1.0,)) for i in range(self.columns))
 
 
@@ -95,7 +99,7 @@ def generics(prediction: Prediction, point: Point, base: Residuals, pool: Thread
     for (generic, _, _), raw in zip(flat, (pool.map if pool else map)(one, flat), strict=True):
         at = sum(s.candidate.effect is generic for s in found)
         candidate = next((s.candidate for s in found if s.candidate.effect is generic), None)
-        candidate = candidate or Candidate(generic, (), generic.parameters(None))
+        candidate = candidate or Candidate(generic, (), generic.parameters)
         z = [float(i == at) for i in range(generic.columns)]
         change = [{s: before[s] - after[s] for s in before} for before, after in zip(base, raw, strict=True)]
         found.append(Signature(candidate, z, at, False, change))

@@ -4,9 +4,18 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from drake_ispace.effects.card import Parameter
 from drake_ispace.effects.effect import Body, Effect
+
+
+class Cause(Protocol):
+    """What a Candidate stands for: an Effect of the library, or a Generic disagreement that has no card."""
+
+    @property
+    def name(self) -> str:
+        """Name in tables, unlike that of any other cause."""
 
 
 @dataclass(frozen=True)
@@ -14,16 +23,17 @@ class Candidate:
     """An effect with every choice made.
 
     Attributes:
-        effect: of the library. choices: parameter -> wheel number. parameters: those that a fit moves.
+        effect: of the library, or a Generic disagreement. choices: parameter -> wheel number.
+        parameters: those that a fit moves.
     """
 
-    effect: Effect
+    effect: Cause
     choices: tuple[tuple[str, int], ...]
     parameters: tuple[Parameter, ...]
 
     @property
     def name(self) -> str:
-        return self.effect.card.name
+        return self.effect.name
 
     @property
     def label(self) -> str:
@@ -64,7 +74,7 @@ def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:
     found = []
     for effect in effects.values():
         wheels = [[(name, w) for w in range(1, body.wheels + 1)] for name in effect.choices]
-        found += [Candidate(effect, picked, effect.parameters(body)) for picked in itertools.product(*wheels)]
+        found += [Candidate(effect, picked, effect.parameters_of(body)) for picked in itertools.product(*wheels)]
     return found
 
 
