@@ -231,7 +231,7 @@ def test_everyday_commands_import_nothing_they_do_not_need(python, arguments):
 TELLS_WHEN_RUNNING = """
 import sys
 from contextlib import contextmanager
-from drake_ispace.cli.app import app as cli
+import drake_ispace.cli.app as cli
 
 @contextmanager
 def progress(total, title, *unit):
