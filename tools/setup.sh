@@ -11,6 +11,12 @@ STAMP=$VENV/.setup-done
 PYTHONPATH=
 export PYTHONPATH
 
+# The last error in what pip said that gives a reason, or else its last line.
+last_said() {
+    words=$(grep 'ERROR: ' "$1" | grep -v 'ERROR: Failed to build' | tail -n 1 | sed 's/.*ERROR: //')
+    [ -n "$words" ] || words=$(grep '[^[:space:]]' "$1" | tail -n 1)
+    printf '%s\n' "${words:-nothing}"
+}
 say() { printf '%s\n' "setup: $*"; }
 die() { printf '%s\n' "setup: $*" >&2; exit 1; }
 
@@ -112,9 +118,15 @@ fi
 if ! [ -f "$STAMP" ] || [ "$(cat "$STAMP")" != "$(state)" ]; then
     say "installing the package and what it depends on (a few minutes the first time)"
     rm -f "$STAMP"
-    PIP_DISABLE_PIP_VERSION_CHECK=1 "$VENV/bin/python" -m pip install --quiet --editable '.[test]' </dev/null ||
-        die "pip could not install the package; Drake has wheels for Linux with glibc 2.34 or later (Debian 12," \
-            "Ubuntu 22.04) and for macOS 15 or later on Apple silicon."
+    log=$(mktemp)
+    PIP_DISABLE_PIP_VERSION_CHECK=1 "$VENV/bin/python" -m pip install --quiet --editable '.[test]' \
+        </dev/null >"$log" 2>&1 || {
+        cat "$log" >&2
+        last=$(last_said "$log")
+        rm -f "$log"
+        die "pip could not install the package; it said last: $last"
+    }
+    rm -f "$log"
     error=$("$VENV/bin/python" -c 'import pydrake.systems.framework, pygraphviz, cv2, numba' 2>&1) ||
         die "the installed packages do not load: $(printf '%s\n' "$error" | tail -n 1)"
     state >"$STAMP"
