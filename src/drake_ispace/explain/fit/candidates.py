@@ -80,10 +80,9 @@ def probes(candidate: Candidate, scales: Mapping[str, float]) -> list[list[float
     points = []
     for i, parameter in enumerate(candidate.parameters):
         for size in parameter.probes:
-            z = list(candidate.neutral)
-            z[i] = coordinate(parameter, parameter.neutral + size * scales.get(parameter.scale, 1.0)) \
-                if math.isfinite(parameter.neutral) else coordinate(parameter, size * scales.get(parameter.scale, 1.0))
-            low, high = candidate.bounds[i]
-            z[i] = min(max(z[i], low), high)
+            z, (low, high) = list(candidate.neutral), candidate.bounds[i]
+            origin = parameter.neutral if math.isfinite(parameter.neutral) else 0.0
+            value = origin + size * scales.get(parameter.scale, 1.0)
+            z[i] = min(max(coordinate(parameter, value), low), high)
             points.append(z)
     return points

@@ -56,6 +56,6 @@ class Directions:
         gram = self.gram()
         lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
         values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
-        kept = vectors[:, values > _LEAST_EIGENVALUE * values[-1]]
-        values = values[values > _LEAST_EIGENVALUE * values[-1]]
-        return kept @ ((kept.T @ (self.dot(y) / lengths)) / values) / lengths
+        kept = values > _LEAST_EIGENVALUE * values[-1]
+        values, vectors = values[kept], vectors[:, kept]
+        return vectors @ ((vectors.T @ (self.dot(y) / lengths)) / values) / lengths

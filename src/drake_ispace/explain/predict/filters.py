@@ -45,16 +45,15 @@ def _filter(scenario, robot, has, changed, times):
     settings = getattr(scenario, robot.name)
     plant, counts = settings.plant, settings.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
-    rounding = count**2 / 12.0 if "encoder" in has else np.inf
     system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
     weight = robot.mass_matrix(plant)
     p, m, n = len(system.c), system.b.shape[1], len(system.a)
-    if not np.isfinite(rounding):
+    if "encoder" not in has:
         a, b = discrete(system.a, system.b)
         return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight)
     factors = np.ones(4)
     factors[changed] = times
-    process, sensors = np.zeros((n, n)), np.full(p, rounding * factors[3])
+    process, sensors = np.zeros((n, n)), np.full(p, count**2 / 12.0 * factors[3])
     process[3:, 3:] = _accelerations(robot, weight, has, factors[:3])
     if robot.has_imu:
         wheels = len(plant.geometry.wheels)

@@ -20,10 +20,9 @@ from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
-from drake_ispace.effects.library import library
 from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.explain.predict.follower import Filter, Follower, design
-from drake_ispace.explain.predict.replay import Replay, Values
+from drake_ispace.explain.predict.replay import Replay, Values, applicable
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track, track
 from drake_ispace.files.recording import Recording
@@ -278,19 +277,18 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     mean[0] = 1.0 / n
     geometry = OwnGeometry(mean, np.linalg.pinv(mean))
     body = Body(OwnRobot(model.name), OwnPlant(geometry, c @ a @ b), n)
-    tried = library().values() if effects is None else effects
-    applicable = {e.card.name: e for e in tried if e.applies_to(body)}
-    if missing := set(model.effects) - set(applicable):
-        raise InputError(f"{model.name}: the known effect {missing.pop()} is not among those given")
+    every = applicable(effects, body)
+    if missing := set(model.effects) - set(every):
+        raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
-    rollout = compile_diagram(_diagram(model, body, applicable, filters[0]))
+    rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
     model.plant.GetInputPort(model.torque).FixValue(context, np.zeros(n))
     angles = model.plant.GetOutputPort(model.wheel_angle).Eval(context)
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
-        body, applicable, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
+        body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
         angles=angles, logged=model.logged, free={name: model.parameters[name] for name in model.free},
     )
 

@@ -68,11 +68,7 @@ class Prediction:
 
     def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
         """The residuals of every run with these effects in the model."""
-        numbers = self.replay.parameters(values)
-        share = self._dropouts(values)
-        jobs = range(len(self.tracks))
-        one = lambda i: self._one(i, self.tracks[i], numbers, share)  # noqa: E731
-        return list((pool.map if pool else map)(one, jobs))
+        return self._changed(self.tracks, values, pool)
 
     def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals with `commands` (ticks + LEAD_TICKS, m), one per run, added to the recorded ones."""
@@ -85,9 +81,11 @@ class Prediction:
         tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
         return self._changed(tracks, values)
 
-    def _changed(self, tracks, values):
+    def _changed(self, tracks, values, pool=None):
+        """The residuals of these tracks in the place of the runs' own."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
-        return [self._one(i, track, numbers, share) for i, track in enumerate(tracks)]
+        one = lambda i, track: self._one(i, track, numbers, share)  # noqa: E731
+        return list((pool.map if pool else map)(one, range(len(tracks)), tracks))
 
     def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals if the model moved by `displacements` (ticks + LEAD_TICKS, 3) [m, m, rad] more, one per run."""
@@ -228,16 +226,12 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
     if robot.driven == COMMAND:
         replay = tuned(replay, tracks, starts)
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if robot.has_imu else [])
-    followed = replay.feeds >= {"encoder", robot.driven} | ({"imu"} if robot.has_imu else set())
-    columns = [i for i, name in enumerate(names) if followed and name != _NOT_PREDICTED]
-    pose = ["x", "y", "heading"] if robot.in_room else []
     # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: residuals
     # would show unknown forces, not physics that the model lacks
-    channels = {
-        "motion": [names[i] for i in columns],
-        "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],
-        "start": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [], "looks": ["seen"],
-    }
+    followed = replay.feeds >= {"encoder", robot.driven} | ({"imu"} if robot.has_imu else set())
+    columns = [i for i, name in enumerate(names) if followed and name != _NOT_PREDICTED]
+    pose = ["x", "y", "heading"] if robot.in_room and replay.feeds & {"encoder", "command"} else []
+    channels = {"motion": [names[i] for i in columns], "room": pose, "start": pose, "looks": ["seen"]}
     return Prediction(replay, list(tracks), starts, anchored, channels, columns)
 
 

@@ -128,6 +128,11 @@ class Replay:
             numbers[self.rollout.index(f"{block}.{name}")] = value
 
 
+def applicable(effects: Sequence[Effect] | None, body: Body) -> dict[str, Effect]:
+    """Name -> effect, of those that apply to the body; None: of the whole library."""
+    return {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+
+
 def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
     """Build and compile the prediction Diagram.
 
@@ -139,16 +144,15 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
         InputError: an effect of the model is not among `effects`.
     """
     body = body_of(scenario, robot)
-    tried = library().values() if effects is None else effects
-    applicable = {e.card.name: e for e in tried if e.applies_to(body)}
+    every = applicable(effects, body)
     if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
-        applicable = {name: e for name, e in applicable.items() if getattr(e, "wire", "") != "velocity"}
+        every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
-    if missing := known.keys() - applicable.keys():
+    if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
-    rollout = compile_diagram(replay_diagram(scenario, robot, has, applicable))
+    rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     others = other_filters(scenario, robot, has)
-    return Replay(body, applicable, known, rollout, has, others, lambda plant: adapted(robot, plant))
+    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))
 
 
 def replay_diagram(

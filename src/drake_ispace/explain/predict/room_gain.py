@@ -33,8 +33,13 @@ def tuned(replay, tracks, starts):
 def with_gain(replay, which: int, value: float):
     """The Replay with another gain of place (0) or heading (1)."""
     numbers = replay.rollout.parameters.copy()
-    numbers[replay.rollout.index(f"{replay.body.name}_view.gain[{which}]")] = value
+    numbers[_place_of_gain(replay, which)] = value
     return dataclasses.replace(replay, rollout=dataclasses.replace(replay.rollout, parameters=numbers))
+
+
+def _place_of_gain(replay, which):
+    """Index of the gain of place (0) or heading (1) among the run-time numbers."""
+    return replay.rollout.index(f"{replay.body.name}_view.gain[{which}]")
 
 
 def _deviance(replay, tracks, starts):
@@ -45,7 +50,7 @@ def _deviance(replay, tracks, starts):
     as slowly.
     """
     numbers = replay.parameters({})
-    gains = [replay.rollout.parameters[replay.rollout.index(f"{replay.body.name}_view.gain[{i}]")] for i in (0, 1)]
+    gains = [replay.rollout.parameters[_place_of_gain(replay, i)] for i in (0, 1)]
     rows, drivers = [], ([], [])
     for track, start in zip(tracks, starts, strict=True):
         if len(track.fix_t) < _LEAST_FIXES:

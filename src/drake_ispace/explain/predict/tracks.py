@@ -156,6 +156,6 @@ def _missed(channel, end_s):
         return np.empty(0)
     first = channel.t[0] - np.floor(channel.t[0] / channel.period_s + 1e-6) * channel.period_s
     due = np.arange(first, end_s + 1e-6, channel.period_s)
-    to_next = np.abs(channel.t[np.clip(np.searchsorted(channel.t, due), 0, len(channel.t) - 1)] - due)
-    to_last = np.abs(channel.t[np.clip(np.searchsorted(channel.t, due) - 1, 0, len(channel.t) - 1)] - due)
-    return (np.minimum(to_next, to_last) > 0.25 * channel.period_s).astype(float)
+    after = np.searchsorted(channel.t, due)
+    nearby = channel.t[np.clip([after - 1, after], 0, len(channel.t) - 1)]
+    return (np.abs(nearby - due).min(axis=0) > 0.25 * channel.period_s).astype(float)
