@@ -39,14 +39,9 @@ _LEAST_STEP_RAD = 1e-9  # two angles that are nearer to each other are the same
 
 @dataclass(frozen=True)
 class OwnGeometry:
-    """Stands in for the geometry of a robot's wheels: "forward" is their mean.
-
-    forward (3, n), inverse (n, 3), sideways (0, 3).
-    """
+    """Stands in for the geometry of a robot's wheels: "forward" (3, n) is their mean."""
 
     forward: np.ndarray
-    inverse: np.ndarray
-    sideways: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
 
 @dataclass(frozen=True)
@@ -275,8 +270,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     n = model.wheels
     mean = np.zeros((3, n))
     mean[0] = 1.0 / n
-    geometry = OwnGeometry(mean, np.linalg.pinv(mean))
-    body = Body(OwnRobot(model.name), OwnPlant(geometry, c @ a @ b), n)
+    body = Body(OwnRobot(model.name), OwnPlant(OwnGeometry(mean), c @ a @ b), n)
     every = applicable(effects, body)
     if missing := set(model.effects) - set(every):
         raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
