@@ -47,17 +47,17 @@ def test_a_memory_takes_each_channel_by_the_same_basis_and_nothing_twice():
     known = memory()
     vectors = RNG.standard_normal((3, 100))
     once = vectors.copy()
-    known.take(once)
+    known.remove_from(once)
     basis = np.vstack(known.bases)
     for channel in range(2):
         x = vectors[:, channel::2]
         assert once[:, channel::2] == pytest.approx(x - x @ basis @ basis.T)
     again = once.copy()
-    known.take(again)
+    known.remove_from(again)
     assert again == pytest.approx(once)
 
 
 def test_products_less_memory_are_those_of_vectors_less_memory():
     known, left = memory(), DENSE.copy()
-    known.take(left)
+    known.remove_from(left)
     assert gram([known], DIRECTIONS) == pytest.approx(left @ left.T, abs=1e-9)

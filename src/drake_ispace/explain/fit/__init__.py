@@ -1,1 +1,1 @@
-"""Stage 2: effects as numbers, the noise of residuals, and their likelihood."""
+"""Stage 2: effects as coordinates of a fit, the noise of residuals, and the likelihood of both."""

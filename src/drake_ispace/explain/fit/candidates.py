@@ -1,4 +1,4 @@
-"""What can be tried: an effect with its choice of wheel, and its parameters as numbers that a fit can move."""
+"""Candidates: effects with the wheel chosen, and their parameters as the coordinates of a fit."""
 
 import itertools
 import math
@@ -23,8 +23,9 @@ class Candidate:
     """An effect with every choice made.
 
     Attributes:
-        effect: of the library, or a Generic disagreement. choices: parameter -> wheel number.
-        parameters: those that a fit moves.
+        effect: of the library, or a Generic disagreement.
+        choices: (name, wheel number from 1) of each choice.
+        parameters: those that a fit moves; coordinates are in their order.
     """
 
     effect: Cause
@@ -33,21 +34,22 @@ class Candidate:
 
     @property
     def name(self) -> str:
+        """The effect's name."""
         return self.effect.name
 
     @property
     def label(self) -> str:
-        """The name, with its choices where there are any."""
+        """The effect's name, and the number of each chosen wheel in brackets."""
         return self.name + "".join(f"[{value}]" for _, value in self.choices)
 
     def values(self, z) -> dict[str, float]:
-        """Parameters from coordinates."""
+        """Name -> value of every choice and parameter at the coordinates `z`."""
         moved = {p.name: value_of(p, at) for p, at in zip(self.parameters, z, strict=True)}
         return dict(self.choices) | moved
 
     @property
     def neutral(self) -> list[float]:
-        """Coordinates at which it changes nothing."""
+        """Coordinates at which the effect changes nothing."""
         return [coordinate(p, p.neutral) for p in self.parameters]
 
     @property
@@ -57,40 +59,39 @@ class Candidate:
 
 
 def coordinate(parameter: Parameter, value: float) -> float:
-    """Where a fit is at this value: the value itself, or its reciprocal for a limit."""
+    """The coordinate of a value: the value itself, or its reciprocal for a limit."""
     if not parameter.reciprocal:
         return value
     return math.inf if value == 0.0 else 1.0 / value
 
 
 def value_of(parameter: Parameter, at: float) -> float:
+    """The value at the coordinate `at`; a limit is infinite at 0 and below."""
     if not parameter.reciprocal:
         return at
     return math.inf if at <= 0.0 else 1.0 / at
 
 
 def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:
-    """Every effect with every choice of wheels."""
-    found = []
+    """A Candidate for every effect with every choice of wheels."""
+    result = []
     for effect in effects.values():
         wheels = [[(name, w) for w in range(1, body.wheels + 1)] for name in effect.choices]
-        found += [Candidate(effect, picked, effect.parameters_of(body)) for picked in itertools.product(*wheels)]
-    return found
+        result += [Candidate(effect, picked, effect.parameters_of(body)) for picked in itertools.product(*wheels)]
+    return result
 
 
 def probes(candidate: Candidate, scales: Mapping[str, float]) -> list[list[float]]:
-    """Coordinates at which its signature is looked at: each parameter moved alone, then all together where the first
-    alone does nothing (a Stribeck bump and its speed).
+    """Coordinates at which the candidate's signature is taken: each probe of each parameter, the others neutral.
 
-    scales: "torque", "speed" -> root mean square of the runs.
+    scales: "torque" [N m], "speed" [rad/s] -> root mean square of the runs.
     """
-    found = []
+    points = []
     for i, parameter in enumerate(candidate.parameters):
         for size in parameter.probes:
-            z = list(candidate.neutral)
-            z[i] = coordinate(parameter, parameter.neutral + size * scales.get(parameter.scale, 1.0)) \
-                if math.isfinite(parameter.neutral) else coordinate(parameter, size * scales.get(parameter.scale, 1.0))
-            low, high = candidate.bounds[i]
-            z[i] = min(max(z[i], low), high)
-            found.append(z)
-    return found
+            z, (low, high) = list(candidate.neutral), candidate.bounds[i]
+            origin = parameter.neutral if math.isfinite(parameter.neutral) else 0.0
+            value = origin + size * scales.get(parameter.scale, 1.0)
+            z[i] = min(max(coordinate(parameter, value), low), high)
+            points.append(z)
+    return points

@@ -1,11 +1,11 @@
-"""Vectors as long as all residuals, a row each; those that are zero but in one run are kept in that run only."""
+"""Vectors as long as all residuals, a row each; of a vector that is zero but in one run, only that run is stored."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-_LEAST = 1e-9  # of the largest eigenvalue, below which directions coincide
+_LEAST_EIGENVALUE = 1e-9  # as a share of the largest; below it directions coincide
 
 
 @dataclass(frozen=True)
@@ -13,7 +13,8 @@ class Directions:
     """(k + q) vectors of n numbers.
 
     Attributes:
-        everywhere: (k, n). own: (start, (q_i, n_i)) of every run, zero but in [start, start + n_i).
+        everywhere: (k, n) vectors over all runs.
+        own: (start, (q_i, n_i)) vectors of each run, zero but in [start, start + n_i); q is the sum of all q_i.
     """
 
     everywhere: np.ndarray
@@ -23,13 +24,13 @@ class Directions:
         return len(self.everywhere) + sum(len(part) for _, part in self.own)
 
     def dot(self, vectors: np.ndarray) -> np.ndarray:
-        """(k + q,) or (m, k + q) products with (n,) or (m, n) vectors."""
+        """(k + q,) or (m, k + q) scalar products with (n,) or (m, n) vectors."""
         parts = [vectors @ self.everywhere.T]
         parts += [vectors[..., start : start + part.shape[1]] @ part.T for start, part in self.own]
         return np.concatenate(parts, axis=-1)
 
     def combined(self, amounts: np.ndarray) -> np.ndarray:
-        """(n,) or (m, n) sums of so much of each, (k + q,) or (m, k + q)."""
+        """(n,) or (m, n) sums of the vectors, each times its amount; amounts (k + q,) or (m, k + q)."""
         at = len(self.everywhere)
         total = amounts[..., :at] @ self.everywhere
         for start, part in self.own:
@@ -38,23 +39,23 @@ class Directions:
         return total
 
     def gram(self) -> np.ndarray:
-        """(k + q, k + q) products with each other."""
-        at, found = len(self.everywhere), np.zeros((len(self), len(self)))
-        found[:at, :at] = self.everywhere @ self.everywhere.T
+        """(k + q, k + q) scalar products of the vectors with each other."""
+        at, products = len(self.everywhere), np.zeros((len(self), len(self)))
+        products[:at, :at] = self.everywhere @ self.everywhere.T
         k = at
         for start, part in self.own:
             rows = slice(at, at + len(part))
-            found[rows, :k] = part @ self.everywhere[:, start : start + part.shape[1]].T
-            found[:k, rows] = found[rows, :k].T
-            found[rows, rows] = part @ part.T
+            products[rows, :k] = part @ self.everywhere[:, start : start + part.shape[1]].T
+            products[:k, rows] = products[rows, :k].T
+            products[rows, rows] = part @ part.T
             at += len(part)
-        return found
+        return products
 
     def least_squares(self, y: np.ndarray) -> np.ndarray:
-        """(k + q,) how much of each together comes nearest to `y` (n,); what nearly coincides shares."""
+        """(k + q,) amounts whose sum comes nearest to `y` (n,); vectors that nearly coincide share theirs."""
         gram = self.gram()
         lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
         values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
-        kept = vectors[:, values > _LEAST * values[-1]]
-        values = values[values > _LEAST * values[-1]]
-        return kept @ ((kept.T @ (self.dot(y) / lengths)) / values) / lengths
+        kept = values > _LEAST_EIGENVALUE * values[-1]
+        values, vectors = values[kept], vectors[:, kept]
+        return vectors @ ((vectors.T @ (self.dot(y) / lengths)) / values) / lengths

@@ -1,9 +1,10 @@
-"""Misfit of any effects to the runs: whitened residuals, the runs' own offsets fitted under their priors.
+"""The likelihood of any effects: whitened residuals, with the runs' offsets as nuisance parameters under priors.
 
-The noise's coefficients are estimates too, found while an effect was missing or of another size. Where a controller
-reacts to noise, an effect of its command looks much like a noise that remembers; so near the best point what other
-coefficients could explain is taken from residuals and signatures alike, which makes of a fit what a joint fit of both
-would give. Far from it the residuals' past is mostly the effect itself, and this would hide it.
+The coefficients of the noise model are estimates too, made while an effect was missing or of another size. Where a
+controller reacts to noise, an effect on its command looks much like noise with a memory. Near the best point, what
+other coefficients could explain is therefore removed from residuals and signatures alike; a fit then gives what a joint
+fit of effects and coefficients would. Far from the best point the past of the residuals is mostly the effect itself,
+which the removal would hide.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,23 +20,29 @@ from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
-_STEP = 0.05  # of a probe, for slopes
-_HALVINGS = 6
+_STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
+_HALVINGS = 6  # of a start at which the model runs away
+_DAMPINGS = 6  # tried in an iteration
 
 
 def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
-    """The point as values by effect."""
+    """Effect -> parameter -> value at the point."""
     return {candidate.name: candidate.values(z) for candidate, z in point.items()}
 
 
 @dataclass
 class Likelihood:
-    """Minus twice the log likelihood of the runs, but for a constant, as a sum of squares.
+    """The deviance of the runs, -2 log likelihood up to a constant, as a sum of squares.
+
+    rows is the length of the whitened residuals of all runs, q the number of offsets.
 
     Attributes:
-        prediction: model and runs. whitening: of their noise. offsets: nuisance directions, whitened, each
-            one prior standard deviation long. memory: of the noise, see Whitening.memory.
+        prediction: the model and the runs.
+        whitening: the noise model of the residuals.
+        offsets: whitened changes of the residuals by nuisance parameters, one prior standard deviation each.
         sizes: candidate -> a natural size of each of its coordinates.
+        pool: threads for predictions; None: none.
+        memory: of the noise model, to be removed; empty: it is not removed.
     """
 
     prediction: Prediction
@@ -50,41 +57,45 @@ class Likelihood:
         self._inner = np.linalg.inv(gram(self.memory, self.offsets) + np.eye(len(self.offsets)))
 
     def raw(self, point: Point) -> Residuals:
+        """The residuals at `point`, not whitened."""
         return self.prediction.residuals(merged(point), self.pool)
 
     def whitened(self, point: Point) -> np.ndarray:
+        """(rows,) the whitened residuals at `point`."""
         return self.whitening(self.raw(point))
 
     def marginalised(self, vectors: np.ndarray) -> np.ndarray:
-        """What neither the noise's memory nor offsets can explain of (rows,) or (k, rows): M (I - N (N'MN + 1)^-1 N' M)
-        with M what memory leaves and N the offsets."""
-        left = np.array(vectors, ndmin=2)
-        self._forget(left)
-        left -= self.offsets.combined(self.offsets.dot(left) @ self._inner)
-        self._forget(left)
-        return left.reshape(vectors.shape)
+        """The part of (rows,) or (k, rows) vectors that neither the noise's memory nor the offsets can explain.
+
+        It is M (I - N (N'MN + 1)^-1 N' M) times each, M being the projection that removes the memory, N the offsets.
+        """
+        remainder = np.array(vectors, ndmin=2)
+        self._remove_memory(remainder)
+        remainder -= self.offsets.combined(self.offsets.dot(remainder) @ self._inner)
+        self._remove_memory(remainder)
+        return remainder.reshape(vectors.shape)
 
     def offsets_in(self, w: np.ndarray) -> np.ndarray:
-        """(q,) the best amount of every offset in whitened residuals, in prior standard deviations."""
-        left = w[None].copy()
-        self._forget(left)
-        return self.offsets.dot(left[0]) @ self._inner
+        """(q,) the best amount of every offset in whitened residuals (rows,), in prior standard deviations."""
+        remainder = w[None].copy()
+        self._remove_memory(remainder)
+        return self.offsets.dot(remainder[0]) @ self._inner
 
-    def _forget(self, vectors):
+    def _remove_memory(self, vectors):
         for memory in self.memory:
-            memory.take(vectors)
+            memory.remove_from(vectors)
 
     def deviance(self, w: np.ndarray) -> float:
-        """Sum of squares of whitened residuals with the best offsets, priors included."""
+        """Sum of squares of whitened residuals (rows,) with the best offsets, their priors included."""
         return float(self.parts(w).sum())
 
     def parts(self, w: np.ndarray) -> np.ndarray:
-        """(rows,) what each row adds to the deviance."""
+        """(rows,) what each of the whitened residuals (rows,) adds to the deviance."""
         return w * self.marginalised(w)
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
-        """(len(moved), rows) change of the whitened residuals per natural size of a coordinate."""
-        found = []
+        """(len(moved), rows) changes of the whitened residuals per natural size of each coordinate; w: at `point`."""
+        changes = []
         for candidate, i in moved:
             low, high = candidate.bounds[i]
             z, size = point[candidate][i], self.sizes[candidate][i]
@@ -93,20 +104,25 @@ class Likelihood:
                 step = -step
             if z + step < low:
                 step = high - z or low - z
-            for to in (step, -step):  # backwards where the model runs away
-                z_new = [*point[candidate][:i], z + to, *point[candidate][i + 1 :]]
-                change = (self.whitened({**point, candidate: z_new}) - w) * (size / to)
+            for signed_step in (step, -step):  # the other way where the model runs away
+                z_new = [*point[candidate][:i], z + signed_step, *point[candidate][i + 1 :]]
+                change = (self.whitened({**point, candidate: z_new}) - w) * (size / signed_step)
                 if np.isfinite(change).all():
                     break
-            found.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
-        return np.stack(found) if found else np.empty((0, len(w)))
+            changes.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
+        return np.stack(changes) if changes else np.empty((0, len(w)))
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The best point found, its deviance, and the covariance of its coordinates in natural sizes.
+    """The best point, and how well it is known.
 
-    order: which coordinate each row of `covariance` is.
+    Attributes:
+        point: effects and their coordinates.
+        deviance: at the point.
+        covariance: (k, k) of the fitted coordinates, in natural sizes.
+        order: (candidate, number of the coordinate) of each row of `covariance`.
+        w: (rows,) whitened residuals at the point.
     """
 
     point: Point
@@ -116,7 +132,7 @@ class Fit:
     w: np.ndarray = field(repr=False)
 
     def std(self, candidate: Candidate, i: int, sizes) -> float:
-        """Standard deviation of a coordinate."""
+        """Standard deviation of a fitted coordinate; sizes: candidate -> natural size of each coordinate."""
         at = self.order.index((candidate, i))
         return float(np.sqrt(max(self.covariance[at, at], 0.0)) * sizes[candidate][i])
 
@@ -125,8 +141,12 @@ def fit(
     likelihood: Likelihood, start: Point, iterations: int = 12, tolerance: float = 0.02,
     held: tuple[Candidate, int] | None = None,
 ) -> Fit:
-    """Levenberg and Marquardt from `start`, within bounds, until the deviance falls by less than `tolerance`; held: a
-    coordinate that stays."""
+    """Minimise the deviance from `start`, within bounds, by the method of Levenberg and Marquardt.
+
+    Args:
+        iterations: at most. tolerance: drop in deviance below which an iteration is the last.
+        held: a coordinate that stays as it is in `start`.
+    """
     point = {candidate: list(z) for candidate, z in start.items()}
     order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
     w = likelihood.whitened(point)
@@ -143,8 +163,8 @@ def fit(
         marginalised = likelihood.marginalised(slopes)
         normal, gradient = slopes @ marginalised.T, marginalised @ w
         free = _free(point, order, gradient)
-        gained = 0.0
-        for _ in range(6):
+        drop = 0.0
+        for _ in range(_DAMPINGS):
             step = np.zeros(len(order))
             damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
             step[free] = -np.linalg.lstsq(damped[np.ix_(free, free)], gradient[free], rcond=None)[0]
@@ -152,10 +172,10 @@ def fit(
             w_new = likelihood.whitened(moved)
             new = likelihood.deviance(w_new) if np.isfinite(w_new).all() else np.inf
             if new < deviance:
-                gained, point, w, deviance, damping = deviance - new, moved, w_new, new, max(damping / 5.0, 1e-7)
+                drop, point, w, deviance, damping = deviance - new, moved, w_new, new, max(damping / 5.0, 1e-7)
                 break
             damping *= 8.0
-        if gained < tolerance:
+        if drop < tolerance:
             break
     slopes = likelihood.slopes(point, order, w)
     normal = slopes @ likelihood.marginalised(slopes).T
@@ -163,7 +183,7 @@ def fit(
 
 
 def _free(point, order, gradient):
-    """Coordinates that do not sit on a bound from which the gradient pushes outwards."""
+    """Numbers of the coordinates, less those on a bound that the gradient pushes outwards."""
     free = []
     for at, (candidate, i) in enumerate(order):
         low, high = candidate.bounds[i]
@@ -174,6 +194,7 @@ def _free(point, order, gradient):
 
 
 def _moved(likelihood, point, order, step):
+    """The point after a step (k,) in natural sizes, clipped to bounds."""
     moved = {candidate: list(z) for candidate, z in point.items()}
     for (candidate, i), change in zip(order, step, strict=True):
         low, high = candidate.bounds[i]

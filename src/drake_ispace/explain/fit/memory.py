@@ -1,4 +1,4 @@
-"""What other coefficients of a noise's memory could explain, taken from vectors as long as all residuals."""
+"""The memory of a noise model, and what other coefficients of it could explain of vectors as long as all residuals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +10,11 @@ from drake_ispace.explain.fit.directions import Directions
 
 @dataclass(frozen=True)
 class Memory:
-    """Of one stream: its past in an orthonormal basis, in which each of its channels may be predicted otherwise.
+    """The past of one stream, as an orthonormal basis from which each of its channels is predicted.
 
     Attributes:
-        channels: p. places: per run, where its numbers begin and end in the long vector, instants after each other.
+        channels: their number p.
+        places: per run, where the stream's numbers begin and end in the long vector; the p of an instant are together.
         bases: per run, (instants, q) rows of the basis.
     """
 
@@ -22,7 +23,7 @@ class Memory:
     bases: Sequence[np.ndarray]
 
     def amounts(self, vectors: np.ndarray, start: int = 0) -> np.ndarray:
-        """(m, p, q) of the basis in each channel of vectors (m, n) that begin at `start` and are zero elsewhere."""
+        """(m, p, q) amounts of the basis in each channel of vectors (m, n) that begin at `start`, zero elsewhere."""
         total = np.zeros((len(vectors), self.channels, self.bases[0].shape[1]))
         for (a, b), basis in zip(self.places, self.bases, strict=True):
             if start <= a and b <= start + vectors.shape[1]:
@@ -30,8 +31,8 @@ class Memory:
                 total += np.tensordot(part, basis, axes=(1, 0))
         return total
 
-    def take(self, vectors: np.ndarray) -> None:
-        """Take what it could explain from vectors (m, n), in place."""
+    def remove_from(self, vectors: np.ndarray) -> None:
+        """Subtract from vectors (m, n), in place, all that the basis could explain of them."""
         amounts = self.amounts(vectors)
         for (a, b), basis in zip(self.places, self.bases, strict=True):
             part = np.tensordot(amounts, basis, axes=(2, 1)).transpose(0, 2, 1)
@@ -39,10 +40,10 @@ class Memory:
 
 
 def gram(memories: Sequence[Memory], directions: Directions) -> np.ndarray:
-    """(k + q, k + q) products of directions from which every memory has taken its part."""
-    found = directions.gram()
+    """(k + q, k + q) scalar products of directions from which every memory is removed."""
+    products = directions.gram()
     for memory in memories:
         groups = [(0, directions.everywhere), *directions.own]
         amounts = np.concatenate([memory.amounts(part, start) for start, part in groups])
-        found -= np.tensordot(amounts, amounts, axes=((1, 2), (1, 2)))
-    return found
+        products -= np.tensordot(amounts, amounts, axes=((1, 2), (1, 2)))
+    return products

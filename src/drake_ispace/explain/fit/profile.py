@@ -1,4 +1,4 @@
-"""Profile likelihood: how far a size may be off before the runs object, all other sizes fitted anew."""
+"""Profile likelihood: how far a coordinate may be off before the deviance rises too much, all others fitted anew."""
 
 from collections.abc import Callable
 
@@ -8,15 +8,18 @@ from scipy.optimize import brentq
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, fit
 
-_DOUBLINGS = 5
-_FAR = 1e9  # of deviance, where the model runs away
-_FINE = 0.03  # of the distance, to which an end is found
+_DOUBLINGS = 5  # of a guessed distance
+_FAR = 1e9  # deviance where the model runs away
+_TOLERANCE = 0.03  # of an end, as a share of its distance
 
 
 def profile_interval(
     likelihood: Likelihood, best: Fit, candidate: Candidate, i: int, rise: float
 ) -> tuple[float, float]:
-    """The coordinates below and above the best at which the deviance has risen by `rise`; a bound where it never does."""
+    """The coordinates below and above the best at which the profile deviance has risen by `rise`.
+
+    A bound where it never rises so far, or 32 times the distance at which a parabola would have, if that is nearer.
+    """
     z = best.point[candidate][i]
     guess = max(best.std(candidate, i, likelihood.sizes), 1e-12 * max(abs(z), 1.0)) * np.sqrt(rise)
     excess = _excess(likelihood, best, candidate, i, rise)
@@ -26,7 +29,7 @@ def profile_interval(
 
 
 def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
-    """Coordinate -> deviance there, the others fitted to it, beyond the best one and `rise`."""
+    """Coordinate -> its deviance, the others fitted anew, less that of the best fit and `rise`."""
     at = best.order.index((candidate, i))
     along = best.covariance[:, at] / max(best.covariance[at, at], 1e-300)
 
@@ -43,7 +46,7 @@ def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
 
 
 def _reach(excess, guess, most, rise):
-    """Distance at which `excess` crosses zero, `most` at the farthest."""
+    """Distance at which `excess` crosses zero, at most `most`; after all doublings the last distance."""
     if most <= 0.0:
         return 0.0
     inner, outer = 0.0, min(guess, most)
@@ -58,4 +61,4 @@ def _reach(excess, guess, most, rise):
         return outer
     known = {0.0: -rise, outer: value}
     finite = lambda t: np.nan_to_num(known[t] if t in known else excess(t), nan=_FAR, posinf=_FAR)  # noqa: E731
-    return float(brentq(finite, inner, outer, xtol=_FINE * outer, rtol=1e-3))
+    return float(brentq(finite, inner, outer, xtol=_TOLERANCE * outer, rtol=1e-3))

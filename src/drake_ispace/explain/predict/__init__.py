@@ -1,1 +1,1 @@
-"""Stage 1: what the model predicts for recorded runs, and what is left of the measurement."""
+"""Stage 1: what the model predicts for recorded runs, and the residuals, measured less predicted."""

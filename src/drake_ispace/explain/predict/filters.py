@@ -1,4 +1,4 @@
-"""The follower's filter for a robot: its linearised error system and what noise is assumed to drive it."""
+"""The follower's filter for a robot: its linearised error system, and the noise that is assumed to drive it."""
 
 import numpy as np
 
@@ -7,26 +7,31 @@ from drake_ispace.explain.predict.follower import Filter, design, discrete
 from drake_ispace.robots.robot import COMMAND, ErrorSystem, Robot
 from drake_ispace.scenario import Scenario
 
-BANDWIDTH_RAD_S = 15.0  # of the correction
-CORRELATION_S = 0.05  # assumed of the robot's unknown forces
-_UNDRIVEN = 30.0  # times more where the command was not recorded: the motion itself is the unknown force
-_FINEST_COUNT = 2e-3  # rad
-OTHER_NOISE = 4.0  # times the spectral density: how far off an assumption about noise may well be
+BANDWIDTH_RAD_S = 15.0  # of the correction that holds the model on the measurements
+CORRELATION_S = 0.05  # of unknown forces, assumed
+_UNDRIVEN = 30.0  # times larger unknown forces where no command was recorded: the motion itself is then unknown
+_FINEST_COUNT = 2e-3  # rad: an encoder that is finer, or exact, counts as one of this
+OTHER_NOISE = 4.0  # times the spectral density or variance: how wrong an assumption about noise may well be
 
 
 def filter_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Filter:
-    """The filter of the robot's replay with the channels `has`."""
+    """The filter for runs of the robot that have the channels `has`."""
     return _filter(scenario, robot, has, 0, 1.0)
 
 
 def other_filters(scenario: Scenario, robot: Robot, has: frozenset[str]) -> list[Filter]:
-    """The same for other assumptions about noise, one changed at a time: each kind of force, then the encoder."""
+    """Four filters as `filter_of`, one assumption about noise changed in each: unknown forces along each of the three
+    coordinates, then the encoder's rounding, times OTHER_NOISE."""
     return [_filter(scenario, robot, has, which, OTHER_NOISE) for which in range(4)]
 
 
 def adapted(robot: Robot, plant) -> dict[str, np.ndarray]:
-    """What of the follower's numbers goes with the plant: for a unit of error the same acceleration, and the same poles
-    of the correction, whatever the plant's mass and however fast it falls. The gain on measurements stays."""
+    """The follower's parameters that depend on the plant's: the weight, and for a robot with dynamics of its own A and
+    the feedback.
+
+    An error then causes the same acceleration, and the correction has the same poles, whatever the plant's mass and
+    however fast it falls. The gain on measurements does not depend on the plant.
+    """
     weight = robot.mass_matrix(plant).ravel()
     if not robot.own_dynamics:
         return {"weight": weight}
@@ -36,19 +41,19 @@ def adapted(robot: Robot, plant) -> dict[str, np.ndarray]:
 
 
 def _filter(scenario, robot, has, changed, times):
+    """The filter with assumption number `changed` (0 to 2: forces, 3: encoder) multiplied by `times`."""
     settings = getattr(scenario, robot.name)
     plant, counts = settings.plant, settings.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
-    angle = count**2 / 12.0 if "encoder" in has else np.inf
     system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
     weight = robot.mass_matrix(plant)
     p, m, n = len(system.c), system.b.shape[1], len(system.a)
-    if not np.isfinite(angle):
+    if "encoder" not in has:
         a, b = discrete(system.a, system.b)
         return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight)
     factors = np.ones(4)
     factors[changed] = times
-    process, sensors = np.zeros((n, n)), np.full(p, angle * factors[3])
+    process, sensors = np.zeros((n, n)), np.full(p, count**2 / 12.0 * factors[3])
     process[3:, 3:] = _accelerations(robot, weight, has, factors[:3])
     if robot.has_imu:
         wheels = len(plant.geometry.wheels)
@@ -58,14 +63,14 @@ def _filter(scenario, robot, has, changed, times):
 
 
 def _accelerations(robot, weight, has, factors):
-    """(3, 3) spectral density of the accelerations that unknown forces cause."""
+    """(3, 3) spectral density of the accelerations that unknown forces cause; factors (3,) on those of the forces."""
     density = np.diag(2.0 * np.square(robot.unknown_forces) * CORRELATION_S * factors)
     inverse = np.linalg.inv(weight)
     return inverse @ (density * (1.0 if robot.driven in has else _UNDRIVEN**2)) @ inverse.T
 
 
 def _feedback(robot: Robot, system: ErrorSystem) -> np.ndarray:
-    """Poles at the bandwidth, the error system's own dynamics cancelled."""
+    """K (m, n): poles at the bandwidth, the error system's own dynamics cancelled."""
     w = BANDWIDTH_RAD_S
     if robot.driven == COMMAND:
         return np.hstack([w * np.eye(3), np.eye(3)])

@@ -1,13 +1,14 @@
-"""A model held on a measured motion by a steady-state Kalman filter: its innovations are what it cannot predict.
+"""A steady-state Kalman filter that holds a model on a measured motion. What the model cannot predict: its innovations.
 
-Plain replay of recorded torques drifts, a balancing robot's replay falls. Here the model gets the recorded torque and
-an acceleration u that the filter finds from the error between measured and modelled outputs,
+Plain replay of recorded torques drifts, and a balancing robot's replay falls. The follower therefore gives the model,
+besides the recorded torque, an acceleration u computed from the error e between measured and modelled outputs:
 
-    nu = e - C dx - D u,   dx+ = A (dx + L nu) - B u',   u' = K (dx + L nu),
+    nu = e - C dx - D u,   dx+ = A (dx + L nu) - B u',   u' = K (dx + L nu).
 
-dx being the filter's estimate of (true state - model's state). nu at t_k depends on measurements before t_k only, so
-what correlates with it is physics that the model lacks, not noise that went round the feedback loop. u is an
-acceleration, not a force, so that a heavier model is not also one that follows its measurements less.
+dx is the filter's estimate of (true state - model's state), nu the innovation, u' the acceleration of the next tick.
+e at t_k is predicted from measurements before t_k only: what correlates with nu is physics that the model lacks, not
+noise that went round the feedback loop. u is an acceleration, not a force, so that a heavier model follows its
+measurements no less.
 """
 
 from dataclasses import dataclass
@@ -22,8 +23,13 @@ from drake_ispace.blocks.rates import TICK_S
 
 @dataclass(frozen=True)
 class Filter:
-    """Matrices of the error system at 5 ms: A (n, n), B (n, m), C (p, n), D (p, m), gain L (n, p), feedback K (m, n);
-    weight W (m, m): what acts on the plant is W u, a force for an acceleration."""
+    """Matrices of the error system over one tick of 5 ms.
+
+    Attributes:
+        a, b, c, d: A (n, n), B (n, m), C (p, n), D (p, m).
+        gain: L (n, p). feedback: K (m, n).
+        weight: W (m, m), force per acceleration: W u acts on the plant.
+    """
 
     a: np.ndarray
     b: np.ndarray
@@ -35,16 +41,16 @@ class Filter:
 
 
 def design(a, b, c, d, process, sensors, feedback, weight) -> Filter:
-    """The filter of dx/dt = a dx - b u + w, e = c dx + d u + v.
+    """The steady-state filter of dx/dt = a dx - b u + w, e = c dx + d u + v.
 
     Args:
         a, b, c, d: continuous, (n, n), (n, m), (p, n), (p, m).
-        process: (n, n) spectral density of w. sensors: (p,) variance of each sample, infinite for one that the filter
-            shall not use.
+        process: (n, n) spectral density of w.
+        sensors: (p,) variance of a sample of each output; infinite: the filter does not use this output.
         feedback: K (m, n). weight: W (m, m).
 
     Raises:
-        numpy.linalg.LinAlgError: states that the sensors used do not show.
+        numpy.linalg.LinAlgError: the outputs in use do not show every state.
     """
     n = len(a)
     a_d, b_d = discrete(a, b)
@@ -59,7 +65,7 @@ def design(a, b, c, d, process, sensors, feedback, weight) -> Filter:
 
 
 def discrete(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(A, B) over one tick with u held."""
+    """(A, B) over one tick, u held (zero-order hold), of the continuous a (n, n), b (n, m)."""
     n, m = b.shape
     both = expm(np.block([[a, b], [np.zeros((m, n + m))]]) * TICK_S)
     return both[:n, :n], both[:n, n:]
@@ -67,7 +73,7 @@ def discrete(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @kernel
 def compare(xd, measured, modelled, out):
-    """x_d = [e (p), nu (p), dx (n), u (m), W u (m)]; e as the sensors see it, before this tick's commands act."""
+    """e, as the sensors see it, before this tick's commands act; x_d = [e (p), nu (p), dx (n), u (m), W u (m)]."""
     copy(xd, out)
     for i in range(measured.shape[0]):
         out[i] = measured[i] - modelled[i]
@@ -75,6 +81,7 @@ def compare(xd, measured, modelled, out):
 
 @kernel
 def estimate(xd, measured, push, a, b, c, d, gain, feedback, weight, out):
+    """nu, then dx, u and W u of the next tick; x_d as in `compare`."""
     p, m = measured.shape[0], push.shape[0]
     n = xd.shape[0] - 2 * p - 2 * m
     x, u = 2 * p, 2 * p + n
@@ -110,6 +117,7 @@ def estimate(xd, measured, push, a, b, c, d, gain, feedback, weight, out):
 
 @kernel
 def corrected(xd, push, out):
+    """push + W u."""
     m = out.shape[0]
     for i in range(m):
         out[i] = push[i] + xd[xd.shape[0] - m + i]
@@ -117,16 +125,17 @@ def corrected(xd, push, out):
 
 @kernel
 def innovation(xd, measured, out):
+    """nu."""
     copy(xd[out.shape[0] : 2 * out.shape[0]], out)
 
 
 def numbers_of(filter: Filter) -> dict[str, np.ndarray]:
-    """The block's parameters."""
+    """The parameters of a Follower: the filter's matrices, flattened."""
     return {name: np.ravel(getattr(filter, name)) for name in ("a", "b", "c", "d", "gain", "feedback", "weight")}
 
 
 class Follower(Block):
-    """Keeps a plant on its measured outputs and says what it could not predict.
+    """Holds a model on a robot's measured outputs, and gives the innovations.
 
     .. pydrake_system::
 
@@ -139,12 +148,12 @@ class Follower(Block):
         - push
         - innovation
 
-    measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): force of the ground on the
-    plant (for a rover: its body velocity), in, and out with the correction added. innovation (p,): nu of this tick, in
-    the units of the outputs.
+    measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): what acts on the plant, force of
+    the ground, wheel torque of a user's own plant, or body velocity where that is commanded; the output has the
+    correction added. innovation (p,): nu of this tick, in the units of the outputs.
 
     Args:
-        filter: its matrices.
+        filter: matrices of the error system.
     """
 
     def __init__(self, filter: Filter):

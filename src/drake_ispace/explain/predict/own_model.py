@@ -1,12 +1,12 @@
-"""A user's own plant under `explain`: any Block of his that takes a torque per wheel and gives the wheels' angles.
+"""A user's own plant under `explain`: any Block that takes a torque per wheel and gives the wheels' angles.
 
     model = OwnModel(MyPlant(), torque="force", wheel_angle="position", wheel_rate="speed")
     print(di.explain(model, runs, effects=[*di.effects().values(), MyEffect()]))
 
-"Torque" and "wheel" are what the library calls them: a force on a carriage or a voltage of a motor does as well, in
-units of its own, as long as the recordings use the same. The wheels' effects that are nothing special to a robot
-(`general = True`) apply, and whatever effects the user adds; the plant itself is left alone. There is no room and no
-IMU: what is compared is the `encoder`, driven by the recorded `torque`.
+"Torque" and "wheel" are the library's names. The force on a carriage or the voltage of a motor will do, in units of its
+own, as long as the recordings use the same. Effects of wheels that suit any robot (`general = True`) apply, and effects
+that the user adds; none changes a parameter of the plant. There is no room and no IMU: the recorded `torque` drives the
+model, and the `encoder` is compared.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,10 +20,9 @@ from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
-from drake_ispace.effects.library import library
 from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.explain.predict.follower import Filter, Follower, design
-from drake_ispace.explain.predict.replay import Replay, Values
+from drake_ispace.explain.predict.replay import Replay, Values, applicable
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track, track
 from drake_ispace.files.recording import Recording
@@ -34,29 +33,30 @@ from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.effects import splice_effects
 
-_UNKNOWN_SHARE = 0.05  # of the usual torque, assumed of forces that nobody knows
-_LEAST_STEP_RAD = 1e-9  # between two angles, below which they are the same
+_UNKNOWN_SHARE = 0.05  # unknown forces, assumed: of the root mean square of the recorded torque
+_LEAST_STEP_RAD = 1e-9  # two angles that are nearer to each other are the same
 
 
 @dataclass(frozen=True)
 class OwnGeometry:
-    """Stands in for a robot's wheels: "forward" is their mean. forward (3, n), inverse (n, 3)."""
+    """Stands in for the geometry of a robot's wheels: "forward" (3, n) is their mean."""
 
     forward: np.ndarray
-    inverse: np.ndarray
-    sideways: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
 
 
 @dataclass(frozen=True)
 class OwnPlant:
-    """What effects may know of the plant. mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m]."""
+    """What effects may know of the plant.
+
+    mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m].
+    """
 
     geometry: OwnGeometry
     mobility: np.ndarray
 
 
 class OwnRobot(Robot):
-    """A plant of which nobody here knows more than that a torque accelerates its wheels, in units of its own."""
+    """A plant of which one thing is known: torque accelerates its wheels. Units are its own."""
 
     ground = None
     in_room = False
@@ -81,7 +81,7 @@ class OwnRobot(Robot):
         return Friction()
 
     def least_friction(self, plant, name):
-        """Any: how much of it the plant has is not known."""
+        """No lower limit: the friction that the plant has is not known."""
         return -np.inf
 
     def friction_slopes(self, plant):
@@ -94,19 +94,22 @@ class OwnRobot(Robot):
 
 @dataclass(frozen=True)
 class OwnModel:
-    """A user's plant, and how its ports are called.
+    """A user's plant, and the names of its ports.
 
     Attributes:
-        plant: a Block; its continuous state at t = 0 is that of its Context, but for the wheels' angles, which are
-            those of the run. torque: input (n,). wheel_angle, wheel_rate: outputs (n,) [rad, rad/s].
-        name: prefix of the blocks. effects: name -> values of those that the model has already.
-        unknown_torque: root mean square of forces that nobody knows [N m], None: 5 % of the recorded ones.
-        logged: "angle", or "speed" where the runs' wheel angles are sums of a logged speed: what free-run simulations
-            are compared in. free: parameters of the plant that no data sheet gives; free-run simulations fit them
-            together with the effects, filters take them as the plant has them.
+        plant: a Block. At t = 0 its continuous state is that of its default Context, but for the wheels' angles, which
+            are those of the run.
+        torque: the input (n,). wheel_angle, wheel_rate: the outputs (n,) [rad, rad/s].
+        name: prefix of the blocks.
+        effects: name -> values of the effects that the model has already.
+        unknown_torque: root mean square of unknown torques [N m]; None: 5 % of that of the recorded torque.
+        logged: what free-run simulations are compared in, "angle", or "speed" where the runs' wheel angles are sums of
+            a logged speed.
+        free: parameters of the plant that no data sheet gives. Free-run simulations fit them together with the
+            effects; the filter takes their values from the plant.
 
     Raises:
-        InputError: logged is neither of both, or a free parameter is none of the plant's or zero.
+        InputError: `logged` is neither "angle" nor "speed", or a free parameter is zero or not one of the plant's.
     """
 
     plant: Block
@@ -132,31 +135,32 @@ class OwnModel:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Name -> value of the plant's own."""
+        """Name -> value of the plant's parameters."""
         spec = self.plant.spec
         return dict(zip(spec.parameter_names, map(float, spec.parameter_values), strict=True))
 
     @property
     def wheels(self) -> int:
+        """The number n of wheels."""
         return self.plant.GetInputPort(self.torque).size()
 
     def linearised(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(A (m, m), B (m, n), C (n, m)) from torque to wheel angle around the state of the default Context.
+        """(A (m, m), B (m, n), C (n, m)) from torque to wheel angle, around the state of the default Context.
 
         Raises:
-            InputError: no continuous state, or wheels that a torque does not accelerate at once.
+            InputError: the plant has no continuous state, or a torque does not accelerate every wheel at once.
         """
         context = self.plant.CreateDefaultContext()
         if not context.num_continuous_states():
             raise InputError(f"{self.name}: the plant has no continuous state, expected a Block with derivatives")
         self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
-        found = FirstOrderTaylorApproximation(
+        linear = FirstOrderTaylorApproximation(
             self.plant, context, self.plant.GetInputPort(self.torque).get_index(),
             self.plant.GetOutputPort(self.wheel_angle).get_index(),
         )
-        a, b, c = found.A(), found.B(), found.C()
-        at_once = np.abs(c @ b).max() > 1e-9 * np.abs(b).max()  # an angle that a torque moves without accelerating it
-        if at_once or np.linalg.matrix_rank(c @ a @ b) < self.wheels:
+        a, b, c = linear.A(), linear.B(), linear.C()
+        moves_at_once = np.abs(c @ b).max() > 1e-9 * np.abs(b).max()  # torque sets the rate of an angle
+        if moves_at_once or np.linalg.matrix_rank(c @ a @ b) < self.wheels:
             raise InputError(
                 f"{self.name}: {self.torque} does not accelerate every wheel of {self.wheel_angle} at once, expected a "
                 "plant that is driven by torque (a lag of the motor is an effect)"
@@ -165,17 +169,17 @@ class OwnModel:
 
 
 class _NamedBench(Bench):
-    """A Bench on which ports of the plant answer to other names: "own_plant.torque" -> "own_plant.force"."""
+    """A Bench on which ports have further names, such as "own_plant.torque" -> "own_plant.force"."""
 
-    def __init__(self, others: Mapping[str, str]):
+    def __init__(self, names: Mapping[str, str]):
         super().__init__()
-        self._others = dict(others)
+        self._names = dict(names)
 
     def _output(self, port):
-        return super()._output(self._others.get(port, port))
+        return super()._output(self._names.get(port, port))
 
     def _input(self, port):
-        return super()._input(self._others.get(port, port))
+        return super()._input(self._names.get(port, port))
 
 
 @dataclass(frozen=True)
@@ -183,8 +187,10 @@ class OwnReplay(Replay):
     """The compiled prediction Diagram of a user's plant.
 
     Attributes:
-        place: (m, n) continuous state per wheel angle. angles: (n,) of the plant's own start [rad].
-        logged: as of the OwnModel. free: its free parameters and the plant's values of them.
+        place: (m, n) continuous state per wheel angle.
+        angles: (n,) wheel angles of the plant's default Context [rad].
+        logged: "angle" or "speed", see OwnModel.
+        free: name -> the plant's value of each free parameter.
     """
 
     place: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
@@ -193,17 +199,20 @@ class OwnReplay(Replay):
     free: Mapping[str, float] = field(default_factory=dict)
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """((ticks, n) innovations of the angles, (0, 3) for the room that there is not); start: as Replay."""
+        """(ticks, n) innovations of the angles, and (0, 3) for a room: there is none.
+
+        start: (3 + n,) a pose, which is ignored, and wheel angles at t = 0. numbers: the rollout's run-time numbers.
+        """
         return self._logs(run, start[3:], numbers)["innovation"][1 : run.ticks + 1], np.empty((0, 3))
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
-        """The run with the first column of `force` (rows, 3) on every wheel besides."""
+        """The run with the first column of `force` (rows, 3) added to the torque of every wheel."""
         return replace(run, command=run.command + force[:, :1])
 
     def simulated(self, run: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
-        """(ticks + 1, n) wheel angles [rad] with the recorded torque replayed open loop: nothing corrects the model.
+        """(ticks + 1, n) wheel angles [rad] of the free-run simulation: recorded torque, nothing corrects the model.
 
-        plant: other values of the plant's own parameters.
+        values: effects in the model. plant: other values of the plant's parameters.
         """
         numbers = self.parameters(values)
         self._set(numbers, f"{self.body.name}_plant", plant or {})
@@ -213,27 +222,28 @@ class OwnReplay(Replay):
         return self._logs(run, run.measured[0], numbers)["angle"][: run.ticks + 1]
 
     def _logs(self, run, angles, numbers):
+        """Logs of the rollout from these wheel angles (n,) [rad] at t = 0."""
         state = self.rollout.continuous_state + self.place @ (angles - self.angles)
         inputs = {"command": run.command, "measured": run.measured}
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
 
 
 def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
-    """The run on 5 ms ticks; torque logged faster than that as its mean over each tick.
+    """Put a recording of the plant on 5 ms ticks; torque that is logged faster is averaged over each tick.
 
     Raises:
-        InputError: no torque or encoder, or one with another number of columns than the plant.
+        InputError: no channel torque or encoder, or one with another number of columns than the plant has wheels.
     """
     for channel in ("torque", "encoder"):
         if channel not in recording.channels:
             raise InputError(f"{name}: has no channel {channel}, expected torque and encoder")
     kept = {channel: recording.channels[channel] for channel in ("torque", "encoder")}
-    found = track(replace(recording, channels=kept), OwnRobot(model.name), model.wheels, name)
-    return replace(found, command=_means(recording.channels["torque"], found.command))
+    run = track(replace(recording, channels=kept), OwnRobot(model.name), model.wheels, name)
+    return replace(run, command=_means(recording.channels["torque"], run.command))
 
 
 def _means(channel, held):
-    """(rows, n) mean of what acts on each tick where the channel is faster than ticks, else `held`."""
+    """(rows, n) mean of the channel over each tick where it is faster than ticks, else `held` (rows, n)."""
     period = float(np.median(np.diff(channel.t)))
     if period > 0.75 * TICK_S:
         return held
@@ -246,23 +256,24 @@ def _means(channel, held):
 
 
 def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effect] | None = None) -> OwnReplay:
-    """Build and compile for these runs. effects: to try, default the whole library.
+    """Build and compile the prediction Diagram of a user's plant.
+
+    Args:
+        tracks: runs that the filter's assumptions about noise are taken from.
+        effects: to try, default the whole library.
 
     Raises:
-        InputError: a plant that cannot be followed (OwnModel.linearised), or a known effect that is not given.
+        InputError: a plant that cannot be followed (OwnModel.linearised), or an effect of the model that is not among
+            `effects`.
     """
     a, b, c = model.linearised()
     n = model.wheels
     mean = np.zeros((3, n))
     mean[0] = 1.0 / n
-    geometry = OwnGeometry(mean, np.linalg.pinv(mean))
-    body = Body(OwnRobot(model.name), OwnPlant(geometry, c @ a @ b), n)
-    every = {
-        e.card.name: e for e in (library().values() if effects is None else effects)
-        if e.applies_to(body)
-    }
+    body = Body(OwnRobot(model.name), OwnPlant(OwnGeometry(mean), c @ a @ b), n)
+    every = applicable(effects, body)
     if missing := set(model.effects) - set(every):
-        raise InputError(f"{model.name}: the known effect {missing.pop()} is not among those given")
+        raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
@@ -277,6 +288,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
 
 
 def _diagram(model: OwnModel, body: Body, effects: Mapping[str, Effect], filter: Filter):
+    """The prediction Diagram: command and measured in, innovation and angle out."""
     plant, follower, command = (f"{body.name}_{part}" for part in ("plant", "follower", "command"))
     bench = _NamedBench({
         f"{plant}.{common}": f"{plant}.{own}" for common, own in
@@ -297,7 +309,7 @@ def _diagram(model: OwnModel, body: Body, effects: Mapping[str, Effect], filter:
 
 
 def _filter(model, tracks, factors, linear) -> Filter:
-    """The follower's filter; factors: times the spectral density of unknown torques and the encoder's variance."""
+    """The follower's filter; factors: on the spectral density of unknown torques, and on the encoder's variance."""
     a, b, c = linear
     n = model.wheels
     torque = np.sqrt(np.mean(np.vstack([t.command[: t.ticks] for t in tracks]) ** 2)) or 1.0
@@ -312,9 +324,10 @@ def _filter(model, tracks, factors, linear) -> Filter:
 
 
 def _angle_variance(tracks):
-    """Of one sample of the encoder [rad^2]: a count's rounding, or noise as large as it shows from tick to tick."""
+    """Variance of one encoder sample [rad^2]: a count's rounding, or the noise from tick to tick if that is larger."""
     steps = np.abs(np.vstack([np.diff(t.measured[: t.ticks], axis=0) for t in tracks]))
     count = float(np.min(steps, where=steps > _LEAST_STEP_RAD, initial=1.0))
-    bends = np.vstack([np.diff(t.measured[: t.ticks], n=3, axis=0) for t in tracks])
-    noise = np.median(np.abs(bends)) ** 2 / 20.0 / 0.455  # of a third difference: 20 times a sample's, median 0.455
+    thirds = np.vstack([np.diff(t.measured[: t.ticks], n=3, axis=0) for t in tracks])
+    # a third difference has 20 times a sample's variance; the median of a squared normal deviate is 0.455 variances
+    noise = np.median(np.abs(thirds)) ** 2 / 20.0 / 0.455
     return max(count**2 / 12.0, float(noise), 1e-16)

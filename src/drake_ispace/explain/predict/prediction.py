@@ -1,9 +1,12 @@
-"""Stage 0, predict: every prediction that the channels allow, and what is left of the measurement after each.
+"""Every prediction that the channels allow, and its residuals, measured less predicted.
 
-Residuals come in streams, each with its own clock and noise: `motion`, recorded command -> encoder and IMU, at every
-tick (what is left of a count's rounding at one tick shows at the next: means over several would hide that it does, and
-make a command that followed it look late); `room`, measured wheels -> the camera's fixes, at the camera's own instants;
-`start`, the first fix against the pose from which the scenario starts; `looks`, captures that bring no fix.
+Residuals come in streams, each with its own clock and noise:
+
+- `motion`: recorded command -> encoder and IMU, at every tick. They are not averaged over ticks: the rounding error of
+  a count at one tick shows at the next; a mean would hide this, and make a command that followed the error look late.
+- `room`: measured wheels -> the camera's fixes, at the instants of the camera.
+- `start`: the first fix against the pose from which the scenario starts.
+- `looks`: captures of the camera without a fix.
 """
 
 from collections.abc import Sequence
@@ -22,36 +25,38 @@ from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
-_SETTLING_TICKS = 60  # of the filter
-_SPEED_TICKS = 20  # over which a wheel's speed is taken
-_SLOWNESS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of the root mean square of wheel speed: classes of motion
+_SETTLING_TICKS = 60  # of the filter, which are not scored
+_SPEED_TICKS = 20  # over which the speed of a wheel is averaged
+_CLASS_EDGES = (0.02, 0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
 RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
-_RECOVERY_TICKS = 120  # after a rest with dry friction, during which the filter forgets it
-_COARSE_COUNT = 0.01  # rad, from which on a wheel at rest hides more than its friction
-_SEGMENT_TICKS = 500  # for which a wheel at rest may hide the same part of a count
-_SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # of unknown forces: how long they last, and their share
-_WITHIN_COUNT = 0.4  # of a count, standard deviation
-_START_M, _START_RAD = 0.15, 0.3  # farther from the scenario's start than this, where a run starts is unknown
-#: What a consumer IMU may be off without anything being wrong, per run (standard deviations): its mounting tilts too.
+_RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
+_COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
+_SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
+_SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, and its share of Robot.unknown_forces
+_WITHIN_COUNT = 0.4  # standard deviation of a wheel's place within a count, in counts
+_START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
+#: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
 _IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
-#: The roll rate of a body that leans, -yaw rate times tilt, mostly shows how far the tilt that nobody measures is off:
-#: with a sign and a size that turn with the robot, for which no noise that stays the same can stand.
+#: The roll rate of a leaning body, -yaw rate times tilt, mostly shows the error of the tilt, which nothing measures.
+#: Its sign and size change as the robot turns, so that no stationary noise can stand for it.
 _NOT_PREDICTED = "wx"
 _LATE_TICKS = 3  # within which an accelerometer shows a jump of the torque
-_TILT_S = 0.5  # over which the direction of gravity is averaged
+_TILT_S = 0.5  # over which the tilt, as gravity shows it, is averaged
 
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """A model against runs: residuals at any effects, and those of everything that is a nuisance.
+    """A model against recorded runs: residuals with any effects in it, and their changes by nuisance parameters.
 
     Attributes:
-        replay: the compiled prediction Diagram. tracks: the runs. starts: pose and wheel angles at t = 0 of each,
-            (3 + n,).
-        anchored: whether the start of each run is that of the scenario. channels: stream -> names.
-        columns: of the replay's outputs, those in the stream "motion".
+        replay: the compiled prediction Diagram.
+        tracks: the runs.
+        starts: (3 + n,) pose and wheel angles of each run at t = 0.
+        anchored: of each run, whether it starts at the scenario's start, the first way point.
+        channels: stream -> names of its columns.
+        columns: which of the replay's outputs are in the stream "motion".
     """
 
     replay: Replay
@@ -62,30 +67,28 @@ class Prediction:
     columns: list[int]
 
     def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
-        """Of every run with these effects in the model."""
-        numbers = self.replay.parameters(values)
-        share = self._dropouts(values)
-        jobs = range(len(self.tracks))
-        one = lambda i: self._one(i, self.tracks[i], numbers, share)  # noqa: E731
-        return list((pool.map if pool else map)(one, jobs))
+        """The residuals of every run with these effects in the model."""
+        return self._changed(self.tracks, values, pool)
 
     def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
-        """With `commands` (ticks + LEAD, m) added to the recorded ones, one per run."""
+        """The residuals with `commands` (ticks + LEAD_TICKS, m), one per run, added to the recorded ones."""
         return self._changed([
             replace(track, command=track.command + added) for track, added in zip(self.tracks, commands, strict=True)
         ], values)
 
     def pushed(self, forces: Sequence[np.ndarray], values: Values) -> Residuals:
-        """With `forces` (ticks + LEAD, 3), as Replay.pushed takes them, on the body, one per run."""
+        """The residuals with further `forces` (ticks + LEAD_TICKS, 3), one per run, on the body; see Replay.pushed."""
         tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
         return self._changed(tracks, values)
 
-    def _changed(self, tracks, values):
+    def _changed(self, tracks, values, pool=None):
+        """The residuals of these tracks in the place of the runs' own."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
-        return [self._one(i, track, numbers, share) for i, track in enumerate(tracks)]
+        one = lambda i, track: self._one(i, track, numbers, share)  # noqa: E731
+        return list((pool.map if pool else map)(one, range(len(tracks)), tracks))
 
     def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
-        """Of a model that moves by `displacements` (ticks + LEAD, 3) [m, m, rad] more, one per run."""
+        """The residuals if the model moved by `displacements` (ticks + LEAD_TICKS, 3) [m, m, rad] more, one per run."""
         tracks = []
         for track, added in zip(self.tracks, displacements, strict=True):
             fix = track.fix.copy()
@@ -96,7 +99,11 @@ class Prediction:
     def nuisances(
         self, values: Values, pool: ThreadPoolExecutor | None = None
     ) -> list[tuple[int, dict[str, np.ndarray]]]:
-        """(run, residual change per standard deviation, by stream) of every offset that a run may have, run by run."""
+        """The changes of the residuals by every offset that a run may have, one prior standard deviation large.
+
+        Returns:
+            (run, stream -> (rows, channels)) of each, in the order of the runs.
+        """
         numbers, share = self.replay.parameters(values), self._dropouts(values)
         at, jobs = self.residuals(values, pool), []
         for i, track in enumerate(self.tracks):
@@ -110,7 +117,7 @@ class Prediction:
         return list((pool.map if pool else map)(one, jobs))
 
     def _slow_forces(self, track):
-        """(rows, 3) force of unknown cause, one standard deviation large, over each stretch of a few seconds."""
+        """Yield unknown forces (rows, 3), each along one axis over a few seconds, one standard deviation large."""
         robot = self.replay.body.robot
         if robot.driven == COMMAND or robot.unknown_forces is None or not self.channels["motion"]:
             return
@@ -121,7 +128,7 @@ class Prediction:
                 yield force
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
-        """With the filter's other gains: were the assumptions about noise wrong, residuals would change like this."""
+        """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
         return [
             [self._one(i, track, changed, share) for i, track in enumerate(self.tracks)]
@@ -129,34 +136,37 @@ class Prediction:
         ]
 
     def under_other_timing(self, values: Values) -> list[Residuals]:
-        """With torque's jumps felt by the accelerometer at another moment of the tick, and up to two ticks later.
+        """The residuals if the accelerometer showed jumps of the torque at another moment of the tick, 0 to 2 ticks on.
 
-        It shows what acts at the very instant of its sample, or behind a low pass of its own; to the model a torque is
-        its mean over the tick, which says all about where the robot goes, but nothing about that instant.
+        An accelerometer shows what acts at the very instant of its sample, or behind a low pass of its own. In the
+        model a torque is its mean over the tick, which determines where the robot goes, but not what acts at that
+        instant. Without an IMU the list is empty.
         """
         if not self.replay.body.robot.has_imu or not self.channels["motion"]:
             return []
         return [
-            self._changed([replace(t, measured=t.measured + self._felt(t, ticks)) for t in self.tracks], values)
+            self._changed([replace(t, measured=t.measured + self._jumps_shown(t, ticks)) for t in self.tracks], values)
             for ticks in range(_LATE_TICKS)
         ]
 
-    def _felt(self, track, ticks):
-        """(rows, p) how much of the last jump of the torque, `ticks` ago, IMUs show by half a tick of other timing."""
+    def _jumps_shown(self, track, ticks):
+        """(rows, p) change of `measured` if the timing of the torque's jump of `ticks` ago were half a tick off."""
         imu = self.replay.body.wheels
         robot, plant = self.replay.body.robot, self.replay.body.plant
         acceleration = (track.command @ np.linalg.solve(robot.mass_matrix(plant), robot.effort(plant)).T)[:, 0]
-        jump, felt = 0.5 * np.diff(acceleration), np.zeros(track.measured.shape)
+        jump, change = 0.5 * np.diff(acceleration), np.zeros(track.measured.shape)
         keep = 1.0 - TICK_S / _TILT_S
         ax, pitching = track.measured[:, imu], track.measured[:, imu + 4]
         tilt = lfilter([1.0], [1.0, -keep], keep * TICK_S * pitching - (1.0 - keep) * ax / GRAVITY)
-        felt[2 + ticks :, imu] = jump[: len(jump) - 1 - ticks]
-        felt[:, imu + 2] = np.sin(tilt) * felt[:, imu]
-        return felt
+        change[2 + ticks :, imu] = jump[: len(jump) - 1 - ticks]
+        change[:, imu + 2] = np.sin(tilt) * change[:, imu]
+        return change
 
     def _offsets(self, track):
-        """(rows or 1, p) to add to `measured`, one standard deviation long: a wheel is somewhere within its count, and
-        stays there while it rests; an IMU has a bias."""
+        """Yield offsets (rows or 1, p) of `measured`, each one standard deviation large.
+
+        A wheel is somewhere within its count, and stays there while it rests. An IMU has a bias.
+        """
         rows, p = track.measured.shape
         wheels = self.replay.body.wheels
         steps = np.abs(np.diff(track.measured[: track.ticks, :wheels], axis=0))
@@ -175,22 +185,27 @@ class Prediction:
                 yield offset
 
     def classes(self) -> list[dict[str, np.ndarray]]:
-        """Per run and stream, (rows,) how slow the slowest wheel is: noise differs between rest and motion."""
-        wheels, found = self.replay.body.wheels, []
-        turned = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
-        edges = np.array(_SLOWNESS) * np.sqrt(np.mean(np.vstack(turned) ** 2))
-        for speeds in turned:
+        """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
+
+        Noise differs between rest and motion. Classes below RESTING are not scored.
+        """
+        wheels, by_run = self.replay.body.wheels, []
+        speeds_of_runs = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
+        for speeds in speeds_of_runs:
             classes = np.searchsorted(edges, speeds.min(axis=1))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
-            found.append({"motion": classes[_SETTLING_TICKS:]})
-        return found
+            by_run.append({"motion": classes[_SETTLING_TICKS:]})
+        return by_run
 
     def _dropouts(self, values):
+        """The share of captures that these effects leave without a fix."""
         return values.get("camera_dropouts", {}).get("share", 0.0)
 
     def _one(self, i, track, numbers, dropouts):
+        """Stream -> residuals of run `i`, in the form `track`, under these run-time numbers."""
         motion, room = self.replay.run(track, self.starts[i], numbers)
         motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
@@ -201,7 +216,7 @@ class Prediction:
 
 
 def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
-    """Place every run: it starts where its first way point lies, or where the camera saw it first."""
+    """Set a model against runs, each starting at its first way point, or where the camera first saw the robot."""
     starts, anchored = [], []
     for track in tracks:
         start, is_known = _start(track)
@@ -211,20 +226,17 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
     if robot.driven == COMMAND:
         replay = tuned(replay, tracks, starts)
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if robot.has_imu else [])
+    # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: residuals
+    # would show unknown forces, not physics that the model lacks
     followed = replay.feeds >= {"encoder", robot.driven} | ({"imu"} if robot.has_imu else set())
     columns = [i for i, name in enumerate(names) if followed and name != _NOT_PREDICTED]
-    pose = ["x", "y", "heading"] if robot.in_room else []
-    # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: what it
-    # predicts then shows unknown forces, not physics that it lacks
-    channels = {
-        "motion": [names[i] for i in columns],
-        "room": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [],
-        "start": pose if "encoder" in replay.feeds or replay.feeds >= {"command"} else [], "looks": ["seen"],
-    }
+    pose = ["x", "y", "heading"] if robot.in_room and replay.feeds & {"encoder", "command"} else []
+    channels = {"motion": [names[i] for i in columns], "room": pose, "start": pose, "looks": ["seen"]}
     return Prediction(replay, list(tracks), starts, anchored, channels, columns)
 
 
 def _start(track):
+    """(3,) the pose at t = 0, and whether it is the scenario's start."""
     if not len(track.fix_ticks):
         return (track.way_points[0, 1:4] if len(track.way_points) else np.zeros(3)), False
     first = track.poses[0]
@@ -237,7 +249,7 @@ def _start(track):
 
 
 def wheel_speeds(angles: np.ndarray) -> np.ndarray:
-    """(ticks, n) speed of wheels [rad/s] over the ticks around each."""
+    """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over 20 ticks around each."""
     half = _SPEED_TICKS // 2
     at = np.arange(len(angles))
     after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)

@@ -1,7 +1,7 @@
 """The prediction Diagram: the robot's model on recorded commands, held on the measured motion, under the room's camera.
 
-Every effect of the library sits in it at its neutral value, so that any set of them can be tried, at any size, by
-changing run-time numbers of one compiled rollout.
+It contains every effect of the library at its neutral value. Any set of effects, at any size, is tried by changing
+run-time numbers of one compiled rollout.
 """
 
 import dataclasses
@@ -36,9 +36,13 @@ class Replay:
     """A compiled prediction Diagram.
 
     Attributes:
-        body: of the robot. effects: all that can be tried, by name. known: those that the model has already.
-        rollout: compiled. feeds: the channels that every run has. others: filters under other assumptions about
-            noise. filter: plant -> what of the follower's numbers goes with it; None: nothing.
+        body: what effects may know of the robot.
+        effects: name -> effect, of all that can be tried.
+        known: name -> values of the effects that the model has already.
+        rollout: the compiled Diagram.
+        feeds: the channels that every run has.
+        others: filters under other assumptions about noise.
+        filter: plant -> the follower's parameters that depend on it; None: none does.
     """
 
     body: Body
@@ -50,7 +54,7 @@ class Replay:
     filter: Callable[[object], dict[str, np.ndarray]] | None = None
 
     def combined(self, values: Values) -> dict[str, dict[str, float]]:
-        """These effects and those that the model has: what is found of a known one comes on top of it."""
+        """Values of these effects and of the known ones; those of a known effect are added to what the model has."""
         together = {name: dict(v) for name, v in self.known.items()}
         for name, changed in values.items():
             known = together.setdefault(name, {})
@@ -60,7 +64,7 @@ class Replay:
         return together
 
     def parameters(self, values: Values) -> np.ndarray:
-        """Run-time numbers of the rollout with these effects in it, besides the known ones."""
+        """The rollout's run-time numbers with these effects in it, besides the known ones."""
         together = self.combined(values)
         numbers = self.rollout.parameters.copy()
         plant = self.body.plant
@@ -83,22 +87,22 @@ class Replay:
         return numbers
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
-        """The run with a further force on the body in it: (rows, 3) along the axes in which the plant takes the
-        ground's [N, N m]; where velocity is commanded, a further velocity along the axes of B."""
+        """The run with a further force (rows, 3) on the body, along the coordinates of the plant's input `ground_force`
+        [N, N m]; where velocity is commanded, a further velocity along the axes of B [m/s, m/s, rad/s]."""
         if self.body.robot.driven == COMMAND:
             return dataclasses.replace(run, command=run.command + force)
         return dataclasses.replace(run, force=force)
 
     def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
-        """The same numbers with the gain of another filter."""
+        """A copy of the run-time numbers, with the gain of another filter."""
         changed = numbers.copy()
         self._set(changed, f"{self.body.name}_follower", {"gain": other.gain.ravel()})
         return changed
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """((ticks, p) innovations of the outputs at every tick, (k, 3) innovations of the fixes).
+        """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.
 
-        start: pose and wheel angles at t = 0, (3 + n,).
+        start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         state = self.rollout.continuous_state.copy()
         state[:3] = start[:3]
@@ -111,22 +115,36 @@ class Replay:
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _command(self, run):
-        """The recorded command; where a velocity was commanded but not recorded, that of the wheels as measured."""
+        """(rows, m) the recorded command; the measured wheels' velocity where it was not recorded."""
         if self.body.robot.driven == TORQUE or COMMAND in self.feeds:
             return run.command
         turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
         return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     def _set(self, numbers, block, parameters):
+        """Write these parameters of a block into run-time numbers."""
         spec = Spec(parameters=parameters)
         for name, value in zip(spec.parameter_names, spec.parameter_values, strict=True):
             numbers[self.rollout.index(f"{block}.{name}")] = value
 
 
+def applicable(effects: Sequence[Effect] | None, body: Body) -> dict[str, Effect]:
+    """Name -> effect, of those that apply to the body; None: of the whole library."""
+    return {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+
+
 def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
-    """Build and compile; `has`: the channels that all runs have, `effects`: default the whole library."""
+    """Build and compile the prediction Diagram.
+
+    Args:
+        scenario, robot: the model. has: the channels that all runs have.
+        effects: to try, default the whole library.
+
+    Raises:
+        InputError: an effect of the model is not among `effects`.
+    """
     body = body_of(scenario, robot)
-    every = {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
+    every = applicable(effects, body)
     if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
         every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
@@ -140,15 +158,18 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
 def replay_diagram(
     scenario: Scenario, robot: Robot, has: frozenset[str], effects: Mapping[str, Effect]
 ) -> Diagram:
-    """The Diagram with every one of `effects` at its neutral value; inputs command, measured, fix, and force (3,) of
-    the ground on a plant."""
+    """The Diagram with every one of `effects` at its neutral value.
+
+    Inputs: command, measured, fix, and where torque drives the robot force (3,), of the ground on the plant. Outputs:
+    innovation, of the follower, and view, of the camera.
+    """
     body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
     part = Part(bench, robot.name)
-    quiet = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
+    noiseless = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
     wires = {"wheel_angle": "follower.modelled", "pose": "view.pose"}
     part.add("follower", Follower(filter_of(scenario, robot, has)))
     part.add("view", RoomView())
-    part.add("plant", robot.followed_plant(settings, quiet))
+    part.add("plant", robot.followed_plant(settings, noiseless))
     if robot.has_imu:
         part.add("outputs", Multiplexer([body.wheels, IMU]))
         part.wire(("plant.body_motion", "outputs.u1"), ("outputs.y0", "follower.modelled"))
@@ -159,7 +180,7 @@ def replay_diagram(
         part.wire(("command.torque", "follower.push"), ("follower.push", "plant.velocity"))
     else:
         wires |= {"torque": "plant.torque", "ground_force": "follower.push"}
-        part.add("command", TorqueActuator(_quiet(settings.actuator), body.wheels))
+        part.add("command", TorqueActuator(_without_limit_and_noise(settings.actuator), body.wheels))
         part.add("ground", TorqueActuator(Actuator(), 3))
         part.wire(
             ("command.torque", "plant.torque"), ("ground.torque", "follower.push"),
@@ -176,5 +197,6 @@ def replay_diagram(
     return bench.build(part.block("replay"))
 
 
-def _quiet(actuator):
+def _without_limit_and_noise(actuator):
+    """The actuator without limit, converter steps and noise."""
     return dataclasses.replace(actuator, limit_n_m=None, resolution_n_m=0.0, noise_std_n_m=0.0)

@@ -1,8 +1,8 @@
-"""What the room's camera should have reported at its own instants, given the model's motion, and what it did report.
+"""Innovations of the camera's fixes, each at its own instant: measured less predicted from the model's motion.
 
-Between two fixes the model says how the robot moved; the prediction of a fix is the estimate at the last one plus that
-motion, the next estimate is the prediction plus a share of the innovation. Fixes are compared `LEAD_TICKS` after their
-capture, so that a clock that is ahead or behind can be tried without seeing ahead.
+The prediction of a fix is the estimate at the last fix plus the model's motion since. The next estimate is the
+prediction plus a share of the innovation. A fix is compared `LEAD_TICKS` after its capture, so that a clock that is
+ahead or behind can be tried without poses of the future.
 """
 
 import numpy as np
@@ -14,21 +14,24 @@ from drake_ispace.blocks.rates import TICK_S
 
 LEAD_TICKS = 40
 _RING = 2 * LEAD_TICKS + 2
-_GAIN = (0.25, 0.15)  # shares of the innovation that the estimate takes over, of place and of heading
+_GAIN = (0.25, 0.15)  # share of the innovation in the next estimate, of place and of heading
 _ESTIMATE, _MODEL, _STARTED, _INNOVATION = 3 * _RING, 3 * _RING + 3, 3 * _RING + 6, 3 * _RING + 7
 
 
 @kernel
 def look(tick, xd, pose, fix, gain, offset_s, out):
-    """x_d = [ring of modelled poses (3 each), estimate at the last fix (3), modelled pose then (3), started,
-    innovation (3)]."""
+    """Store the pose; where there is a fix, compare it.
+
+    x_d = [ring of modelled poses (3 each), estimate at the last fix (3), modelled pose at that fix (3), started,
+    innovation (3)].
+    """
     copy(xd, out)
     slot = 3 * (tick % _RING)
     out[slot], out[slot + 1], out[slot + 2] = pose[0], pose[1], pose[2]
     if fix[0] == 0.0:
         return
     back = LEAD_TICKS - (fix[4] - offset_s) / TICK_S
-    back = min(max(back, 0.0), _RING - 2.0, float(tick))  # nothing is known of the time before the run
+    back = min(max(back, 0.0), _RING - 2.0, float(tick))  # no pose is known before the run
     whole = int(np.floor(back))
     share = back - whole
     late, early = 3 * ((tick - whole + _RING) % _RING), 3 * ((tick - whole - 1 + 2 * _RING) % _RING)
@@ -55,6 +58,7 @@ def look(tick, xd, pose, fix, gain, offset_s, out):
 
 @kernel
 def innovation(xd, out):
+    """The innovation of the latest fix."""
     copy(xd[_INNOVATION:], out)
 
 
@@ -70,9 +74,9 @@ class RoomView(Block):
         output_ports:
         - innovation
 
-    pose (3,): what the camera would report now, x, y [m], phi [rad] in W. fix (5,): there is one (1 or 0), x, y, phi,
-    and the time [s] by which it was captured after the tick that lies LEAD_TICKS back. innovation (3,): of the latest
-    fix, [m, m, rad]; the first one compares with the model's own start.
+    pose (3,): what the camera would report now, x, y [m], phi [rad] in W. fix (5,): whether there is one (1 or 0), x, y
+    [m], phi [rad] in W, and the time [s] from the tick that lies LEAD_TICKS back to its capture. innovation (3,): of
+    the latest fix [m, m, rad]; that of the first fix is against the model's start.
     """
 
     def __init__(self):

@@ -1,4 +1,4 @@
-"""A recording made ready to be predicted: its channels on the robot's 5 ms clock, fixes at their own instants."""
+"""Recordings on the robot's 5 ms clock, ready to be predicted; camera fixes keep their own instants."""
 
 from dataclasses import dataclass, replace
 
@@ -10,24 +10,32 @@ from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, Robot
 
-IMU = 6
-#: Where the velocity is commanded but not known, fixes of a camera that is faster than the first are taken the second
-#: apart: within a few cycles of its drive, odometry and camera differ mostly by when within its cycle each was sampled
-#: and by ripple of the speed controller, which fits at many shifts in time.
-_FAST_S, _APART_S = 0.08, 1.0
+IMU = 6  # columns of the channel
+#: Where the velocity is commanded but not recorded, fixes with a median period below the first are thinned to one each
+#: of the second [s]. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle
+#: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
+_FAST_FIXES_S, _THINNED_S = 0.08, 1.0
 
 
 @dataclass(frozen=True)
 class Track:
-    """One run on ticks 0 to `ticks`.
+    """One run on ticks 0 to `ticks`; rows is ticks + LEAD_TICKS.
 
     Attributes:
-        name: for messages. command: (ticks + LEAD, m) what the plant is driven with, zeros where not recorded.
-        measured: (ticks + LEAD, p) outputs, zeros where not recorded. fix: (ticks + LEAD, 5) as RoomView takes them.
-        fix_ticks: (k,) ticks whose camera fix is known; fix_t: their times [s].
-        missed: (v,) 1 for every scheduled look of the camera without a fix, else 0; empty where there is no schedule.
-        has: the channels that it has. way_points: (r, 4) time and pose of the reference.
-        force: (ticks + LEAD, 3) of the ground on the plant, besides the model's; None: none.
+        name: for messages.
+        ticks: the last one.
+        command: (rows, m) input of the plant, torque of each wheel [N m] or velocity in B [m/s, m/s, rad/s]; zeros
+            where not recorded.
+        measured: (rows, p) wheel angles [rad], then the IMU's six columns of a robot that has one; zeros where not
+            recorded.
+        fix: (rows, 5) input of a RoomView.
+        fix_ticks: (k,) ticks of capture of the camera's fixes.
+        fix_t: (k,) their times [s].
+        missed: (v,) 1 for every scheduled capture of the camera without a fix, else 0; empty where the recording has
+            no schedule.
+        has: names of the recorded channels that are used.
+        way_points: (r, 4) time [s] and pose [m, m, rad] of the reference.
+        force: (rows, 3) force of the ground on the plant besides the model's; None: none.
     """
 
     name: str
@@ -44,7 +52,7 @@ class Track:
 
     @property
     def fix_rows(self) -> np.ndarray:
-        """(k,) rows of `fix` that hold one."""
+        """(k,) rows of `fix` that hold a fix."""
         return self.fix_ticks + LEAD_TICKS
 
     @property
@@ -54,22 +62,23 @@ class Track:
 
 
 def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
-    """A run of the robot with that many wheels.
+    """Put a recording of a robot with that many wheels on ticks; name: for messages.
 
     Raises:
-        InputError: channels of another number of columns, or none that a prediction can be compared with.
+        InputError: a channel with another number of columns than wheels, or no channel to compare a prediction with.
     """
     driven = robot.driven
     for channel, columns in (("torque", wheels), ("encoder", wheels)):
-        found = recording.channels.get(channel)
-        if found is not None and channel in (driven, "encoder") and len(found.columns) != columns:
-            raise InputError(f"{name}: channel {channel} has {len(found.columns)} columns, expected {columns}")
+        recorded = recording.channels.get(channel)
+        if recorded is not None and channel in (driven, "encoder") and len(recorded.columns) != columns:
+            raise InputError(f"{name}: channel {channel} has {len(recorded.columns)} columns, expected {columns}")
     wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
     recording = _from_zero(recording, has)
-    dense = [c for c in has if c != "kinect"]  # what ends earlier cannot be predicted from, nor compared with, later on
+    # the run ends where the first of these does: nothing later can be predicted, or compared with
+    dense = [c for c in has if c != "kinect"]
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
@@ -78,8 +87,8 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
     parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    apart_s = _APART_S if driven == COMMAND and driven not in has else 0.0
-    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
+    period_s = _THINNED_S if driven == COMMAND and driven not in has else 0.0
+    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, period_s) if "kinect" in has else (
         np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
@@ -89,7 +98,7 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
 
 
 def _from_zero(recording, has):
-    """The same run with a clock that starts with it, where it started elsewhere."""
+    """The recording with its clock shifted to start at 0, where it starts before 0 s or from 1 s on."""
     first = min(recording.channels[c].t[0] for c in has)
     if 0.0 <= first < 1.0:
         return recording
@@ -101,17 +110,17 @@ def _from_zero(recording, has):
 
 
 def nearest_ticks(times_s: np.ndarray) -> np.ndarray:
-    """(k,) whole numbers: the tick nearest to each of `times_s` [s]."""
+    """(k,) the tick nearest to each of `times_s` [s], as whole floating-point numbers."""
     return np.floor(times_s / TICK_S + 0.5)
 
 
 def in_force(since: np.ndarray, rows: int) -> np.ndarray:
-    """(rows,) which sample is in force at every tick from 0 on, each from its tick `since` on; -1 before the first."""
+    """(rows,) index of the sample in force at each tick from 0 on; sample i begins at tick since[i]; -1: none yet."""
     return np.searchsorted(since, np.arange(rows), side="right") - 1
 
 
 def _held(channel, rows):
-    """Values in force at each tick: each held from its time on."""
+    """(rows, n) values of the channel, each held from its time on (zero-order hold); zeros before the first."""
     at = in_force(nearest_ticks(channel.t), rows)
     values = channel.values[np.maximum(at, 0)].copy()
     values[at < 0] = 0.0
@@ -119,6 +128,7 @@ def _held(channel, rows):
 
 
 def _on_ticks(channel, rows):
+    """(rows, n) samples of the channel at each tick, interpolated where they are not one a tick."""
     ticks = nearest_ticks(channel.t)
     if np.array_equal(ticks, np.arange(ticks[0], ticks[0] + len(ticks))) and ticks[0] >= 0.0:
         return channel.values[np.clip(np.arange(rows) - int(ticks[0]), 0, len(ticks) - 1)]
@@ -126,12 +136,13 @@ def _on_ticks(channel, rows):
     return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
 
 
-def _fixes(channel, rows, apart_s):
+def _fixes(channel, rows, period_s):
+    """fix, fix_ticks, fix_t of a Track; fast fixes are thinned to one each `period_s` [s], 0: all are kept."""
     ticks = nearest_ticks(channel.t).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
-    if apart_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_S:
-        every = max(int(np.ceil(apart_s / np.median(np.diff(t)) - 1e-6)), 1)
+    if period_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_FIXES_S:
+        every = max(int(np.ceil(period_s / np.median(np.diff(t)) - 1e-6)), 1)
         ticks, t, values = ticks[::every], t[::every], values[::every]
     fix = np.zeros((rows, 5))
     at = ticks + LEAD_TICKS
@@ -140,10 +151,11 @@ def _fixes(channel, rows, apart_s):
 
 
 def _missed(channel, end_s):
+    """`missed` of a Track: a scheduled capture has a fix if one lies within a quarter of a period of it."""
     if not channel.period_s:
         return np.empty(0)
     first = channel.t[0] - np.floor(channel.t[0] / channel.period_s + 1e-6) * channel.period_s
-    looks = np.arange(first, end_s + 1e-6, channel.period_s)
-    nearest = np.abs(channel.t[np.clip(np.searchsorted(channel.t, looks), 0, len(channel.t) - 1)] - looks)
-    before = np.abs(channel.t[np.clip(np.searchsorted(channel.t, looks) - 1, 0, len(channel.t) - 1)] - looks)
-    return (np.minimum(nearest, before) > 0.25 * channel.period_s).astype(float)
+    due = np.arange(first, end_s + 1e-6, channel.period_s)
+    after = np.searchsorted(channel.t, due)
+    nearby = channel.t[np.clip([after - 1, after], 0, len(channel.t) - 1)]
+    return (np.abs(nearby - due).min(axis=0) > 0.25 * channel.period_s).astype(float)
