@@ -18,6 +18,7 @@ from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
+from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
@@ -88,9 +89,9 @@ class Prediction:
         """Of a model that moves by `displacements` (ticks + LEAD, 3) [m, m, rad] more, one per run."""
         tracks = []
         for track, added in zip(self.tracks, displacements, strict=True):
-            fix = track.fix.copy()
-            fix[track.fix_rows, 1:4] -= added[track.fix_ticks]
-            tracks.append(replace(track, fix=fix))
+            sightings = track.sightings.copy()
+            sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] -= added[track.fix_ticks]
+            tracks.append(replace(track, sightings=sightings))
         return self._changed(tracks, values)
 
     def nuisances(

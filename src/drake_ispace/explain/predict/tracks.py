@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.predict.room_view import LEAD_TICKS
+from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, Robot
 
@@ -23,7 +23,7 @@ class Track:
 
     Attributes:
         name: for messages. command: (ticks + LEAD, m) what the plant is driven with, zeros where not recorded.
-        measured: (ticks + LEAD, p) outputs, zeros where not recorded. fix: (ticks + LEAD, 5) as RoomView takes them.
+        measured: (ticks + LEAD, p) outputs, zeros where not recorded. sightings: (ticks + LEAD, 5) for RoomView.
         fix_ticks: (k,) ticks whose camera fix is known; fix_t: their times [s].
         missed: (v,) 1 for every scheduled look of the camera without a fix, else 0; empty where there is no schedule.
         has: the channels that it has. way_points: (r, 4) time and pose of the reference.
@@ -34,7 +34,7 @@ class Track:
     ticks: int
     command: np.ndarray
     measured: np.ndarray
-    fix: np.ndarray
+    sightings: np.ndarray
     fix_ticks: np.ndarray
     fix_t: np.ndarray
     missed: np.ndarray
@@ -44,13 +44,13 @@ class Track:
 
     @property
     def fix_rows(self) -> np.ndarray:
-        """(k,) rows of `fix` that hold one."""
+        """(k,) rows of `sightings` that hold one."""
         return self.fix_ticks + LEAD_TICKS
 
     @property
     def poses(self) -> np.ndarray:
         """(k, 3) x, y [m], phi [rad] of the fixes."""
-        return self.fix[self.fix_rows, 1:4]
+        return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
 def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
@@ -79,13 +79,13 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
     apart_s = _APART_S if driven == COMMAND and driven not in has else 0.0
-    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
-        np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
+    sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, apart_s) if "kinect" in has else (
+        np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
     way_points = np.empty((0, 4)) if reference is None else np.column_stack([reference.t, reference.values[:, :3]])
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    return Track(name, ticks, command, np.hstack(parts), fix, fix_ticks, fix_t, missed, has, way_points)
+    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, way_points)
 
 
 def _from_zero(recording, has):
@@ -126,17 +126,18 @@ def _on_ticks(channel, rows):
     return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
 
 
-def _fixes(channel, rows, apart_s):
+def _sightings(channel, rows, apart_s):
     ticks = nearest_ticks(channel.t).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
     if apart_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_S:
         every = max(int(np.ceil(apart_s / np.median(np.diff(t)) - 1e-6)), 1)
         ticks, t, values = ticks[::every], t[::every], values[::every]
-    fix = np.zeros((rows, 5))
+    sightings = np.zeros((rows, len(SIGHTING)))
     at = ticks + LEAD_TICKS
-    fix[at, 0], fix[at, 1:4], fix[at, 4] = 1.0, values[:, :3], t - ticks * TICK_S
-    return fix, ticks, t
+    sightings[at, SIGHTING.is_there], sightings[at, SIGHTING.x : SIGHTING.phi + 1] = 1.0, values[:, :3]
+    sightings[at, SIGHTING.after_s] = t - ticks * TICK_S
+    return sightings, ticks, t
 
 
 def _missed(channel, end_s):
