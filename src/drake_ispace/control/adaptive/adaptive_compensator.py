@@ -32,7 +32,7 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Adaptation:
-    """Of the friction coefficients; off by default: the thesis announces it and gives no numbers."""
+    """Adaptation of the friction coefficients; off by default: the thesis announces it and gives no numbers."""
 
     enabled: bool = quantity(False)
     # what it starts from
@@ -140,7 +140,8 @@ class AdaptiveCompensator(Block):
 
     Args:
         adaptation: rates and bounds; a, b, gain: the linear model (6, 6), (6, 2) and K (2, 6) of the feedback.
-        dead_band_rad_s, speed_scale_rad_s: of the sign, as FrictionCompensation.
+        dead_band_rad_s: wheel speed below which no friction is added; speed_scale_rad_s: over which the sign fades in
+            beyond the dead band.
 
     Raises:
         ValueError: the feedback does not stabilise the model.

@@ -59,8 +59,8 @@ class ServoController(Block):
         output_ports:
         - torque
 
-    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): tick, x, y [m], ... as
-    WayPoint. torque (2,): right, left [N m]. (3.52)-(3.62).
+    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): messages.WAY_POINT, of which
+    tick, x, y [m] are read. torque (2,): right, left [N m]. (3.52)-(3.62).
 
     Args:
         servo: gains; start: x, y [m], phi [rad] where s is zero.

@@ -19,7 +19,7 @@ def straight(path, way_point, start, out):
 
 
 class StraightError(Block):
-    """s_e and phi_h for motion along the line through the start.
+    """The error s_e, phi_h of motion along the line through the start.
 
     .. pydrake_system::
 
@@ -30,8 +30,8 @@ class StraightError(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): as WayPoint. error (3,): s_e [m], phi_h [rad],
-    speed of the way point [m/s], zero before the first way point. Fig. 4.1.
+    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): messages.WAY_POINT. error (3,): s_e [m], phi_h
+    [rad], speed of the way point [m/s]; zero before the first way point. Fig. 4.1.
 
     Args:
         start: x, y [m], phi [rad] where odometry's s is zero.

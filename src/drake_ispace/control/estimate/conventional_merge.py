@@ -43,7 +43,8 @@ class ConventionalMerge(Block):
         output_ports:
         - pose
 
-    Ports as PositionEstimator: odometry (4,), fix (5,), pose (4,).
+    odometry (4,): tick, x, y [m], phi [rad]. fix (5,): tick of capture, seen, x, y [m], phi [rad]; ignored unless seen.
+    pose (4,): tick, x, y [m], phi [rad].
     """
 
     def __init__(self):

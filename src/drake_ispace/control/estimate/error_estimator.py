@@ -65,8 +65,9 @@ class ErrorEstimator(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): see TrajectoryTracker. Output error (3,): s_e [m],
-    phi_h [rad], speed to feed forward [m/s]. P_e,es of (6.32).
+    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): tick of the fix it refers to, tick of the way
+    point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output error (3,): s_e, phi_h, speed at this tick.
+    P_e,es of (6.32).
 
     Args:
         oldest_fix_ticks: the greatest age of a fix on its first arrival; an error from an older one is ignored.
@@ -93,7 +94,8 @@ class HeldError(Block):
         output_ports:
         - error
 
-    Ports as ErrorEstimator's, without odometry.
+    Input error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output
+    error (3,): s_e, phi_h, speed.
     """
 
     def __init__(self):

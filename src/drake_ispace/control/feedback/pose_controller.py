@@ -44,7 +44,7 @@ class PoseController(Block):
         - force
 
     estimate (4,): tick, x, y [m], phi [rad]. body_velocity (3,): in B [m/s, m/s, rad/s], turned to W at the estimated
-    heading. way_point (10,): see WayPoint. force (3,): Fx, Fy [N], moment [N m] in W. Equation (6.23) with P_es.
+    heading. way_point (10,): messages.WAY_POINT. force (3,): Fx, Fy [N], moment [N m] in W. Equation (6.23) with P_es.
 
     Args:
         k_p, k_d: (3, 3) gains [N/m, N s/m, ...]; mass: (3,) for the fed-forward acceleration.

@@ -58,8 +58,8 @@ class VelocityCommand(Block):
         output_ports:
         - velocity
 
-    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): see WayPoint. velocity (3,): vx, vy [m/s], wz [rad/s] in
-    B, a recording's channel `command`; zeros until there is a way point.
+    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): messages.WAY_POINT. velocity (3,): vx, vy [m/s], wz
+    [rad/s] in B, a recording's channel `command`; zeros until there is a way point.
 
     Args:
         control: the gains; holds_sideways: whether the wheels do.

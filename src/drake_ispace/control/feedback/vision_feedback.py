@@ -55,7 +55,7 @@ def pose(xd, out):
 
 
 class VisionFeedback(Block):
-    """PID feedback from the room alone.
+    """PID feedback from the room's pose only.
 
     .. pydrake_system::
 
@@ -67,12 +67,14 @@ class VisionFeedback(Block):
         - force
         - pose
 
-    fix (5,): tick of capture, seen, x, y [m], phi [rad]. way_point (10,): see WayPoint. force (3,): Fx, Fy [N], moment
-    [N m] in W. pose (4,): the last seen fix, tick, x, y [m], phi [rad], at whose heading the force is applied.
+    fix (5,): tick of capture, seen, x, y [m], phi [rad]. way_point (10,): messages.WAY_POINT. force (3,): Fx, Fy
+    [N], moment [N m] in W. pose (4,): tick, x, y [m], phi [rad] of the last seen fix, at whose heading the force is
+    applied.
 
     Args:
         k_p, k_i, k_d: (3,) gains; the thesis's k_i is zero. limit: (3,) largest force, for anti-windup.
-        mass, velocity_feed_forward, acceleration_feed_forward: as PoseController.
+        mass: (3,) for the fed-forward acceleration.
+        velocity_feed_forward, acceleration_feed_forward: of the way point; the thesis has neither, (6.13).
     """
 
     def __init__(

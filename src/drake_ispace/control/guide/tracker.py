@@ -75,7 +75,7 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
 
 
 class TrajectoryTracker(Block):
-    """From the room's fix and the way point to the error in the robot's own coordinates, every 95 ms.
+    """The way point in the robot's own coordinates, by the room's fix, every 95 ms.
 
     .. pydrake_system::
 
@@ -87,8 +87,8 @@ class TrajectoryTracker(Block):
         - error
 
     fix (5,): tick of capture, seen, x, y [m], phi [rad]; while not seen, the last seen one counts.
-    way_point (10,): see WayPoint. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to
-    feed forward [m/s]. P_e of (6.28).
+    way_point (10,): messages.WAY_POINT. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed
+    to feed forward [m/s]. P_e of (6.28).
 
     Args:
         tracker: mode and parameters.

@@ -227,14 +227,13 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
 
 def _start(track):
     if not len(track.fix_ticks):
-        return (track.way_points[0, 1:4] if len(track.way_points) else np.zeros(3)), False
+        return (np.zeros(3) if track.aim is None else track.aim), False
     first = track.poses[0]
-    if not len(track.way_points) or track.fix_t[0] > 0.2:
+    if track.aim is None or track.fix_t[0] > 0.2:
         return first, False
-    start = track.way_points[0, 1:4].copy()
-    if np.hypot(*(first - start)[:2]) > _START_M or abs(wrap(first[2] - start[2])) > _START_RAD:
+    if np.hypot(*(first - track.aim)[:2]) > _START_M or abs(wrap(first[2] - track.aim[2])) > _START_RAD:
         return first, False
-    return start, True
+    return track.aim, True
 
 
 def wheel_speeds(angles: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ class Track:
         measured: (ticks + LEAD, p) outputs, zeros where not recorded. sightings: (ticks + LEAD, 5) for RoomView.
         fix_ticks: (k,) ticks whose camera fix is known; fix_t: their times [s].
         missed: (v,) 1 for every scheduled look of the camera without a fix, else 0; empty where there is no schedule.
-        has: the channels that it has. way_points: (r, 4) time and pose of the reference.
+        has: the channels that it has. aim: (3,) pose of the first way point; None: no reference.
         force: (ticks + LEAD, 3) of the ground on the plant, besides the model's; None: none.
     """
 
@@ -39,7 +39,7 @@ class Track:
     fix_t: np.ndarray
     missed: np.ndarray
     has: frozenset[str]
-    way_points: np.ndarray
+    aim: np.ndarray | None
     force: np.ndarray | None = None
 
     @property
@@ -83,9 +83,9 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
         np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
-    way_points = np.empty((0, 4)) if reference is None else np.column_stack([reference.t, reference.values[:, :3]])
+    aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, way_points)
+    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim)
 
 
 def _from_zero(recording, has):
