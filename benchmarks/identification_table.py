@@ -17,6 +17,7 @@ import numpy as np
 from _runs import options, print_json
 
 import drake_ispace as di
+from drake_ispace.blocks.messages import WAY_POINT, WHEEL_PAIR
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.control.adaptive import online_identifier
 from drake_ispace.sensing.sinusoid_noise import SinusoidNoise
@@ -152,7 +153,7 @@ def friction_table(seeds):
 @numba.njit
 def _rest(step, xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band, sizes, out, first, ticks):
     for tick in range(first, first + ticks):
-        encoder[0] = tick
+        encoder[WHEEL_PAIR.tick] = tick
         step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band, sizes, out)
         xd[:] = out
 
@@ -209,7 +210,7 @@ def pictures(folder, maps, seconds):
     logs = {name: rows[20:] for name, rows in logs.items()}  # from the first way point on
     t = (20 + np.arange(len(logs["pendulum_pose"]))) * TICK_S
     plot_signals(t, {
-        "x [m]": {"position": logs["pendulum_pose"][:, 0], "way point": logs["pendulum_way_point"][:, 1]},
+        "x [m]": {"position": logs["pendulum_pose"][:, 0], "way point": logs["pendulum_way_point"][:, WAY_POINT.x]},
         "tilt [rad]": {"tilt": logs["pendulum_balance"][:, 0]},
         "torque [N m]": {"right wheel": logs["pendulum_torque"][:, 0]},
         "C_cu [N m]": {"on line": logs["pendulum_friction"][:, 0], "actual": np.full(len(t), TRUTH[0])},

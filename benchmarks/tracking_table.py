@@ -12,6 +12,8 @@ from statistics import median
 import numpy as np
 from _runs import Job, options, print_json, print_table, run_all, summary, values
 
+from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
+
 PATHS = {"square": 24.0, "circle": 20.0}
 OMNI_SLIP, PENDULUM_SLIP = (values(**{f"{r}__plant__slip__ratio": [0.1] * 3}) for r in ("omni", "pendulum"))
 NO_ACCELERATION = values(omni__control__acceleration_feed_forward=False)
@@ -55,9 +57,10 @@ def outcome(run):
     result, robot = summary(run), run.robots[0]
     trajectory = getattr(run.scenario, robot).trajectory
     way_point = run.signals[f"{robot}_way_point"]
-    moving = np.flatnonzero(np.linalg.norm(way_point[:, 4:6], axis=1) > 0.0)
+    moving = np.flatnonzero(np.linalg.norm(way_point[:, WAY_POINT.vx : WAY_POINT.vy + 1], axis=1) > 0.0)
     stop = int(moving[-1]) if len(moving) else len(way_point) - 1
-    off = np.linalg.norm(run.signals[f"{robot}_odometry"][1:, 1:3] - run.signals[f"{robot}_pose"][:-1, :2], axis=1)
+    believed = run.signals[f"{robot}_odometry"][1:, ESTIMATE.x : ESTIMATE.y + 1]
+    off = np.linalg.norm(believed - run.signals[f"{robot}_pose"][:-1, :2], axis=1)
     result |= {"odometry_end_m": float(off[stop - 1]), "odometry_most_m": float(off[:stop].max())}
     return result | {"laps": trajectory.laps}
 
@@ -160,8 +163,9 @@ def millimetres(pair):
 
 def trace(run):
     robot = run.robots[0]
-    start = 1 + np.argmax(run.signals[f"{robot}_odometry"][:, 0] >= 0.0)
-    return {"pose": run.signals[f"{robot}_pose"], "odometry": run.signals[f"{robot}_odometry"][start:, 1:3]}
+    odometry = run.signals[f"{robot}_odometry"]
+    start = 1 + np.argmax(odometry[:, ESTIMATE.tick] >= 0.0)
+    return {"pose": run.signals[f"{robot}_pose"], "odometry": odometry[start:, ESTIMATE.x : ESTIMATE.y + 1]}
 
 
 def draw_paths(asked, out):

@@ -14,6 +14,7 @@ import numpy as np
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
+from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.rates import VISION_TICKS
 from drake_ispace.metrics import measure
 from drake_ispace.room.room import Space
@@ -157,11 +158,11 @@ def in_the_loop(settings, seconds, seed):
             sets = [f"seconds={seconds}", f"seed={seed}", f"{name}.trajectory.kind=square", *overrides]
             run = di.simulate(di.load_scenario(f"{name}_multirate", sets))
             fixes = run.signals[f"{name}_fix"]
-            _, first = np.unique(fixes[:, 0], return_index=True)
-            result = measure(run, name)
+            _, first = np.unique(fixes[:, FIX.tick], return_index=True)
+            captures, result = fixes[first], measure(run, name)
             rows[name][mode] = {
                 "rms_position_error_m": result.rms_position_error_m, "rms_cross_track_m": result.rms_cross_track_m,
-                "seen": float(fixes[first][fixes[first, 0] >= 0.0, 1].mean()), "wall_s": run.wall_s,
+                "seen": float(captures[captures[:, FIX.tick] >= 0.0, FIX.seen].mean()), "wall_s": run.wall_s,
             }
     return rows
 

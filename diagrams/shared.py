@@ -2,6 +2,7 @@
 
 import argparse
 
+from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.simulation import Run
 
 
@@ -16,7 +17,7 @@ def print_outcome(run: Run) -> None:
     """Each robot's last pose beside its way point, and how fast the run was."""
     for robot in run.robots:
         x, y, phi = run.signals[f"{robot}_pose"][-1]
-        way_x, way_y, way_phi = run.signals[f"{robot}_way_point"][-1, 1:4]
+        way_x, way_y, way_phi = run.signals[f"{robot}_way_point"][-1, WAY_POINT.x : WAY_POINT.phi + 1]
         print(f"{robot} pose       x {x:+.3f} m  y {y:+.3f} m  phi {phi:+.3f} rad")
         print(f"{robot} way point  x {way_x:+.3f} m  y {way_y:+.3f} m  phi {way_phi:+.3f} rad")
     if run.diverged_s is not None:

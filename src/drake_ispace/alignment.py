@@ -7,6 +7,7 @@ velocity commanded on [t_k, t_k+1) is what row k + 1 shows; the truth in row k i
 
 import numpy as np
 
+from drake_ispace.blocks.messages import ENCODER, FIX, IMU, TICK, WAY_POINT, wheels_in
 from drake_ispace.blocks.rates import TICK_S, VISION_S
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.robots.library import robots
@@ -18,18 +19,18 @@ def to_recording(run: Run, robot: str) -> Recording:
     """The recording of the robot called `robot` in `run`, truth included; channels without a sample left out."""
     own = f"{robot}_"
     signal = {name.removeprefix(own): rows for name, rows in run.signals.items() if name.startswith(own)}
-    n = (signal["encoder"].shape[1] - 1) // 2
+    n = wheels_in(signal["encoder"].shape[1])
     wheels = robots()[robot].wheel_names or tuple(str(i) for i in range(1, n + 1))
     known = robots()[robot].truth
     ticks = np.arange(len(signal["pose"]))
-    channels = {"reference": _stamped(signal["way_point"], slice(1, 4), ("x", "y", "phi"), VISION_S)}
+    channels = {"reference": _stamped(signal["way_point"], WAY_POINT.x, ("x", "y", "phi"), VISION_S)}
     for name, columns in (("torque", tuple(f"tau_{w}" for w in wheels)), ("command", ("vx", "vy", "wz"))):
         if name in signal:
             channels[name] = _channel(ticks[:-1], signal[name][1:], columns, TICK_S)
-    channels["encoder"] = _stamped(signal["encoder"], slice(1, 1 + n), tuple(f"theta_{w}" for w in wheels), TICK_S)
+    channels["encoder"] = _stamped(signal["encoder"], ENCODER.theta, tuple(f"theta_{w}" for w in wheels), TICK_S)
     channels["kinect"] = _kinect(signal["fix"])
     if "imu" in signal:
-        channels["imu"] = _stamped(signal["imu"], slice(1, 7), ("ax", "ay", "az", "wx", "wy", "wz"), TICK_S)
+        channels["imu"] = _stamped(signal["imu"], IMU.ax, ("ax", "ay", "az", "wx", "wy", "wz"), TICK_S)
     channels["truth"] = Channel(
         _time(ticks), ("x", "y", "phi", *known.columns), np.hstack([signal["pose"], signal[known.signal]]),
         dict(zip(known.columns, known.units, strict=True)), round(TICK_S, 6),
@@ -50,18 +51,20 @@ def _channel(ticks, values, columns, period_s):
 
 def _new_rows(messages):
     """The first row of every message, those before the first sample left out."""
-    stamps = messages[:, 0]
+    stamps = messages[:, TICK]
     return np.flatnonzero((stamps >= 0.0) & (np.diff(stamps, prepend=-1.0) != 0.0))
 
 
-def _stamped(messages, part, columns, period_s):
+def _stamped(messages, first, columns, period_s):
+    """The channel of what `messages` hold from the index `first` on, under the names `columns`."""
     rows = _new_rows(messages)
-    return _channel(messages[rows, 0], messages[rows, part], columns, period_s)
+    return _channel(messages[rows, TICK], messages[rows, first : first + len(columns)], columns, period_s)
 
 
 def _kinect(fixes):
     rows = _new_rows(fixes)
-    rows = rows[fixes[rows, 1] > 0.0]
-    arrived = np.maximum(rows - 1, fixes[rows, 0])  # row k first shows what arrived at tick k - 1; a clock may be ahead
-    values = np.column_stack([fixes[rows, 2:5], _time(arrived)])
-    return Channel(_time(fixes[rows, 0]), ("x", "y", "phi", "t_received"), values, {}, round(VISION_S, 6))
+    rows = rows[fixes[rows, FIX.seen] > 0.0]
+    captured = fixes[rows, FIX.tick]
+    arrived = np.maximum(rows - 1, captured)  # row k first shows what arrived at tick k - 1; a clock may be ahead
+    values = np.column_stack([fixes[rows, FIX.x : FIX.phi + 1], _time(arrived)])
+    return Channel(_time(captured), ("x", "y", "phi", "t_received"), values, {}, round(VISION_S, 6))

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
+from drake_ispace.blocks.messages import POSE, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS, ticks_in
 from drake_ispace.control.guide.paths import build_path
 from drake_ispace.simulation import Run
@@ -56,39 +57,39 @@ def measure(run: Run, robot: str) -> Metrics:
     """The metrics of the robot called `robot` in `run`."""
     trajectory = getattr(run.scenario, robot).trajectory
     start_s = ticks_in(trajectory.start_s) * TICK_S
-    rows = (run.time_s >= start_s) & (run.signals[f"{robot}_way_point"][:, 0] >= 0.0)
+    rows = (run.time_s >= start_s) & (run.signals[f"{robot}_way_point"][:, WAY_POINT.tick] >= 0.0)
     if not rows.any():
         return _lost_before_the_start(run)
     time = run.time_s[rows] - start_s
     pose = run.signals[f"{robot}_pose"][rows]
     way_point = run.signals[f"{robot}_way_point"][rows]
     torque = run.signals.get(f"{robot}_torque")
-    gap = way_point[:, 1:3] - pose[:, :2]
-    error = np.linalg.norm(gap, axis=1)
+    aim, place = way_point[:, WAY_POINT.x : WAY_POINT.y + 1], pose[:, POSE.x : POSE.y + 1]
+    error = np.linalg.norm(aim - place, axis=1)
     path = build_path(trajectory, f"{robot}.trajectory")
-    start, end = run.signals[f"{robot}_pose"][0, :2], path.points_m[-1]
+    start, end = run.signals[f"{robot}_pose"][0, POSE.x : POSE.y + 1], path.points_m[-1]
     is_step = trajectory.kind == "step"
-    moving = np.linalg.norm(way_point[:, 4:6], axis=1) > 0.0
+    moving = np.linalg.norm(way_point[:, WAY_POINT.vx : WAY_POINT.vy + 1], axis=1) > 0.0
     if path.length_m == 0.0:  # a step or pulse goes straight from the start
-        cross_track = _distance_to_line(pose[:, :2], start, end)
+        cross_track = _distance_to_line(place, start, end)
     else:
-        cross_track, _ = path.nearest(pose[:, :2])
+        cross_track, _ = path.nearest(place)
     scored = moving if trajectory.heading == "tangent" else np.ones(len(time), bool)
-    turned = np.angle(np.exp(1j * (pose[:, 2] - way_point[:, 3])))[scored]
+    turned = np.angle(np.exp(1j * (pose[:, POSE.phi] - way_point[:, WAY_POINT.phi])))[scored]
 
     step_m = float(np.linalg.norm(end - start))
     tolerance = _SETTLED * step_m if is_step and step_m > 0.0 else _ARRIVED_M
     has_end = trajectory.kind != "pulse" and (trajectory.laps > 0 or not path.closed)
-    resting = has_end & ~moving & (np.linalg.norm(way_point[:, 1:3] - end, axis=1) < 1e-9)
+    resting = has_end & ~moving & (np.linalg.norm(aim - end, axis=1) < 1e-9)
     # A closed path also rests at its end before it starts.
     resting &= time >= (path.length_m * (trajectory.laps if path.closed else 1)) / trajectory.speed_m_s
     overshoot = None
     if is_step and step_m > 0.0:
-        beyond = (pose[:, :2] - end) @ (end - start) / step_m
+        beyond = (place - end) @ (end - start) / step_m
         overshoot = 100.0 * max(float(beyond.max()), 0.0) / step_m
     return Metrics(
         rms_position_error_m=_rms(error), max_position_error_m=float(error.max()), rms_cross_track_m=_rms(cross_track),
-        mean_lag_m=_mean_lag(path, trajectory, time, pose[:, :2], moving),
+        mean_lag_m=_mean_lag(path, trajectory, time, place, moving),
         rms_heading_error_rad=_rms(turned) if len(turned) else None,
         overshoot_percent=overshoot, settling_time_s=_settling_time(time, error, resting, tolerance),
         time_to_end_s=_first(time, resting & (error <= _ARRIVED_M)), iae_m_s=float(error.sum() * TICK_S),

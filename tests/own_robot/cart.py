@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.blocks.messages import WAY_POINT, WHEEL_PAIR
 from drake_ispace.blocks.noise import stream
 from drake_ispace.control.feedback.velocity_command import VelocityCommand, VelocityControl
 from drake_ispace.control.guide.paths import Trajectory
@@ -86,7 +86,7 @@ def driven(velocity, encoder, wheels, gain_n_m_s, out):
     """Torque in proportion to the error of each wheel's speed."""
     for i in range(2):
         wanted = wheels[3 * i] * velocity[0] + wheels[3 * i + 2] * velocity[2]
-        out[i] = gain_n_m_s * (wanted - encoder[3 + i])
+        out[i] = gain_n_m_s * (wanted - encoder[WHEEL_PAIR.omega_r + i])
 
 
 @dataclass
@@ -103,11 +103,11 @@ class CartSettings:
 def cart_multirate(scenario, bench):
     """A differential drive: pose estimated every 5 ms, corrected every 95 ms, each wheel held at its speed."""
     settings, wheels = scenario.cart, scenario.cart.plant.geometry.inverse.ravel()
-    part, _ = add_body(bench, scenario, Cart(), WAY_POINT)
-    add_estimator(part, scenario, WAY_POINT)
+    part, _ = add_body(bench, scenario, Cart(), len(WAY_POINT))
+    add_estimator(part, scenario, len(WAY_POINT))
     part.add("command", VelocityCommand(settings.control, holds_sideways=True))
     part.add("controller", Block(Spec(
-        inputs={"velocity": 3, "encoder": 5}, outputs={"torque": Output(2, driven)},
+        inputs={"velocity": 3, "encoder": len(WHEEL_PAIR)}, outputs={"torque": Output(2, driven)},
         parameters={"wheels": wheels, "gain_n_m_s": 0.1})))
     part.wire(
         ("way_point.way_point", "link.order"), ("link.order", "command.way_point"),

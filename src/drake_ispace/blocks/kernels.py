@@ -97,7 +97,8 @@ def _described(value, where: str, name: str = "") -> str:
     if isinstance(value, np.ndarray):
         return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple):
-        return f"({', '.join(_described(item, where) for item in value)})"
+        fields = getattr(value, "_fields", ("",) * len(value))  # of a named tuple, which a kernel reads by name
+        return str([(field, _described(item, where)) for field, item in zip(fields, value, strict=True)])
     return repr(value)
 
 

@@ -49,7 +49,7 @@ def body_of(scenario, robot: Robot) -> Body:
 
 def ports(body: Body) -> dict[str, int]:
     """The ports that the block of an effect may have, wires and other outputs of a plant, and the size of each."""
-    own = {"velocity": 3, "ground_force": 3, "body_motion": 6, "pose": 3, "fix": FIX, "balance": 4}
+    own = {"velocity": 3, "ground_force": 3, "body_motion": 6, "pose": 3, "fix": len(FIX), "balance": 4}
     return {"torque": body.wheels, "wheel_angle": body.wheels, "wheel_rate": body.wheels} | own
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.comparison import compare
 from drake_ispace.files.places import check_own_folder, fresh_folder
 from drake_ispace.metrics import Metrics
@@ -126,8 +127,8 @@ def _plot_shared(results, out):
     axis.add_patch(plt.Rectangle((-width / 2, -depth / 2), width, depth, fill=False, ls=":", ec="0.6"))
     for (_, robot, _), colour in zip(results.values(), ("#2980b9", "#c0392b"), strict=True):
         way_point, pose = run.signals[f"{robot}_way_point"], run.signals[f"{robot}_pose"]
-        shown = way_point[:, 0] >= 0.0
-        axis.plot(way_point[shown, 1], way_point[shown, 2], "--", color="0.5", lw=1)
+        shown = way_point[:, WAY_POINT.tick] >= 0.0
+        axis.plot(way_point[shown, WAY_POINT.x], way_point[shown, WAY_POINT.y], "--", color="0.5", lw=1)
         axis.plot(pose[:, 0], pose[:, 1], color=colour, label=robot)
         for row in np.linspace(0, len(pose) - 1, 12).astype(int):
             x, y, phi = pose[row]

@@ -5,6 +5,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
+from drake_ispace.blocks.messages import ESTIMATE, FIX, WAY_POINT
 from drake_ispace.control.guide.paths import build_path
 from drake_ispace.files.places import whole_file
 from drake_ispace.simulation import Run
@@ -63,16 +64,18 @@ def _curves(run, robot):
     signal = {name.removeprefix(f"{robot}_"): rows for name, rows in run.signals.items()}
     way_point = signal["way_point"]
     trajectory = getattr(run.scenario, robot).trajectory
-    reference = way_point[:, 1:3]
+    reference = way_point[:, WAY_POINT.x : WAY_POINT.y + 1]
     if trajectory.kind not in ("step", "pulse"):
-        reference = np.where((way_point[:, :1] >= 0.0), reference, build_path(trajectory, robot).points_m[0])
+        is_there = way_point[:, [WAY_POINT.tick]] >= 0.0
+        reference = np.where(is_there, reference, build_path(trajectory, robot).points_m[0])
     fix = signal["fix"]
-    fresh = (np.diff(fix[:, 0], prepend=-1.0) != 0.0) & (fix[:, 1] > 0.0)
-    estimated = signal["estimate"][:, 0] >= 0.0
-    sampled = signal["odometry"][:, 0] >= 0.0
+    fresh = (np.diff(fix[:, FIX.tick], prepend=-1.0) != 0.0) & (fix[:, FIX.seen] > 0.0)
+    estimated = signal["estimate"][:, ESTIMATE.tick] >= 0.0
+    sampled = signal["odometry"][:, ESTIMATE.tick] >= 0.0
     return {
-        "estimate": (time[estimated], signal["estimate"][estimated, 1:]),
-        "odometry": (time[sampled], signal["odometry"][sampled, 1:]), "Kinect": (time[fresh], fix[fresh, 2:]),
+        "estimate": (time[estimated], signal["estimate"][estimated, ESTIMATE.x :]),
+        "odometry": (time[sampled], signal["odometry"][sampled, ESTIMATE.x :]),
+        "Kinect": (time[fresh], fix[fresh, FIX.x :]),
         "actual": (time, signal["pose"]), "reference": (time, reference),
     }
 

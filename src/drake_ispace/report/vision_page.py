@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from matplotlib.colors import ListedColormap
 
+from drake_ispace.blocks.messages import FIX, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.files.places import check_folder
 from drake_ispace.report.pages import render, write_text
@@ -241,9 +242,9 @@ def _strip(run: Run, out: Path):
         below.imshow(top.warp(picture.colour)[..., ::-1], extent=_extent(space))
         for name in _POSES:
             way, fixes = run.signals[f"{name}_way_point"], run.signals[f"{name}_fix"][: tick + 1]
-            moving = way[:, 0] >= 0.0
-            below.plot(*way[moving, 1:3].T, "--", color="white", lw=0.7)
-            seen = fixes[fixes[:, 1] > 0.0]
-            below.plot(*seen[::VISION_TICKS, 2:4].T, ".", color=robots()[name].path_colour, ms=3)
+            moving = way[:, WAY_POINT.tick] >= 0.0
+            below.plot(*way[moving, WAY_POINT.x : WAY_POINT.y + 1].T, "--", color="white", lw=0.7)
+            seen = fixes[fixes[:, FIX.seen] > 0.0]
+            below.plot(*seen[::VISION_TICKS, FIX.x : FIX.y + 1].T, ".", color=robots()[name].path_colour, ms=3)
         _floor(below, space, "")
     save(figure, out)

@@ -77,7 +77,7 @@ class Pendulum(Robot):
     has_imu = True
     own_dynamics = True
     unknown_forces = (0.1, 0.01, 0.003)
-    order_size = TRACKING_ERROR
+    order_size = len(TRACKING_ERROR)
     truth = Truth("balance", ("tilt", "s_rate", "yaw_rate", "tilt_rate"), ("rad", "m/s", "rad/s", "rad/s"))
     colours = ("yellow", "green")
     marker_height_m = 0.30

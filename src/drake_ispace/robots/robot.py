@@ -125,7 +125,7 @@ class Robot(abc.ABC):
     has_imu = False
     own_dynamics = False
     unknown_forces: tuple[float, float, float] | None = None
-    order_size = WAY_POINT
+    order_size = len(WAY_POINT)
     truth = Truth("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s"))
     markers_may_turn = False
     colours = ("red", "blue")

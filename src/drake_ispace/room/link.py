@@ -11,7 +11,7 @@ import numpy as np
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.messages import FIX, TICK
 from drake_ispace.blocks.noise import stream, uniform
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
@@ -44,7 +44,7 @@ def delay_ticks(link: Link, order_size: int) -> int:
     """
     if link.baud_rate == 0:
         return link.delay_ticks
-    bits = _BITS_PER_BYTE * (_FRAME_BYTES + _VALUE_BYTES * (FIX + order_size))
+    bits = _BITS_PER_BYTE * (_FRAME_BYTES + _VALUE_BYTES * (len(FIX) + order_size))
     if bits > link.baud_rate:
         raise InputError(
             f"space.link.baud_rate: {link.baud_rate} bit/s, expected at least {bits} (a frame a second) or 0"
@@ -119,14 +119,14 @@ class RoomLink(Block):
     """
 
     def __init__(self, link: Link, order_size: int, seed=0, where="link"):
-        m = FIX + order_size
+        m = len(FIX) + order_size
         delay = delay_ticks(link, order_size)
         empty = np.zeros(m)
-        empty[0] = empty[FIX] = -1.0
+        empty[FIX.tick] = empty[len(FIX) + TICK] = -1.0
         queue = np.tile(np.concatenate([[-1.0], empty]), delay + 1)
         super().__init__(Spec(
-            inputs={"fix": FIX, "order": order_size, "robot_tick": 1},
-            outputs={"fix": Output(FIX, delivered_fix), "order": Output(order_size, delivered_order)},
+            inputs={"fix": len(FIX), "order": order_size, "robot_tick": 1},
+            outputs={"fix": Output(len(FIX), delivered_fix), "order": Output(order_size, delivered_order)},
             parameters={
                 "delay": float(delay), "loss": 1.0 - (1.0 - link.loss) * (1.0 - link.corruption),
                 "noise_stream": stream(seed, where),

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.messages import FIX, POSE
 from drake_ispace.blocks.noise import normal, stream, uniform
 from drake_ispace.blocks.rates import VISION_TICKS
 from drake_ispace.files.quantity import quantity
@@ -36,7 +36,6 @@ class Localizer:
     dropout: float = quantity(0.0, minimum=0.0, maximum=1.0)
 
 
-
 @kernel
 def marker(place, pixel, noise, whole):
     """Where along one axis a marker at `place` [m] is found, given pixel size [m], noise [pixels], rounding."""
@@ -46,18 +45,19 @@ def marker(place, pixel, noise, whole):
 
 @kernel
 def see(tick, robot, x, y, phi, camera, noise_stream, out):
-    """Write one message into out[0:5]; camera: the block's parameter group."""
+    """Write the message of one robot into `out`; camera: the block's parameter group."""
     pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth = (
         camera[0], camera[1], camera[2], camera[3], camera[4], camera[5], camera[6], camera[7],
     )
-    out[0], out[1], out[2], out[3], out[4] = tick, 0.0, 0.0, 0.0, 0.0
+    out[:] = 0.0
+    out[FIX.tick] = tick
     if not (abs(x) <= half_width and abs(y) <= half_depth):
         return
     channel = 8 * robot
     if dropout > 0.0 and uniform(noise_stream, tick, channel + 4) < dropout:
         return
     if whole == 0.0 and noise_std == 0.0:
-        out[1], out[2], out[3], out[4] = 1.0, x, y, phi
+        out[FIX.seen], out[FIX.x], out[FIX.y], out[FIX.phi] = 1.0, x, y, phi
         return
     n0 = n1 = n2 = n3 = 0.0
     if noise_std > 0.0:
@@ -68,30 +68,31 @@ def see(tick, robot, x, y, phi, camera, noise_stream, out):
     dx, dy = 0.5 * spacing * np.cos(phi), 0.5 * spacing * np.sin(phi)
     front_x, front_y = marker(x + dx, pixel_x, n0, whole), marker(y + dy, pixel_y, n1, whole)
     rear_x, rear_y = marker(x - dx, pixel_x, n2, whole), marker(y - dy, pixel_y, n3, whole)
-    out[1], out[2], out[3] = 1.0, 0.5 * (front_x + rear_x), 0.5 * (front_y + rear_y)
-    out[4] = np.arctan2(front_y - rear_y, front_x - rear_x)
+    out[FIX.seen], out[FIX.x], out[FIX.y] = 1.0, 0.5 * (front_x + rear_x), 0.5 * (front_y + rear_y)
+    out[FIX.phi] = np.arctan2(front_y - rear_y, front_x - rear_x)
 
 
 @kernel
 def capture(tick, xd, poses, camera, noise_stream, out):
     """x_d = [delivered messages, then captured ones, oldest first]: forget the oldest, add the newest."""
-    robots = poses.shape[0] // 3
-    size = FIX * robots
+    robots = poses.shape[0] // len(POSE)
+    size = len(FIX) * robots
     copy(xd[:size], out[:size])
     copy(xd[2 * size :], out[size:-size])
     for robot in range(robots):
-        x, y, phi = poses[3 * robot], poses[3 * robot + 1], poses[3 * robot + 2]
-        start = out.shape[0] - size + FIX * robot
-        see(tick, robot, x, y, phi, camera, noise_stream, out[start : start + FIX])
+        pose = len(POSE) * robot
+        x, y, phi = poses[pose + POSE.x], poses[pose + POSE.y], poses[pose + POSE.phi]
+        start = out.shape[0] - size + len(FIX) * robot
+        see(tick, robot, x, y, phi, camera, noise_stream, out[start : start + len(FIX)])
 
 
 @kernel
 def deliver(tick, xd, poses, latency_ticks, out):
     """Make the newest capture that is at least `latency_ticks` old the delivered one."""
     copy(xd, out)
-    size = FIX * (poses.shape[0] // 3)
+    size = len(FIX) * (poses.shape[0] // len(POSE))
     for start in range(size, xd.shape[0], size):
-        if 0.0 <= xd[start] and xd[start] <= tick - latency_ticks:
+        if 0.0 <= xd[start + FIX.tick] and xd[start + FIX.tick] <= tick - latency_ticks:
             copy(xd[start : start + size], out[:size])
 
 
@@ -123,10 +124,10 @@ class KinectLocalizer(Block):
     def __init__(self, space, robots: int = 1, seed=0):
         localizer = space.localizer
         latency = localizer.latency_ticks
-        record = np.zeros(FIX * robots)
-        record[::FIX] = -1.0
+        record = np.zeros(len(FIX) * robots)
+        record[FIX.tick :: len(FIX)] = -1.0
         super().__init__(Spec(
-            inputs={"poses": 3 * robots}, outputs={"fixes": Output(FIX * robots, fixes)},
+            inputs={"poses": len(POSE) * robots}, outputs={"fixes": Output(len(FIX) * robots, fixes)},
             parameters={
                 "camera": {
                     "pixel_x_m": localizer.pixel_m[0], "pixel_y_m": localizer.pixel_m[1],

@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import ENCODER, encoder_size
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
 
@@ -26,22 +27,23 @@ class Encoder:
 
 @kernel
 def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, memory, out):
-    """x_d = [tick, theta (n), omega (n)]."""
+    """x_d = the message."""
     n = wheel_angle.shape[0]
+    theta, omega = ENCODER.theta, ENCODER.theta + n
     for i in range(n):
         angle = wheel_angle[i]
         if counts_per_turn > 0.0:
             step = 2.0 * np.pi / counts_per_turn
             angle = step * np.floor(angle / step + 0.5)  # the wheel starts in the middle of a count
-        difference = 0.0 if xd[0] < 0.0 else (angle - xd[1 + i]) / TICK_S
-        out[1 + i] = angle
+        difference = 0.0 if xd[ENCODER.tick] < 0.0 else (angle - xd[theta + i]) / TICK_S
+        out[theta + i] = angle
         if velocity_mode == 0.0:
-            out[1 + n + i] = memory * xd[1 + n + i] + (1.0 - memory) * difference
+            out[omega + i] = memory * xd[omega + i] + (1.0 - memory) * difference
         elif velocity_mode == 1.0:
-            out[1 + n + i] = difference
+            out[omega + i] = difference
         else:
-            out[1 + n + i] = wheel_rate[i]
-    out[0] = tick
+            out[omega + i] = wheel_rate[i]
+    out[ENCODER.tick] = tick
 
 
 @kernel
@@ -51,7 +53,7 @@ def message(xd, out):
 
 @kernel
 def clock(xd, out):
-    out[0] = xd[0]
+    out[0] = xd[ENCODER.tick]
 
 
 class WheelEncoder(Block):
@@ -76,11 +78,11 @@ class WheelEncoder(Block):
     """
 
     def __init__(self, encoder: Encoder, wheels: int):
-        start = np.zeros(1 + 2 * wheels)
-        start[0] = -1.0
+        start = np.zeros(encoder_size(wheels))
+        start[ENCODER.tick] = -1.0
         super().__init__(Spec(
             inputs={"wheel_angle": wheels, "wheel_rate": wheels},
-            outputs={"message": Output(1 + 2 * wheels, message), "tick": Output(1, clock)},
+            outputs={"message": Output(len(start), message), "tick": Output(1, clock)},
             parameters={
                 "counts_per_turn": float(encoder.counts_per_turn),
                 "velocity_mode": float(VELOCITIES.index(encoder.velocity)),

@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import IMU
 from drake_ispace.blocks.noise import normal, stream
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
@@ -25,12 +26,12 @@ class Imu:
 
 @kernel
 def sample(tick, body_motion, bias, noise_std, noise_stream, out):
-    """x_d = [tick, specific force (3), angular rate (3)]."""
-    out[0] = tick
+    """x_d = the message."""
+    out[IMU.tick] = tick
     for i in range(6):
-        out[1 + i] = body_motion[i] + bias[i]
+        out[IMU.ax + i] = body_motion[i] + bias[i]
         if noise_std[i] > 0.0:
-            out[1 + i] += noise_std[i] * normal(noise_stream, tick, i)
+            out[IMU.ax + i] += noise_std[i] * normal(noise_stream, tick, i)
 
 
 @kernel
@@ -59,12 +60,13 @@ class InertialSensor(Block):
 
     def __init__(self, imu: Imu, seed=0, where="imu"):
         densities = [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3
+        start = np.zeros(len(IMU))
+        start[IMU.tick] = -1.0
         super().__init__(Spec(
-            inputs={"body_motion": 6}, outputs={"message": Output(7, message)},
+            inputs={"body_motion": 6}, outputs={"message": Output(len(IMU), message)},
             parameters={
                 "bias": np.array([*imu.accelerometer_bias_m_s2, *imu.gyro_bias_rad_s]),
                 "noise_std": np.array(densities) / np.sqrt(TICK_S), "noise_stream": stream(seed, where),
             },
-            noise_stream=where, discrete_state=np.array([-1.0, 0, 0, 0, 0, 0, 0]),
-            updates=(Update(sample, Phase.SENSE),),
+            noise_stream=where, discrete_state=start, updates=(Update(sample, Phase.SENSE),),
         ))

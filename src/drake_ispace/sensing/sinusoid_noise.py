@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import POSE, STATE
 from drake_ispace.blocks.noise import normal, stream, uniform
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
@@ -38,13 +39,14 @@ def noise_at(time_s, index, channel, frequency_hz, white_share, noise_stream):
 
 @kernel
 def sample(tick, pose, balance, start, amplitude, frequency_hz, white_share, noise_stream, out):
-    """x_d = [tick, s, theta, s_dot, theta_dot]."""
-    out[0] = tick
-    out[1] = np.cos(start[2]) * (pose[0] - start[0]) + np.sin(start[2]) * (pose[1] - start[1])
-    out[2], out[3], out[4] = balance[0], balance[1], balance[3]
+    """x_d = the message."""
+    out[STATE.tick] = tick
+    dx, dy = pose[POSE.x] - start[POSE.x], pose[POSE.y] - start[POSE.y]
+    out[STATE.s] = np.cos(start[POSE.phi]) * dx + np.sin(start[POSE.phi]) * dy
+    out[STATE.theta], out[STATE.s_dot], out[STATE.theta_dot] = balance[0], balance[1], balance[3]
     for i in range(2):
         if amplitude[i] > 0.0:
-            out[1 + i] += amplitude[i] * noise_at(tick * TICK_S, tick, i, frequency_hz, white_share, noise_stream)
+            out[STATE.s + i] += amplitude[i] * noise_at(tick * TICK_S, tick, i, frequency_hz, white_share, noise_stream)
 
 
 @kernel
@@ -73,14 +75,15 @@ class NoisyState(Block):
     """
 
     def __init__(self, noise: SinusoidNoise, start=(0.0, 0.0, 0.0), seed=0, where="sensor_noise"):
+        memory = np.zeros(len(STATE))
+        memory[STATE.tick] = -1.0
         super().__init__(Spec(
-            inputs={"pose": 3, "balance": 4}, outputs={"message": Output(5, message)},
+            inputs={"pose": len(POSE), "balance": 4}, outputs={"message": Output(len(STATE), message)},
             parameters={
                 "start": np.array(start, dtype=float),
                 "amplitude": np.array([noise.position_amplitude_m, noise.tilt_amplitude_rad]),
                 "frequency_hz": noise.frequency_hz, "white_share": noise.white_share,
                 "noise_stream": stream(seed, where),
             },
-            noise_stream=where, discrete_state=np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
-            updates=(Update(sample, Phase.SENSE),),
+            noise_stream=where, discrete_state=memory, updates=(Update(sample, Phase.SENSE),),
         ))

@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import IMU, TILT
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
 
@@ -30,19 +31,19 @@ class TiltFilter:
     initial_rate_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
 
 
-TICK, TILT, RATE, BIAS, P = 0, 1, 2, 3, 4  # x_d; P: p00 p01 p02 p11 p12 p22
+P = len(TILT)  # x_d = [the message, then from P on p00 p01 p02 p11 p12 p22]
 
 
 @kernel
 def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_variance, out):
     """Predict one tick and take in the sample; a sample seen before changes nothing."""
     copy(xd, out)
-    if imu[0] == xd[TICK]:
+    if imu[IMU.tick] == xd[TILT.tick]:
         return
     h = TICK_S
-    tilt, rate, bias = xd[TILT], xd[RATE], xd[BIAS]
+    tilt, rate, bias = xd[TILT.angle], xd[TILT.rate], xd[TILT.bias]
     p00, p01, p02, p11, p12, p22 = xd[P], xd[P + 1], xd[P + 2], xd[P + 3], xd[P + 4], xd[P + 5]
-    if xd[TICK] >= 0.0:
+    if xd[TILT.tick] >= 0.0:
         tilt = tilt + h * rate
         p00, p01, p02 = p00 + 2.0 * h * p01 + h * h * p11, p01 + h * p11, p02 + h * p12
         p11, p22 = p11 + rate_variance, p22 + bias_variance
@@ -50,17 +51,18 @@ def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_var
     # gyro: H = [0, 1, 1]
     c0, c1, c2 = p01 + p02, p11 + p12, p12 + p22
     spread = c1 + c2 + gyro_variance
-    innovation = imu[5] - rate - bias
+    innovation = imu[IMU.wy] - rate - bias
     tilt, rate, bias = tilt + c0 / spread * innovation, rate + c1 / spread * innovation, bias + c2 / spread * innovation
     p00, p01, p02 = p00 - c0 * c0 / spread, p01 - c0 * c1 / spread, p02 - c0 * c2 / spread
     p11, p12, p22 = p11 - c1 * c1 / spread, p12 - c1 * c2 / spread, p22 - c2 * c2 / spread
 
     # direction of the specific force: H = [1, 0, 0]
     spread = p00 + accelerometer_variance
-    innovation = np.arctan2(-imu[1], imu[3]) - tilt
+    innovation = np.arctan2(-imu[IMU.ax], imu[IMU.az]) - tilt
     k0, k1, k2 = p00 / spread, p01 / spread, p02 / spread
-    out[TICK] = imu[0]
-    out[TILT], out[RATE], out[BIAS] = tilt + k0 * innovation, rate + k1 * innovation, bias + k2 * innovation
+    out[TILT.tick] = imu[IMU.tick]
+    out[TILT.angle], out[TILT.rate] = tilt + k0 * innovation, rate + k1 * innovation
+    out[TILT.bias] = bias + k2 * innovation
     out[P], out[P + 1], out[P + 2] = p00 - k0 * p00, p01 - k0 * p01, p02 - k0 * p02
     out[P + 3], out[P + 4], out[P + 5] = p11 - k1 * p01, p12 - k1 * p02, p22 - k2 * p02
 
@@ -90,13 +92,13 @@ class TiltKalmanFilter(Block):
     """
 
     def __init__(self, believed: TiltFilter, initial_tilt_rad=0.0):
-        start = np.zeros(10)
-        start[TICK], start[TILT] = -1.0, initial_tilt_rad
+        start = np.zeros(P + 6)
+        start[TILT.tick], start[TILT.angle] = -1.0, initial_tilt_rad
         start[P], start[P + 3], start[P + 5] = (
             believed.initial_tilt_std_rad**2, believed.initial_rate_std_rad_s**2, believed.initial_bias_std_rad_s**2,
         )
         super().__init__(Spec(
-            inputs={"imu": 7}, outputs={"tilt": Output(4, estimate)},
+            inputs={"imu": len(IMU)}, outputs={"tilt": Output(len(TILT), estimate)},
             parameters={
                 "rate_variance": (believed.angular_acceleration_rad_s2 * TICK_S) ** 2,
                 "bias_variance": believed.bias_walk_rad_s_per_sqrt_s**2 * TICK_S,

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter
 
+from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.blocks.noise import normal, stream, uniform
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.plants.linear_pendulum import PRINTED_INPUT, PRINTED_STATE, LinearPendulumPlant
@@ -96,7 +97,7 @@ def servo_data(
     if noise.white_share:  # at the ticks it is the loop's own
         drawn = np.array([[normal(key, k, 2), normal(key, k, 3)] for k in range(ticks)])
         wave[::per_tick] += noise.white_share * (drawn - white[::per_tick])
-    reference = np.repeat(logs[f"{_ROBOT}_way_point"][1:, 1], per_tick)
+    reference = np.repeat(logs[f"{_ROBOT}_way_point"][1:, WAY_POINT.x], per_tick)
     return ServoData(per_tick / TICK_S, reference, torque, exact, exact + amplitude * wave, acceleration)
 
 

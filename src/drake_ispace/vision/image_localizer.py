@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
-from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.messages import FIX, POSE, TICK
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.robots.library import robots
@@ -113,41 +113,39 @@ class ImageLocalizer(Block):
         self.names, self.space = list(names), space
         eye, renderer, dropout = room_eye(space, names), room_renderer(space, seed), space.localizer.dropout
         period, offsets = frame_ticks(space.camera.frame_rate_hz)
-        start, size = 1 + 6 * robots, FIX * robots
+        poses_size, size = len(POSE) * robots, len(FIX) * robots
+        now, before = slice(1, 1 + poses_size), slice(1 + poses_size, 1 + 2 * poses_size)
+        start = before.stop
         exposure_ticks = space.camera.exposure_s / TICK_S
 
         def expose(tick, xd, poses, out):
             out[:] = xd
-            before = xd[1 : 1 + 3 * robots] if xd[0] >= 0.0 else poses
-            before = np.where(np.isnan(before), poses, before)  # a robot that was hidden
-            out[0], out[1 : 1 + 3 * robots], out[1 + 3 * robots : start] = (
-                tick,
-                poses,
-                _per_tick(poses, before, tick - xd[0]),
-            )
+            last = xd[now] if xd[TICK] >= 0.0 else poses
+            last = np.where(np.isnan(last), poses, last)  # a robot that was hidden
+            out[TICK], out[now], out[before] = tick, poses, _per_tick(poses, last, tick - xd[TICK])
 
         def look(xd, noise_stream, out):
             out[:] = xd
             out[start + size : -size], messages = xd[start + 2 * size :], out[-size:]
-            frame, poses = int(xd[0]), xd[1 : 1 + 3 * robots].reshape(robots, 3)
-            motion = xd[1 + 3 * robots : start].reshape(robots, 3) * exposure_ticks
+            frame, poses = int(xd[TICK]), xd[now].reshape(robots, len(POSE))
+            motion = xd[before].reshape(robots, len(POSE)) * exposure_ticks
             shown = np.isfinite(poses).all(axis=1)
             boxes = [robot_box(name, space, pose) for name, pose in zip(names, poses, strict=True)]
             boxes = [box for box, is_shown in zip(boxes, shown, strict=True) if is_shown]
             image = renderer.render(boxes, motion[shown], frame).colour
             sightings = eye.locate(image)
             lost = np.random.default_rng([*noise_stream.astype(np.int64), frame]).random(robots) < dropout
-            for i, name in enumerate(names):
-                found = sightings[name]
-                seen = found is not None and not lost[i]
-                messages[FIX * i : FIX * (i + 1)] = (
-                    [frame, 1.0, found.x, found.y, found.phi] if seen else [frame, 0, 0, 0, 0]
-                )
+            messages[:] = 0.0
+            for i, message in enumerate(messages.reshape(robots, len(FIX))):
+                message[FIX.tick], sighting = frame, sightings[names[i]]
+                if sighting is not None and not lost[i]:
+                    message[FIX.seen], message[FIX.x], message[FIX.y] = 1.0, sighting.x, sighting.y
+                    message[FIX.phi] = sighting.phi
 
         def deliver(tick, xd, out):
             out[:] = xd
             for at in range(start + size, len(xd), size):
-                if 0.0 <= xd[at] and captured(xd[at]) <= tick - latency:
+                if 0.0 <= xd[at + FIX.tick] and captured(xd[at + FIX.tick]) <= tick - latency:
                     out[start : start + size] = xd[at : at + size]
 
         def captured(frame):
@@ -158,11 +156,13 @@ class ImageLocalizer(Block):
             out[:] = xd[start : start + size]
 
         empty = np.zeros(size)
-        empty[::FIX] = -1.0
+        empty[FIX.tick :: len(FIX)] = -1.0
         super().__init__(Spec(
-            inputs={"poses": 3 * robots}, outputs={"fixes": Output(size, fixes)},
+            inputs={"poses": poses_size}, outputs={"fixes": Output(size, fixes)},
             parameters={"noise_stream": stream(seed, "kinect")}, noise_stream="kinect",
-            discrete_state=np.concatenate([[-1.0], np.zeros(6 * robots), np.tile(empty, 2 + latency // VISION_TICKS)]),
+            discrete_state=np.concatenate(
+                [[-1.0], np.zeros(2 * poses_size), np.tile(empty, 2 + latency // VISION_TICKS)]
+            ),
             updates=(
                 *(Update(expose, Phase.SENSE, period, offset) for offset in offsets),
                 Update(look, Phase.SENSE, VISION_TICKS),
@@ -174,5 +174,6 @@ class ImageLocalizer(Block):
 def _per_tick(poses, before, ticks):
     """Motion in one tick, headings by the short way round."""
     change = np.asarray(poses) - before
-    change[2::3] = np.angle(np.exp(1j * change[2::3]))
+    headings = slice(POSE.phi, None, len(POSE))
+    change[headings] = np.angle(np.exp(1j * change[headings]))
     return change / ticks

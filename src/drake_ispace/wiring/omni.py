@@ -55,14 +55,14 @@ def omni_vision_feedback(scenario: Scenario, bench: Bench) -> None:
 def add_omni_multirate(bench: Bench, scenario: Scenario) -> Part:
     """The whole robot with position estimator (6.6) and the feedback (6.23) on it."""
     part = _add_omni(bench, scenario)
-    add_estimator(part, scenario, WAY_POINT, scenario.omni.control.estimator_as_printed)
+    add_estimator(part, scenario, len(WAY_POINT), scenario.omni.control.estimator_as_printed)
     _close_multirate_loop(part, scenario)
     return part
 
 
 def _add_omni(bench, scenario):
     """Everything but the feedback law."""
-    part, _ = add_body(bench, scenario, Omni(), WAY_POINT)
+    part, _ = add_body(bench, scenario, Omni(), len(WAY_POINT))
     geometry = scenario.omni.plant.geometry
     part.add("jacobian", JacobianTranspose(geometry))
     part.add("compensator", FrictionCompensator(scenario.omni.friction_compensation, len(geometry.wheels)))

@@ -47,7 +47,7 @@ def add_pendulum(bench: Bench, scenario: Scenario, vision_only: bool = False) ->
     """The whole robot and its part of the room."""
     settings, control = scenario.pendulum, scenario.pendulum.control
     part, _ = add_pendulum_body(bench, scenario, control.tracker)
-    oldest = oldest_fix_ticks(scenario, TRACKING_ERROR)
+    oldest = oldest_fix_ticks(scenario, len(TRACKING_ERROR))
     part.add("error", HeldError() if vision_only else ErrorEstimator(oldest))
     part.add("controller", BalanceController(balance_gain(settings.plant, control)))
     part.add("compensator", FrictionCompensator(control.friction_compensation, 2))
@@ -67,7 +67,7 @@ def add_pendulum_body(bench: Bench, scenario: Scenario, tracker: Tracker | None 
     Returns:
         The robot's Part of the Bench, and where it starts.
     """
-    order_size = TRACKING_ERROR if tracker else WAY_POINT
+    order_size = len(TRACKING_ERROR if tracker else WAY_POINT)
     part, start = add_body(bench, scenario, Pendulum(), order_size)
     add_estimator(part, scenario, order_size, scenario.pendulum.control.estimator_as_printed)
     if tracker:

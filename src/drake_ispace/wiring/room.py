@@ -26,7 +26,7 @@ def add_room(bench: Bench, scenario: "Scenario", parts: Sequence[Part], without:
         seen, delivered = ["kinect.poses"], ["kinect.fixes"]
     else:
         bench.add("poses", Multiplexer([3] * len(parts)))
-        bench.add("fixes", Demultiplexer([FIX] * len(parts)))
+        bench.add("fixes", Demultiplexer([len(FIX)] * len(parts)))
         bench.wire(("poses.y0", "kinect.poses"), ("kinect.fixes", "fixes.u0"))
         seen = [f"poses.u{i}" for i in range(len(parts))]
         delivered = [f"fixes.y{i}" for i in range(len(parts))]

@@ -37,8 +37,8 @@ def _add_rover(bench, scenario) -> Part:
             f"{Rover.name}.trajectory.heading: expected tangent, the wheels of a {settings.plant.wheels} robot hold "
             "sideways"
         )
-    part, _ = add_body(bench, scenario, Rover(), WAY_POINT)
-    add_estimator(part, scenario, WAY_POINT)
+    part, _ = add_body(bench, scenario, Rover(), len(WAY_POINT))
+    add_estimator(part, scenario, len(WAY_POINT))
     part.add("command", VelocityCommand(settings.control, holds_sideways))
     part.wire(
         ("way_point.way_point", "link.order"),

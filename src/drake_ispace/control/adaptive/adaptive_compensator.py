@@ -25,6 +25,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import ERROR, TILT, WHEEL_PAIR
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
 
@@ -61,6 +62,9 @@ def lyapunov_matrix(a: np.ndarray, b: np.ndarray, gain: np.ndarray, q) -> np.nda
     return solve_continuous_lyapunov(closed.T, -np.diag(q))
 
 
+TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: stamp of the last sample, c_cu, c_v, x'P x
+
+
 @kernel
 def faded_sign(rate, dead_band, scale):
     """sgn that is zero inside the dead band and fades in beyond it."""
@@ -69,12 +73,15 @@ def faded_sign(rate, dead_band, scale):
 
 @kernel
 def adapt(xd, encoder, error, tilt, velocity, p, pb, rates, limits, threshold, dead_band_rad_s, speed_scale_rad_s, out):
-    """x_d = [tick, c_cu, c_v, x'P x]; p (36,), pb (12,): P and P B row by row; a stamp seen before changes nothing."""
+    """p (36,), pb (12,): P and P B row by row; a stamp seen before changes nothing."""
     copy(xd, out)
-    if encoder[0] == xd[0]:
+    if encoder[WHEEL_PAIR.tick] == xd[TICK]:
         return
-    out[0] = encoder[0]
-    x = (-error[0], -error[1], tilt[1], velocity[0] - error[2], velocity[1], tilt[2])
+    out[TICK] = encoder[WHEEL_PAIR.tick]
+    x = (
+        -error[ERROR.s_e], -error[ERROR.phi_h], tilt[TILT.angle],
+        velocity[0] - error[ERROR.speed], velocity[1], tilt[TILT.rate],
+    )
     energy, right, left = 0.0, 0.0, 0.0
     for i in range(6):
         row = 0.0
@@ -83,30 +90,32 @@ def adapt(xd, encoder, error, tilt, velocity, p, pb, rates, limits, threshold, d
         energy += x[i] * row
         right += pb[2 * i] * x[i]
         left += pb[2 * i + 1] * x[i]
-    out[3] = energy
+    out[ENERGY] = energy
     if energy < threshold:
         return
-    sign_r = faded_sign(encoder[3], dead_band_rad_s, speed_scale_rad_s)
-    sign_l = faded_sign(encoder[4], dead_band_rad_s, speed_scale_rad_s)
-    moving_r = encoder[3] if abs(encoder[3]) > dead_band_rad_s else 0.0
-    moving_l = encoder[4] if abs(encoder[4]) > dead_band_rad_s else 0.0
-    coulomb = xd[1] - TICK_S * rates[0] * (sign_r * right + sign_l * left)
-    viscous = xd[2] - TICK_S * rates[1] * (moving_r * right + moving_l * left)
-    out[1] = min(max(coulomb, 0.0), limits[0])
-    out[2] = min(max(viscous, 0.0), limits[1])
+    omega_r, omega_l = encoder[WHEEL_PAIR.omega_r], encoder[WHEEL_PAIR.omega_l]
+    sign_r = faded_sign(omega_r, dead_band_rad_s, speed_scale_rad_s)
+    sign_l = faded_sign(omega_l, dead_band_rad_s, speed_scale_rad_s)
+    moving_r = omega_r if abs(omega_r) > dead_band_rad_s else 0.0
+    moving_l = omega_l if abs(omega_l) > dead_band_rad_s else 0.0
+    coulomb = xd[COULOMB] - TICK_S * rates[0] * (sign_r * right + sign_l * left)
+    viscous = xd[VISCOUS] - TICK_S * rates[1] * (moving_r * right + moving_l * left)
+    out[COULOMB] = min(max(coulomb, 0.0), limits[0])
+    out[VISCOUS] = min(max(viscous, 0.0), limits[1])
 
 
 @kernel
 def compensated(xd, torque, encoder, dead_band_rad_s, speed_scale_rad_s, out):
     for i in range(2):
-        rate = encoder[3 + i]
+        rate = encoder[WHEEL_PAIR.omega_r + i]
         moving = rate if abs(rate) > dead_band_rad_s else 0.0
-        out[i] = torque[i] + xd[1] * faded_sign(rate, dead_band_rad_s, speed_scale_rad_s) + xd[2] * moving
+        sign = faded_sign(rate, dead_band_rad_s, speed_scale_rad_s)
+        out[i] = torque[i] + xd[COULOMB] * sign + xd[VISCOUS] * moving
 
 
 @kernel
 def coefficients(xd, out):
-    copy(xd[1:4], out)
+    copy(xd[COULOMB:], out)
 
 
 class AdaptiveCompensator(Block):
@@ -131,7 +140,8 @@ class AdaptiveCompensator(Block):
 
     Args:
         adaptation: rates and bounds; a, b, gain: the linear model (6, 6), (6, 2) and K (2, 6) of the feedback.
-        dead_band_rad_s, speed_scale_rad_s: of the sign, as FrictionCompensation.
+        dead_band_rad_s: wheel speed below which no friction is added; speed_scale_rad_s: over which the sign fades in
+            beyond the dead band.
 
     Raises:
         ValueError: the feedback does not stabilise the model.
@@ -140,7 +150,9 @@ class AdaptiveCompensator(Block):
     def __init__(self, adaptation: Adaptation, a, b, gain, dead_band_rad_s=0.1, speed_scale_rad_s=0.2):
         p = lyapunov_matrix(a, b, gain, adaptation.q)
         super().__init__(Spec(
-            inputs={"torque": 2, "encoder": 5, "error": 3, "tilt": 4, "velocity": 2},
+            inputs={
+                "torque": 2, "encoder": len(WHEEL_PAIR), "error": len(ERROR), "tilt": len(TILT), "velocity": 2,
+            },
             outputs={"torque": Output(2, compensated), "coefficients": Output(3, coefficients)},
             parameters={
                 "p": p.ravel(), "pb": (p @ b).ravel(),

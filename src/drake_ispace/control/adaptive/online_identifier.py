@@ -16,6 +16,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import IMU, TILT, WHEEL_PAIR
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.control.adaptive.rwls import update
 from drake_ispace.files.quantity import quantity
@@ -36,7 +37,7 @@ class Identifier:
     dead_band_rad_s: float = quantity(0.1, "rad/s", minimum=0.0)
 
 
-TICK, GYRO, TILT, REG, ACC, THETA = 0, 1, 2, 3, 7, 9  # x_d: stamps, last samples, filtered regressor (4) and Y (2)
+TICK, GYRO, LEAN, REG, ACC, THETA = 0, 1, 2, 3, 7, 9  # x_d: stamp, last gyro and tilt, filtered regressor (4) and Y (2)
 ROOT, SCRATCH, SIZE = THETA + 8, THETA + 24, THETA + 28
 _SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # of the regressors, so that P(0) means the same for each
 
@@ -53,24 +54,24 @@ def learn(out, first, second, forgetting, trace_limit):
 @kernel
 def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band_rad_s, sizes, out):
     copy(xd, out)
-    if encoder[0] == xd[TICK]:
+    if encoder[WHEEL_PAIR.tick] == xd[TICK]:
         return
-    out[TICK], out[GYRO], out[TILT] = encoder[0], imu[5], tilt[1]
+    out[TICK], out[GYRO], out[LEAN] = encoder[WHEEL_PAIR.tick], imu[IMU.wy], tilt[TILT.angle]
     if xd[TICK] < 0.0:
         return
-    signs, speed = 0.0, encoder[3] + encoder[4]
+    signs, speed = 0.0, encoder[WHEEL_PAIR.omega_r] + encoder[WHEEL_PAIR.omega_l]
     for i in range(2):
-        rate = encoder[3 + i]
+        rate = encoder[WHEEL_PAIR.omega_r + i]
         if abs(rate) > dead_band_rad_s:
             signs += np.sign(rate)
     keep, add = memory, 1.0 - memory
-    out[REG] = keep * xd[REG] + add * 0.5 * (tilt[1] + xd[TILT]) / sizes[0]
+    out[REG] = keep * xd[REG] + add * 0.5 * (tilt[TILT.angle] + xd[LEAN]) / sizes[0]
     out[REG + 1] = keep * xd[REG + 1] + add * signs / sizes[1]
     out[REG + 2] = speed / sizes[2]
     out[REG + 3] = keep * xd[REG + 3] + add * (torque[0] + torque[1]) / sizes[3]
-    level = (imu[1] + GRAVITY * np.sin(tilt[1])) / np.cos(tilt[1])
+    level = (imu[IMU.ax] + GRAVITY * np.sin(tilt[TILT.angle])) / np.cos(tilt[TILT.angle])
     out[ACC] = keep * xd[ACC] + add * level
-    out[ACC + 1] = keep * xd[ACC + 1] + add * (imu[5] - xd[GYRO]) / TICK_S
+    out[ACC + 1] = keep * xd[ACC + 1] + add * (imu[IMU.wy] - xd[GYRO]) / TICK_S
     for j in range(2):
         predicted = 0.0
         for i in range(4):
@@ -127,7 +128,7 @@ class OnlineIdentifier(Block):
         start[TICK] = -1.0
         start[ROOT : ROOT + 16] = np.sqrt(identifier.initial_variance) * np.eye(4).ravel()
         super().__init__(Spec(
-            inputs={"encoder": 5, "imu": 7, "tilt": 4, "torque": 2},
+            inputs={"encoder": len(WHEEL_PAIR), "imu": len(IMU), "tilt": len(TILT), "torque": 2},
             outputs={"parameters": Output(8, parameters), "friction": Output(2, friction)},
             parameters={
                 "memory": float(np.exp(-TICK_S / filter_time_constant_s)), "forgetting": identifier.forgetting,

@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import POSE, STATE, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
 
@@ -20,24 +21,28 @@ class Servo:
     k_i: float = quantity(3.5355, "N/s")
 
 
+TICK, INTEGRAL, MEASURED = 0, 1, 2  # x_d: stamp of the last sample, omega, s, theta, s_dot, theta_dot
+
+
 @kernel
 def step(xd, state, way_point, start, out):
-    """x_d = [tick, omega, s_meas, theta_meas, s_dot, theta_dot]; omega_dot = r - s, (3.58) as meant."""
+    """omega_dot = r - s, (3.58) as meant; a sample seen before changes nothing."""
     copy(xd, out)
-    if state[0] == xd[0]:
+    if state[STATE.tick] == xd[TICK]:
         return
-    r = np.cos(start[2]) * (way_point[1] - start[0]) + np.sin(start[2]) * (way_point[2] - start[1])
-    if xd[0] >= 0.0 and way_point[0] >= 0.0:
-        out[1] = xd[1] + TICK_S * (r - state[1])
-    copy(state[1:5], out[2:6])
-    out[0] = state[0]
+    dx, dy = way_point[WAY_POINT.x] - start[POSE.x], way_point[WAY_POINT.y] - start[POSE.y]
+    r = np.cos(start[POSE.phi]) * dx + np.sin(start[POSE.phi]) * dy
+    if xd[TICK] >= 0.0 and way_point[WAY_POINT.tick] >= 0.0:
+        out[INTEGRAL] = xd[INTEGRAL] + TICK_S * (r - state[STATE.s])
+    copy(state[STATE.s :], out[MEASURED:])
+    out[TICK] = state[STATE.tick]
 
 
 @kernel
 def feedback(xd, f, k_i, sign, out):
-    u = k_i * xd[1]
+    u = k_i * xd[INTEGRAL]
     for i in range(4):
-        u -= f[i] * xd[2 + i]
+        u -= f[i] * xd[MEASURED + i]
     out[0] = sign * u
     out[1] = sign * u
 
@@ -54,8 +59,8 @@ class ServoController(Block):
         output_ports:
         - torque
 
-    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): tick, x, y [m], ... as
-    WayPoint. torque (2,): right, left [N m]. (3.52)-(3.62).
+    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): messages.WAY_POINT, of which
+    tick, x, y [m] are read. torque (2,): right, left [N m]. (3.52)-(3.62).
 
     Args:
         servo: gains; start: x, y [m], phi [rad] where s is zero.
@@ -64,7 +69,7 @@ class ServoController(Block):
 
     def __init__(self, servo: Servo, start=(0.0, 0.0, 0.0), sign=1.0):
         super().__init__(Spec(
-            inputs={"state": 5, "way_point": 10}, outputs={"torque": Output(2, feedback)},
+            inputs={"state": len(STATE), "way_point": len(WAY_POINT)}, outputs={"torque": Output(2, feedback)},
             parameters={
                 "f": np.array(servo.f), "k_i": servo.k_i, "start": np.array(start, dtype=float), "sign": sign,
             },

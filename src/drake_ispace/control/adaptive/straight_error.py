@@ -4,20 +4,22 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.messages import ERROR, PATH, POSE, WAY_POINT
 
 
 @kernel
 def straight(path, way_point, start, out):
-    c, s = np.cos(start[2]), np.sin(start[2])
-    out[0], out[1], out[2] = 0.0, 0.0, 0.0
-    if way_point[0] >= 0.0:
-        out[0] = c * (way_point[1] - start[0]) + s * (way_point[2] - start[1]) - path[1]
-        out[1] = start[2] - path[2]
-        out[2] = c * way_point[4] + s * way_point[5]
+    c, s = np.cos(start[POSE.phi]), np.sin(start[POSE.phi])
+    out[:] = 0.0
+    if way_point[WAY_POINT.tick] >= 0.0:
+        dx, dy = way_point[WAY_POINT.x] - start[POSE.x], way_point[WAY_POINT.y] - start[POSE.y]
+        out[ERROR.s_e] = c * dx + s * dy - path[PATH.s]
+        out[ERROR.phi_h] = start[POSE.phi] - path[PATH.phi]
+        out[ERROR.speed] = c * way_point[WAY_POINT.vx] + s * way_point[WAY_POINT.vy]
 
 
 class StraightError(Block):
-    """s_e and phi_h for motion along the line through the start.
+    """The error s_e, phi_h of motion along the line through the start.
 
     .. pydrake_system::
 
@@ -28,8 +30,8 @@ class StraightError(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): as WayPoint. error (3,): s_e [m], phi_h [rad],
-    speed of the way point [m/s], zero before the first way point. Fig. 4.1.
+    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): messages.WAY_POINT. error (3,): s_e [m], phi_h
+    [rad], speed of the way point [m/s]; zero before the first way point. Fig. 4.1.
 
     Args:
         start: x, y [m], phi [rad] where odometry's s is zero.
@@ -37,6 +39,7 @@ class StraightError(Block):
 
     def __init__(self, start=(0.0, 0.0, 0.0)):
         super().__init__(Spec(
-            inputs={"path": 3, "way_point": 10}, outputs={"error": Output(3, straight)},
+            inputs={"path": len(PATH), "way_point": len(WAY_POINT)},
+            outputs={"error": Output(len(ERROR), straight)},
             parameters={"start": np.array(start, dtype=float)},
         ))

@@ -8,26 +8,27 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.messages import ESTIMATE, FIX
+
+TICK, SEEN_TICK, USED = 0, 1, 2  # x_d: stamps of the last odometry and of the last fix, the pose in use
 
 
 @kernel
 def step(xd, odometry, fix, out):
-    """x_d = [tick, tick of the last fix, pose used (3)]."""
     copy(xd, out)
-    if odometry[0] == xd[0]:
+    if odometry[ESTIMATE.tick] == xd[TICK]:
         return
-    out[0] = odometry[0]
-    copy(odometry[1:], out[2:])
-    if fix[1] > 0.0 and fix[0] > xd[1]:
-        out[1] = fix[0]
-        copy(fix[2:], out[2:])
+    out[TICK] = odometry[ESTIMATE.tick]
+    copy(odometry[ESTIMATE.x :], out[USED:])
+    if fix[FIX.seen] > 0.0 and fix[FIX.tick] > xd[SEEN_TICK]:
+        out[SEEN_TICK] = fix[FIX.tick]
+        copy(fix[FIX.x :], out[USED:])
 
 
 @kernel
 def used(xd, out):
-    out[0] = xd[0]
-    copy(xd[2:], out[1:])
+    out[ESTIMATE.tick] = xd[TICK]
+    copy(xd[USED:], out[ESTIMATE.x :])
 
 
 class ConventionalMerge(Block):
@@ -42,12 +43,13 @@ class ConventionalMerge(Block):
         output_ports:
         - pose
 
-    Ports as PositionEstimator: odometry (4,), fix (5,), pose (4,).
+    odometry (4,): tick, x, y [m], phi [rad]. fix (5,): tick of capture, seen, x, y [m], phi [rad]; ignored unless seen.
+    pose (4,): tick, x, y [m], phi [rad].
     """
 
     def __init__(self):
         super().__init__(Spec(
-            inputs={"odometry": 4, "fix": FIX}, outputs={"pose": Output(4, used)},
+            inputs={"odometry": len(ESTIMATE), "fix": len(FIX)}, outputs={"pose": Output(len(ESTIMATE), used)},
             discrete_state=np.array([-1.0, -1.0, 0.0, 0.0, 0.0]),
             updates=(Update(step, Phase.COMPUTE, through=True),),
         ))

@@ -4,9 +4,11 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import TRACKING_ERROR
+from drake_ispace.blocks.messages import ERROR, PATH, TRACKING_ERROR
 
-TICK, ORDER, FIXED, RING = 0, 1, 6, 8  # x_d; ORDER: last message (5), FIXED: P_r,l[i], RING: past (tick, s, phi)
+TICK, ORDER = 0, 1  # x_d: stamp of the last path; the last tracking error, then P_r,l[i], then the past paths
+FIXED_S = ORDER + len(TRACKING_ERROR)
+FIXED_PHI, RING = FIXED_S + 1, FIXED_S + 2
 
 
 @kernel
@@ -17,36 +19,38 @@ def step(xd, path, error, out):
     A stamp that is yet to come, from a clock that is ahead, is taken as that of now.
     """
     copy(xd, out)
-    depth = (xd.shape[0] - RING) // 3
-    if path[0] != xd[TICK]:
-        slot = RING + 3 * (int(path[0]) % depth)
-        copy(path, out[slot : slot + 3])
-        out[TICK] = path[0]
+    depth = (xd.shape[0] - RING) // len(PATH)
+    now, fix_tick, way_point_tick = path[PATH.tick], error[TRACKING_ERROR.tick], error[TRACKING_ERROR.way_point_tick]
+    if now != xd[TICK]:
+        slot = RING + len(PATH) * (int(now) % depth)
+        copy(path, out[slot : slot + len(PATH)])
+        out[TICK] = now
         if xd[TICK] < 0.0:
-            out[FIXED], out[FIXED + 1] = path[1], path[2]
-    is_new = error[0] != xd[ORDER] or error[1] != xd[ORDER + 1]
-    if is_new and error[0] >= 0.0:
-        captured = min(error[0], path[0])
-        slot = RING + 3 * (int(captured) % depth)
-        is_known = xd[ORDER] == error[0]
-        is_kept = captured >= 0.0 and out[slot] == captured
+            out[FIXED_S], out[FIXED_PHI] = path[PATH.s], path[PATH.phi]
+    is_known = fix_tick == xd[ORDER + TRACKING_ERROR.tick]
+    is_new = not is_known or way_point_tick != xd[ORDER + TRACKING_ERROR.way_point_tick]
+    if is_new and fix_tick >= 0.0:
+        captured = min(fix_tick, now)
+        slot = RING + len(PATH) * (int(captured) % depth)
+        is_kept = captured >= 0.0 and out[slot + PATH.tick] == captured
         if is_kept and not is_known:
-            out[FIXED], out[FIXED + 1] = out[slot + 1], out[slot + 2]
+            out[FIXED_S], out[FIXED_PHI] = out[slot + PATH.s], out[slot + PATH.phi]
         if is_kept or is_known:
-            copy(error, out[ORDER : ORDER + 5])
+            copy(error, out[ORDER : ORDER + len(TRACKING_ERROR)])
 
 
 @kernel
 def estimated(xd, path, out):
     """P_d,V[i] - P_r,h[k] with P_d,V[i] = P_e[i] + P_r,l[i]."""
-    out[0] = xd[ORDER + 2] + xd[FIXED] - path[1]
-    out[1] = xd[ORDER + 3] + xd[FIXED + 1] - path[2]
-    out[2] = xd[ORDER + 4]
+    out[ERROR.s_e] = xd[ORDER + TRACKING_ERROR.s_e] + xd[FIXED_S] - path[PATH.s]
+    out[ERROR.phi_h] = xd[ORDER + TRACKING_ERROR.phi_h] + xd[FIXED_PHI] - path[PATH.phi]
+    out[ERROR.speed] = xd[ORDER + TRACKING_ERROR.speed]
 
 
 @kernel
 def held(error, out):
-    out[0], out[1], out[2] = error[2], error[3], error[4]
+    out[ERROR.s_e], out[ERROR.phi_h] = error[TRACKING_ERROR.s_e], error[TRACKING_ERROR.phi_h]
+    out[ERROR.speed] = error[TRACKING_ERROR.speed]
 
 
 class ErrorEstimator(Block):
@@ -61,19 +65,20 @@ class ErrorEstimator(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): see TrajectoryTracker. Output error (3,): s_e [m],
-    phi_h [rad], speed to feed forward [m/s]. P_e,es of (6.32).
+    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): tick of the fix it refers to, tick of the way
+    point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output error (3,): s_e, phi_h, speed at this tick.
+    P_e,es of (6.32).
 
     Args:
         oldest_fix_ticks: the greatest age of a fix on its first arrival; an error from an older one is ignored.
     """
 
     def __init__(self, oldest_fix_ticks: int = 0):
-        ring = np.zeros(3 * (oldest_fix_ticks + 1))
-        ring[::3] = -1.0
-        start = np.concatenate([[-1.0], [-1.0, -1.0, 0.0, 0.0, 0.0], np.zeros(2), ring])
+        start = np.zeros(RING + len(PATH) * (oldest_fix_ticks + 1))
+        start[TICK] = start[ORDER + TRACKING_ERROR.tick] = start[ORDER + TRACKING_ERROR.way_point_tick] = -1.0
+        start[RING + PATH.tick :: len(PATH)] = -1.0
         super().__init__(Spec(
-            inputs={"path": 3, "error": TRACKING_ERROR}, outputs={"error": Output(3, estimated)},
+            inputs={"path": len(PATH), "error": len(TRACKING_ERROR)}, outputs={"error": Output(len(ERROR), estimated)},
             discrete_state=start, updates=(Update(step, Phase.COMPUTE, through=True),),
         ))
 
@@ -89,8 +94,11 @@ class HeldError(Block):
         output_ports:
         - error
 
-    Ports as ErrorEstimator's, without odometry.
+    Input error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output
+    error (3,): s_e, phi_h, speed.
     """
 
     def __init__(self):
-        super().__init__(Spec(inputs={"error": TRACKING_ERROR}, outputs={"error": Output(3, held)}))
+        super().__init__(Spec(
+            inputs={"error": len(TRACKING_ERROR)}, outputs={"error": Output(len(ERROR), held)},
+        ))

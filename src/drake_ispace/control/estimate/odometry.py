@@ -4,82 +4,86 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import ENCODER, ESTIMATE, PATH, TILT, WHEEL_PAIR, encoder_size
 from drake_ispace.plants.wheels import WheelGeometry
 
-TICK, X, Y, PHI, PATH, BEFORE = 0, 1, 2, 3, 4, 5  # x_d; BEFORE: wheel angles (and tilt) of the last sample
+S, BEFORE = len(ESTIMATE), len(ESTIMATE) + 1  # x_d: the estimate, s, then wheel angles (and tilt) of the last sample
 
 
 @kernel
 def advance(xd, forward, side, turn, out):
     """Move the pose by a body displacement [m, m, rad], along the heading half-way through the turn."""
-    heading = xd[PHI] + 0.5 * turn
+    heading = xd[ESTIMATE.phi] + 0.5 * turn
     c, s = np.cos(heading), np.sin(heading)
-    out[X] = xd[X] + c * forward - s * side
-    out[Y] = xd[Y] + s * forward + c * side
-    out[PHI] = xd[PHI] + turn
-    out[PATH] = xd[PATH] + forward
+    out[ESTIMATE.x] = xd[ESTIMATE.x] + c * forward - s * side
+    out[ESTIMATE.y] = xd[ESTIMATE.y] + s * forward + c * side
+    out[ESTIMATE.phi] = xd[ESTIMATE.phi] + turn
+    out[S] = xd[S] + forward
 
 
 @kernel
 def omni_step(xd, encoder, jacobian, out):
-    """x_d = [tick, x, y, phi, path, theta (n)]; jacobian: J in frame B (3, n), row by row."""
+    """x_d = [tick, x, y, phi, s, theta (n)]; jacobian: J in frame B (3, n), row by row."""
     copy(xd, out)
-    if encoder[0] == xd[TICK]:
+    if encoder[ENCODER.tick] == xd[ESTIMATE.tick]:
         return
     n = xd.shape[0] - BEFORE
     dx, dy, turn = 0.0, 0.0, 0.0
-    if xd[TICK] >= 0.0:
+    if xd[ESTIMATE.tick] >= 0.0:
         for i in range(n):
-            change = encoder[1 + i] - xd[BEFORE + i]
+            change = encoder[ENCODER.theta + i] - xd[BEFORE + i]
             dx, dy, turn = dx + jacobian[i] * change, dy + jacobian[n + i] * change, turn + jacobian[2 * n + i] * change
     advance(xd, dx, dy, turn, out)
-    out[TICK] = encoder[0]
-    copy(encoder[1 : 1 + n], out[BEFORE:])
+    out[ESTIMATE.tick] = encoder[ENCODER.tick]
+    copy(encoder[ENCODER.theta :], out[BEFORE:])
 
 
 @kernel
 def omni_velocity(encoder, jacobian, out):
-    n = (encoder.shape[0] - 1) // 2
+    n = jacobian.shape[0] // 3
+    omega = ENCODER.theta + n
     for axis in range(3):
         out[axis] = 0.0
         for i in range(n):
-            out[axis] += jacobian[axis * n + i] * encoder[1 + n + i]
+            out[axis] += jacobian[axis * n + i] * encoder[omega + i]
 
 
 @kernel
 def pendulum_step(xd, encoder, tilt, radius_m, half_track_m, body_share, out):
-    """x_d = [tick, x, y, phi, path, theta_r, theta_l, theta_b], (2.37)-(2.39)."""
+    """x_d = [tick, x, y, phi, s, theta_r, theta_l, theta_b], (2.37)-(2.39)."""
     copy(xd, out)
-    if encoder[0] == xd[TICK]:
+    if encoder[WHEEL_PAIR.tick] == xd[ESTIMATE.tick]:
         return
-    if xd[TICK] >= 0.0:
-        right, left = encoder[1] - xd[BEFORE], encoder[2] - xd[BEFORE + 1]
-        leaned = body_share * (tilt[1] - xd[BEFORE + 2])
+    theta_r, theta_l, theta_b = encoder[WHEEL_PAIR.theta_r], encoder[WHEEL_PAIR.theta_l], tilt[TILT.angle]
+    if xd[ESTIMATE.tick] >= 0.0:
+        right, left = theta_r - xd[BEFORE], theta_l - xd[BEFORE + 1]
+        leaned = body_share * (theta_b - xd[BEFORE + 2])
         forward = 0.5 * radius_m * (right + left + 2.0 * leaned)
         advance(xd, forward, 0.0, 0.5 * radius_m / half_track_m * (right - left), out)
-    out[TICK] = encoder[0]
-    out[BEFORE], out[BEFORE + 1], out[BEFORE + 2] = encoder[1], encoder[2], tilt[1]
+    out[ESTIMATE.tick] = encoder[WHEEL_PAIR.tick]
+    out[BEFORE], out[BEFORE + 1], out[BEFORE + 2] = theta_r, theta_l, theta_b
 
 
 @kernel
 def pendulum_velocity(encoder, tilt, radius_m, half_track_m, body_share, out):
-    out[0] = 0.5 * radius_m * (encoder[3] + encoder[4] + 2.0 * body_share * tilt[2])
-    out[1] = 0.5 * radius_m / half_track_m * (encoder[3] - encoder[4])
+    omega_r, omega_l = encoder[WHEEL_PAIR.omega_r], encoder[WHEEL_PAIR.omega_l]
+    out[0] = 0.5 * radius_m * (omega_r + omega_l + 2.0 * body_share * tilt[TILT.rate])
+    out[1] = 0.5 * radius_m / half_track_m * (omega_r - omega_l)
 
 
 @kernel
 def pose(xd, out):
-    copy(xd[: PHI + 1], out)
+    copy(xd[: len(ESTIMATE)], out)
 
 
 @kernel
 def path(xd, out):
-    out[0], out[1], out[2] = xd[TICK], xd[PATH], xd[PHI]
+    out[PATH.tick], out[PATH.s], out[PATH.phi] = xd[ESTIMATE.tick], xd[S], xd[ESTIMATE.phi]
 
 
 def _start(initial_pose, remembered):
     start = np.zeros(BEFORE + remembered)
-    start[TICK], start[X : PHI + 1] = -1.0, initial_pose
+    start[ESTIMATE.tick], start[ESTIMATE.x : S] = -1.0, initial_pose
     return start
 
 
@@ -105,8 +109,8 @@ class OmniOdometry(Block):
     def __init__(self, geometry: WheelGeometry, initial_pose=(0.0, 0.0, 0.0)):
         n = len(geometry.wheels)
         super().__init__(Spec(
-            inputs={"encoder": 1 + 2 * n},
-            outputs={"pose": Output(4, pose), "body_velocity": Output(3, omni_velocity)},
+            inputs={"encoder": encoder_size(n)},
+            outputs={"pose": Output(len(ESTIMATE), pose), "body_velocity": Output(3, omni_velocity)},
             parameters={"jacobian": geometry.forward.ravel()},
             discrete_state=_start(initial_pose, n), updates=(Update(omni_step, Phase.COMPUTE, through=True),),
         ))
@@ -138,8 +142,11 @@ class PendulumOdometry(Block):
 
     def __init__(self, radius_m: float, half_track_m: float, initial_pose=(0.0, 0.0, 0.0), body_share=1.0):
         super().__init__(Spec(
-            inputs={"encoder": 5, "tilt": 4},
-            outputs={"pose": Output(4, pose), "path": Output(3, path), "velocity": Output(2, pendulum_velocity)},
+            inputs={"encoder": len(WHEEL_PAIR), "tilt": len(TILT)},
+            outputs={
+                "pose": Output(len(ESTIMATE), pose), "path": Output(len(PATH), path),
+                "velocity": Output(2, pendulum_velocity),
+            },
             parameters={"radius_m": radius_m, "half_track_m": half_track_m, "body_share": body_share},
             discrete_state=_start(initial_pose, 3), updates=(Update(pendulum_step, Phase.COMPUTE, through=True),),
         ))

@@ -10,7 +10,7 @@ import numpy as np
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.messages import ESTIMATE, FIX, POSE
 
 TICK, SEEN_TICK, EV, LO, RING = 0, 1, 2, 5, 8  # x_d; EV: P_ev[i], LO: P_lo[i] of its capture, RING: past P_lo
 
@@ -19,33 +19,33 @@ TICK, SEEN_TICK, EV, LO, RING = 0, 1, 2, 5, 8  # x_d; EV: P_ev[i], LO: P_lo[i] o
 def step(xd, odometry, fix, rotate, out):
     """Remember this tick's odometry, then take in a new fix; samples seen before change nothing."""
     copy(xd, out)
-    depth = (xd.shape[0] - RING) // 4
-    if odometry[0] != xd[TICK]:
-        slot = RING + 4 * (int(odometry[0]) % depth)
-        copy(odometry[:4], out[slot : slot + 4])
+    depth = (xd.shape[0] - RING) // len(ESTIMATE)
+    if odometry[ESTIMATE.tick] != xd[TICK]:
+        slot = RING + len(ESTIMATE) * (int(odometry[ESTIMATE.tick]) % depth)
+        copy(odometry, out[slot : slot + len(ESTIMATE)])
         if xd[TICK] < 0.0 and xd[SEEN_TICK] < 0.0:  # until the first fix: odometry from where the robot starts
-            copy(odometry[1:4], out[EV : EV + 3])
-            copy(odometry[1:4], out[LO : LO + 3])
-        out[TICK] = odometry[0]
-    if fix[1] > 0.0 and fix[0] > xd[SEEN_TICK]:
-        out[SEEN_TICK] = fix[0]
-        captured = min(fix[0], odometry[0])
-        slot = RING + 4 * (int(captured) % depth)
-        if captured >= 0.0 and out[slot] == captured:
-            for i in range(3):
-                out[EV + i] = fix[2 + i]
-                out[LO + i] = out[slot + 1 + i]
+            copy(odometry[ESTIMATE.x :], out[EV:LO])
+            copy(odometry[ESTIMATE.x :], out[LO:RING])
+        out[TICK] = odometry[ESTIMATE.tick]
+    if fix[FIX.seen] > 0.0 and fix[FIX.tick] > xd[SEEN_TICK]:
+        out[SEEN_TICK] = fix[FIX.tick]
+        captured = min(fix[FIX.tick], odometry[ESTIMATE.tick])
+        slot = RING + len(ESTIMATE) * (int(captured) % depth)
+        if captured >= 0.0 and out[slot + ESTIMATE.tick] == captured:
+            for i in range(len(POSE)):
+                out[EV + i] = fix[FIX.x + i]
+                out[LO + i] = out[slot + ESTIMATE.x + i]
 
 
 @kernel
 def estimate(xd, odometry, rotate, out):
-    turn = (xd[EV + 2] - xd[LO + 2]) if rotate > 0.0 else 0.0
+    turn = (xd[EV + POSE.phi] - xd[LO + POSE.phi]) if rotate > 0.0 else 0.0
     c, s = np.cos(turn), np.sin(turn)
-    dx, dy = odometry[1] - xd[LO], odometry[2] - xd[LO + 1]
-    out[0] = odometry[0]
-    out[1] = xd[EV] + c * dx - s * dy
-    out[2] = xd[EV + 1] + s * dx + c * dy
-    out[3] = wrap(xd[EV + 2] + odometry[3] - xd[LO + 2])
+    dx, dy = odometry[ESTIMATE.x] - xd[LO + POSE.x], odometry[ESTIMATE.y] - xd[LO + POSE.y]
+    out[ESTIMATE.tick] = odometry[ESTIMATE.tick]
+    out[ESTIMATE.x] = xd[EV + POSE.x] + c * dx - s * dy
+    out[ESTIMATE.y] = xd[EV + POSE.y] + s * dx + c * dy
+    out[ESTIMATE.phi] = wrap(xd[EV + POSE.phi] + odometry[ESTIMATE.phi] - xd[LO + POSE.phi])
 
 
 class PositionEstimator(Block):
@@ -69,11 +69,11 @@ class PositionEstimator(Block):
     """
 
     def __init__(self, oldest_fix_ticks: int = 0, as_printed: bool = False):
-        ring = np.zeros(4 * (oldest_fix_ticks + 1))
-        ring[::4] = -1.0
-        start = np.concatenate([[-1.0, -1.0], np.zeros(6), ring])
+        start = np.zeros(RING + len(ESTIMATE) * (oldest_fix_ticks + 1))
+        start[TICK] = start[SEEN_TICK] = -1.0
+        start[RING + ESTIMATE.tick :: len(ESTIMATE)] = -1.0
         super().__init__(Spec(
-            inputs={"odometry": 4, "fix": FIX}, outputs={"pose": Output(4, estimate)},
+            inputs={"odometry": len(ESTIMATE), "fix": len(FIX)}, outputs={"pose": Output(len(ESTIMATE), estimate)},
             parameters={"rotate": 0.0 if as_printed else 1.0},
             discrete_state=start, updates=(Update(step, Phase.COMPUTE, through=True),),
         ))

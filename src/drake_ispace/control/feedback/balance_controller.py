@@ -4,14 +4,16 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.messages import ERROR, TILT
 
 
 @kernel
 def feedback(error, tilt, velocity, gain, out):
     for i in range(2):
         out[i] = (
-            gain[6 * i] * error[0] + gain[6 * i + 1] * error[1] - gain[6 * i + 2] * tilt[1]
-            - gain[6 * i + 3] * (velocity[0] - error[2]) - gain[6 * i + 4] * velocity[1] - gain[6 * i + 5] * tilt[2]
+            gain[6 * i] * error[ERROR.s_e] + gain[6 * i + 1] * error[ERROR.phi_h] - gain[6 * i + 2] * tilt[TILT.angle]
+            - gain[6 * i + 3] * (velocity[0] - error[ERROR.speed]) - gain[6 * i + 4] * velocity[1]
+            - gain[6 * i + 5] * tilt[TILT.rate]
         )
 
 
@@ -37,7 +39,7 @@ class BalanceController(Block):
 
     def __init__(self, gain):
         super().__init__(Spec(
-            inputs={"error": 3, "tilt": 4, "velocity": 2}, outputs={"torque": Output(2, feedback)},
+            inputs={"error": len(ERROR), "tilt": len(TILT), "velocity": 2}, outputs={"torque": Output(2, feedback)},
             parameters={"gain": np.asarray(gain, dtype=float).ravel()},
         ))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.messages import ENCODER, encoder_size
 from drake_ispace.files.quantity import quantity
 
 
@@ -25,8 +26,9 @@ class FrictionCompensation:
 @kernel
 def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, speed_scale_rad_s, out):
     n = torque.shape[0]
+    omega = ENCODER.theta + n
     for i in range(n):
-        rate = encoder[1 + n + i]
+        rate = encoder[omega + i]
         beyond = max(abs(rate) - dead_band_rad_s, 0.0)
         direction = np.tanh(beyond / speed_scale_rad_s) * np.sign(rate)
         moving = rate if beyond > 0.0 else 0.0
@@ -51,7 +53,8 @@ class FrictionCompensator(Block):
     def __init__(self, compensation: FrictionCompensation, wheels: int):
         share = float(compensation.enabled)
         super().__init__(Spec(
-            inputs={"torque": wheels, "encoder": 1 + 2 * wheels}, outputs={"torque": Output(wheels, compensate)},
+            inputs={"torque": wheels, "encoder": encoder_size(wheels)},
+            outputs={"torque": Output(wheels, compensate)},
             parameters={
                 "coulomb_n_m": share * compensation.coulomb_n_m, "viscous_n_m_s": share * compensation.viscous_n_m_s,
                 "dead_band_rad_s": compensation.dead_band_rad_s, "speed_scale_rad_s": compensation.speed_scale_rad_s,

@@ -4,13 +4,14 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.messages import ESTIMATE
 from drake_ispace.plants.wheels import WheelGeometry
 
 
 @kernel
 def wheel_torques(force, estimate, jacobian, out):
     n = out.shape[0]
-    c, s = np.cos(estimate[3]), np.sin(estimate[3])
+    c, s = np.cos(estimate[ESTIMATE.phi]), np.sin(estimate[ESTIMATE.phi])
     fx, fy = c * force[0] + s * force[1], -s * force[0] + c * force[1]
     for i in range(n):
         out[i] = jacobian[i] * fx + jacobian[n + i] * fy + jacobian[2 * n + i] * force[2]
@@ -34,6 +35,6 @@ class JacobianTranspose(Block):
     def __init__(self, geometry: WheelGeometry):
         n = len(geometry.wheels)
         super().__init__(Spec(
-            inputs={"force": 3, "estimate": 4}, outputs={"torque": Output(n, wheel_torques)},
+            inputs={"force": 3, "estimate": len(ESTIMATE)}, outputs={"torque": Output(n, wheel_torques)},
             parameters={"jacobian": geometry.forward.ravel()},
         ))

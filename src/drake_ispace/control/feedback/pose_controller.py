@@ -5,25 +5,28 @@ import numpy as np
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
 
 
 @kernel
 def force(estimate, body_velocity, way_point, k_p, k_d, mass, velocity_share, acceleration_share, out):
     """F = K_p (P_d - P_es) - K_d (v - v_d) + M a_d in W; k_p, k_d: (9,) row by row; mass: (3,) diagonal of M."""
-    if way_point[0] < 0.0:
+    if way_point[WAY_POINT.tick] < 0.0:
         out[:] = 0.0
         return
-    c, s = np.cos(estimate[3]), np.sin(estimate[3])
-    e0, e1, e2 = way_point[1] - estimate[1], way_point[2] - estimate[2], wrap(way_point[3] - estimate[3])
-    v0 = velocity_share * way_point[4] - (c * body_velocity[0] - s * body_velocity[1])
-    v1 = velocity_share * way_point[5] - (s * body_velocity[0] + c * body_velocity[1])
-    v2 = velocity_share * way_point[6] - body_velocity[2]
+    phi = estimate[ESTIMATE.phi]
+    c, s = np.cos(phi), np.sin(phi)
+    e0 = way_point[WAY_POINT.x] - estimate[ESTIMATE.x]
+    e1 = way_point[WAY_POINT.y] - estimate[ESTIMATE.y]
+    e2 = wrap(way_point[WAY_POINT.phi] - phi)
+    v0 = velocity_share * way_point[WAY_POINT.vx] - (c * body_velocity[0] - s * body_velocity[1])
+    v1 = velocity_share * way_point[WAY_POINT.vy] - (s * body_velocity[0] + c * body_velocity[1])
+    v2 = velocity_share * way_point[WAY_POINT.wz] - body_velocity[2]
     for i in range(3):
         out[i] = (
             k_p[3 * i] * e0 + k_p[3 * i + 1] * e1 + k_p[3 * i + 2] * e2
             + k_d[3 * i] * v0 + k_d[3 * i + 1] * v1 + k_d[3 * i + 2] * v2
-            + acceleration_share * mass[i] * way_point[7 + i]
+            + acceleration_share * mass[i] * way_point[WAY_POINT.ax + i]
         )
 
 
@@ -41,7 +44,7 @@ class PoseController(Block):
         - force
 
     estimate (4,): tick, x, y [m], phi [rad]. body_velocity (3,): in B [m/s, m/s, rad/s], turned to W at the estimated
-    heading. way_point (10,): see WayPoint. force (3,): Fx, Fy [N], moment [N m] in W. Equation (6.23) with P_es.
+    heading. way_point (10,): messages.WAY_POINT. force (3,): Fx, Fy [N], moment [N m] in W. Equation (6.23) with P_es.
 
     Args:
         k_p, k_d: (3, 3) gains [N/m, N s/m, ...]; mass: (3,) for the fed-forward acceleration.
@@ -50,7 +53,8 @@ class PoseController(Block):
 
     def __init__(self, k_p, k_d, mass, velocity_feed_forward=False, acceleration_feed_forward=False):
         super().__init__(Spec(
-            inputs={"estimate": 4, "body_velocity": 3, "way_point": WAY_POINT}, outputs={"force": Output(3, force)},
+            inputs={"estimate": len(ESTIMATE), "body_velocity": 3, "way_point": len(WAY_POINT)},
+            outputs={"force": Output(3, force)},
             parameters={
                 "k_p": np.asarray(k_p, dtype=float).ravel(), "k_d": np.asarray(k_d, dtype=float).ravel(),
                 "mass": np.asarray(mass, dtype=float), "velocity_share": float(velocity_feed_forward),

@@ -7,7 +7,7 @@ import numpy as np
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.kernels import copy, kernel
-from drake_ispace.blocks.messages import WAY_POINT
+from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
 from drake_ispace.files.quantity import quantity
 
 
@@ -27,15 +27,16 @@ def command(estimate, way_point, position_per_s, heading_per_s, side_rad_m2, fre
 
     Without `free_sideways` v_y is 0, and k_side leads back to the path instead.
     """
-    if way_point[0] < 0.0 or estimate[0] < 0.0:
+    if way_point[WAY_POINT.tick] < 0.0 or estimate[ESTIMATE.tick] < 0.0:
         out[:] = 0.0
         return
-    c, s = np.cos(estimate[3]), np.sin(estimate[3])
-    ex, ey = way_point[1] - estimate[1], way_point[2] - estimate[2]
-    vx, vy = way_point[4] + position_per_s * ex, way_point[5] + position_per_s * ey
+    phi = estimate[ESTIMATE.phi]
+    c, s = np.cos(phi), np.sin(phi)
+    ex, ey = way_point[WAY_POINT.x] - estimate[ESTIMATE.x], way_point[WAY_POINT.y] - estimate[ESTIMATE.y]
+    vx, vy = way_point[WAY_POINT.vx] + position_per_s * ex, way_point[WAY_POINT.vy] + position_per_s * ey
     out[0] = c * vx + s * vy
     out[1] = free_sideways * (-s * vx + c * vy)
-    out[2] = way_point[6] + heading_per_s * wrap(way_point[3] - estimate[3])
+    out[2] = way_point[WAY_POINT.wz] + heading_per_s * wrap(way_point[WAY_POINT.phi] - phi)
     if free_sideways == 0.0:
         out[2] += side_rad_m2 * out[0] * (-s * ex + c * ey)
 
@@ -57,8 +58,8 @@ class VelocityCommand(Block):
         output_ports:
         - velocity
 
-    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): see WayPoint. velocity (3,): vx, vy [m/s], wz [rad/s] in
-    B, a recording's channel `command`; zeros until there is a way point.
+    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): messages.WAY_POINT. velocity (3,): vx, vy [m/s], wz
+    [rad/s] in B, a recording's channel `command`; zeros until there is a way point.
 
     Args:
         control: the gains; holds_sideways: whether the wheels do.
@@ -66,7 +67,8 @@ class VelocityCommand(Block):
 
     def __init__(self, control: VelocityControl, holds_sideways: bool = False):
         super().__init__(Spec(
-            inputs={"estimate": 4, "way_point": WAY_POINT}, outputs={"velocity": Output(3, velocity)},
+            inputs={"estimate": len(ESTIMATE), "way_point": len(WAY_POINT)},
+            outputs={"velocity": Output(3, velocity)},
             parameters={
                 "position_per_s": control.position_per_s, "heading_per_s": control.heading_per_s,
                 "side_rad_m2": control.side_rad_m2, "free_sideways": 0.0 if holds_sideways else 1.0,

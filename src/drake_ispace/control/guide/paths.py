@@ -8,9 +8,12 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.messages import layout
 from drake_ispace.files.quantity import quantity
 
 KINDS = ("step", "pulse", "line", "square", "circle", "figure_eight", "polyline")
+#: A row of a path's table: arc length s [m], x, y [m], unit tangent, curvature [1/m].
+ROW = layout("Row", "s x y tangent_x tangent_y curvature")
 _SAME_M = 1e-9
 _FARTHEST_M = 1e9
 _MOST_POINTS = 10_000
@@ -62,12 +65,12 @@ class Path:
 
     @property
     def length_m(self) -> float:
-        return float(self.table[-1, 0])
+        return float(self.table[-1, ROW.s])
 
     @property
     def points_m(self) -> np.ndarray:
         """(n, 2) vertices."""
-        return self.table[:, 1:3]
+        return self.table[:, ROW.x : ROW.y + 1]
 
     def nearest(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance [m] to the path and arc length [m] of its nearest place, each (k,), for (k, 2) points."""
@@ -92,12 +95,12 @@ class Path:
 @kernel
 def _project(table, edge, x, y):
     """Squared distance and arc length of the place on an edge that is nearest to (x, y)."""
-    ax, ay = table[edge, 1], table[edge, 2]
-    ex, ey = table[edge + 1, 1] - ax, table[edge + 1, 2] - ay
+    ax, ay = table[edge, ROW.x], table[edge, ROW.y]
+    ex, ey = table[edge + 1, ROW.x] - ax, table[edge + 1, ROW.y] - ay
     along = ((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30)
     along = min(max(along, 0.0), 1.0)
     gap_x, gap_y = ax + along * ex - x, ay + along * ey - y
-    return gap_x * gap_x + gap_y * gap_y, table[edge, 0] + along * (table[edge + 1, 0] - table[edge, 0])
+    return gap_x * gap_x + gap_y * gap_y, table[edge, ROW.s] + along * (table[edge + 1, ROW.s] - table[edge, ROW.s])
 
 
 @kernel(nogil=True)
@@ -113,7 +116,7 @@ def _nearest(table, points, gaps, arcs):
 
 @kernel(nogil=True)
 def _ahead(table, closed, x, y, reached):
-    length = table[-1, 0]
+    length = table[-1, ROW.s]
     least, best = np.inf, 0.0
     for edge in range(table.shape[0] - 1):
         squared, arc = _project(table, edge, x, y)

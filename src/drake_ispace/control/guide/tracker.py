@@ -40,26 +40,28 @@ class Tracker:
 @kernel
 def step(xd, fix, way_point, out):
     """x_d = the last fix in which the robot was seen."""
-    copy(fix if fix[1] > 0.0 else xd, out)
+    copy(fix if fix[FIX.seen] > 0.0 else xd, out)
 
 
 @kernel
 def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_m, longest_error_m, out):
-    out[0], out[1], out[2], out[3], out[4] = xd[0], way_point[0], 0.0, 0.0, 0.0
-    if xd[0] < 0.0 or way_point[0] < 0.0:
+    out[:] = 0.0
+    out[TRACKING_ERROR.tick], out[TRACKING_ERROR.way_point_tick] = xd[FIX.tick], way_point[WAY_POINT.tick]
+    if xd[FIX.tick] < 0.0 or way_point[WAY_POINT.tick] < 0.0:
         return
-    dx, dy = way_point[1] - xd[2], way_point[2] - xd[3]
+    dx, dy = way_point[WAY_POINT.x] - xd[FIX.x], way_point[WAY_POINT.y] - xd[FIX.y]
     distance = np.sqrt(dx * dx + dy * dy)
-    bearing = np.arctan2(dy, dx) - xd[4]
+    bearing = np.arctan2(dy, dx) - xd[FIX.phi]
     if mode == 1.0:
         c, s = np.cos(bearing), np.sin(bearing)
-        out[2], out[3] = c * np.sqrt((dx * c) ** 2 + (dy * s) ** 2), bearing
+        out[TRACKING_ERROR.s_e] = c * np.sqrt((dx * c) ** 2 + (dy * s) ** 2)
+        out[TRACKING_ERROR.phi_h] = bearing
         return
     bearing = wrap(bearing)
     if mode == 2.0:
-        out[2], out[3] = distance, bearing
+        out[TRACKING_ERROR.s_e], out[TRACKING_ERROR.phi_h] = distance, bearing
         return
-    speed = np.sqrt(way_point[4] ** 2 + way_point[5] ** 2)
+    speed = np.sqrt(way_point[WAY_POINT.vx] ** 2 + way_point[WAY_POINT.vy] ** 2)
     side, folded = 1.0, bearing  # side -1: the point lies behind, the robot backs up to it
     if bearing > 0.5 * np.pi:
         side, folded = -1.0, bearing - np.pi
@@ -67,13 +69,13 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
         side, folded = -1.0, bearing + np.pi
     ahead = side * look_ahead_m if speed > 0.0 else 0.0
     error = distance * np.cos(bearing) - ahead
-    out[2] = min(max(error, -longest_error_m), longest_error_m)
-    out[3] = folded * min(1.0, distance / hold_radius_m)
-    out[4] = side * speed if feed_forward > 0.0 and ahead != 0.0 else 0.0
+    out[TRACKING_ERROR.s_e] = min(max(error, -longest_error_m), longest_error_m)
+    out[TRACKING_ERROR.phi_h] = folded * min(1.0, distance / hold_radius_m)
+    out[TRACKING_ERROR.speed] = side * speed if feed_forward > 0.0 and ahead != 0.0 else 0.0
 
 
 class TrajectoryTracker(Block):
-    """From the room's fix and the way point to the error in the robot's own coordinates, every 95 ms.
+    """The way point in the robot's own coordinates, by the room's fix, every 95 ms.
 
     .. pydrake_system::
 
@@ -85,21 +87,23 @@ class TrajectoryTracker(Block):
         - error
 
     fix (5,): tick of capture, seen, x, y [m], phi [rad]; while not seen, the last seen one counts.
-    way_point (10,): see WayPoint. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to
-    feed forward [m/s]. P_e of (6.28).
+    way_point (10,): messages.WAY_POINT. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed
+    to feed forward [m/s]. P_e of (6.28).
 
     Args:
         tracker: mode and parameters.
     """
 
     def __init__(self, tracker: Tracker):
+        start = np.zeros(len(FIX))
+        start[FIX.tick] = -1.0
         super().__init__(Spec(
-            inputs={"fix": FIX, "way_point": WAY_POINT}, outputs={"error": Output(TRACKING_ERROR, tracking_error)},
+            inputs={"fix": len(FIX), "way_point": len(WAY_POINT)},
+            outputs={"error": Output(len(TRACKING_ERROR), tracking_error)},
             parameters={
                 "mode": float(MODES.index(tracker.mode)), "look_ahead_m": tracker.look_ahead_m,
                 "feed_forward": float(tracker.feed_forward), "hold_radius_m": tracker.hold_radius_m,
                 "longest_error_m": tracker.longest_error_m,
             },
-            discrete_state=np.array([-1.0, 0.0, 0.0, 0.0, 0.0]),
-            updates=(Update(step, Phase.COMPUTE, VISION_TICKS, through=True),),
+            discrete_state=start, updates=(Update(step, Phase.COMPUTE, VISION_TICKS, through=True),),
         ))

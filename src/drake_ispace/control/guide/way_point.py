@@ -6,22 +6,21 @@ from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS, ticks_in
-from drake_ispace.control.guide.paths import Path, Trajectory
-
-_COLUMNS = 6
+from drake_ispace.control.guide.paths import ROW, Path, Trajectory
 
 
 @kernel
 def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad, first, pulse_end_s, out):
     """x_d = the message. `first` (2,): where the way point rests before a step or pulse."""
     out[:] = 0.0
-    out[0] = tick
-    rows = table.shape[0] // _COLUMNS
+    out[WAY_POINT.tick] = tick
+    rows = table.shape[0] // len(ROW)
     time = tick * TICK_S
     if rows == 1:  # a step, or a pulse until pulse_end_s
         at_goal = start_s <= time and time < pulse_end_s
-        out[1], out[2] = (table[1], table[2]) if at_goal else (first[0], first[1])
-        out[3] = heading_rad
+        out[WAY_POINT.x] = table[ROW.x] if at_goal else first[0]
+        out[WAY_POINT.y] = table[ROW.y] if at_goal else first[1]
+        out[WAY_POINT.phi] = heading_rad
         return
     travelled = min(max(speed_m_s * (time - start_s), 0.0), end_m)
     moving = start_s <= time and travelled < end_m
@@ -31,24 +30,25 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
     low, high = 0, rows - 1
     while high - low > 1:
         middle = (low + high) // 2
-        if table[_COLUMNS * middle] <= arc:
+        if table[len(ROW) * middle + ROW.s] <= arc:
             low = middle
         else:
             high = middle
-    a, b = _COLUMNS * low, _COLUMNS * high
-    gap = table[b] - table[a]
-    share = (arc - table[a]) / gap if gap > 0.0 else 0.0
-    out[1] = table[a + 1] + share * (table[b + 1] - table[a + 1])
-    out[2] = table[a + 2] + share * (table[b + 2] - table[a + 2])
-    tx = table[a + 3] + share * (table[b + 3] - table[a + 3])
-    ty = table[a + 4] + share * (table[b + 4] - table[a + 4])
-    curvature = table[a + 5] + share * (table[b + 5] - table[a + 5])
-    out[3] = np.arctan2(ty, tx) if tangent > 0.0 else heading_rad
+    a, b = len(ROW) * low, len(ROW) * high
+    gap = table[b + ROW.s] - table[a + ROW.s]
+    share = (arc - table[a + ROW.s]) / gap if gap > 0.0 else 0.0
+    out[WAY_POINT.x] = table[a + ROW.x] + share * (table[b + ROW.x] - table[a + ROW.x])
+    out[WAY_POINT.y] = table[a + ROW.y] + share * (table[b + ROW.y] - table[a + ROW.y])
+    tx = table[a + ROW.tangent_x] + share * (table[b + ROW.tangent_x] - table[a + ROW.tangent_x])
+    ty = table[a + ROW.tangent_y] + share * (table[b + ROW.tangent_y] - table[a + ROW.tangent_y])
+    curvature = table[a + ROW.curvature] + share * (table[b + ROW.curvature] - table[a + ROW.curvature])
+    out[WAY_POINT.phi] = np.arctan2(ty, tx) if tangent > 0.0 else heading_rad
     if moving:
-        out[4], out[5] = speed_m_s * tx, speed_m_s * ty
-        out[7], out[8] = -speed_m_s**2 * curvature * ty, speed_m_s**2 * curvature * tx
+        out[WAY_POINT.vx], out[WAY_POINT.vy] = speed_m_s * tx, speed_m_s * ty
+        out[WAY_POINT.ax] = -speed_m_s**2 * curvature * ty
+        out[WAY_POINT.ay] = speed_m_s**2 * curvature * tx
         if tangent > 0.0:
-            out[6] = speed_m_s * curvature
+            out[WAY_POINT.wz] = speed_m_s * curvature
 
 
 @kernel
@@ -74,12 +74,12 @@ class WayPoint(Block):
 
     def __init__(self, trajectory: Trajectory, path: Path, first=(0.0, 0.0)):
         laps = (trajectory.laps or np.inf) if path.closed else 1
-        start = np.zeros(WAY_POINT)
-        start[0] = -1.0
+        start = np.zeros(len(WAY_POINT))
+        start[WAY_POINT.tick] = -1.0
         start_s = ticks_in(trajectory.start_s) * TICK_S  # whole ticks, or 0.95 s would wait for the camera after it
         pulse_s = ticks_in(trajectory.width_s) * TICK_S if trajectory.kind == "pulse" else np.inf
         super().__init__(Spec(
-            outputs={"way_point": Output(WAY_POINT, message)},
+            outputs={"way_point": Output(len(WAY_POINT), message)},
             parameters={
                 "table": path.table.ravel(), "start_s": start_s, "speed_m_s": trajectory.speed_m_s,
                 "end_m": laps * path.length_m if path.length_m > 0.0 else 0.0, "length_m": path.length_m,

@@ -3,6 +3,7 @@
 import math
 
 from drake_ispace.blocks.kernels import copy, kernel
+from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.wires import FixEffect
@@ -16,8 +17,8 @@ CLOCK_TICKS = math.ceil(_LARGEST_S / TICK_S)
 def stamped(fix, offset_ticks, out):
     """Another stamp for a message in which the robot is seen; before the robot's tick 0 there is none."""
     copy(fix, out)
-    if fix[1] > 0.0:
-        out[0] = max(fix[0] + offset_ticks, 0.0)
+    if fix[FIX.seen] > 0.0:
+        out[FIX.tick] = max(fix[FIX.tick] + offset_ticks, 0.0)
 
 
 class ClockOffset(FixEffect):

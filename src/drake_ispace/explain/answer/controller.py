@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drake_ispace.blocks.messages import TICK
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.tracks import in_force, nearest_ticks
 from drake_ispace.files.recording import Channel, Recording
@@ -144,12 +145,12 @@ def _messages(rows, since, ticks):
     """(ticks, m) the message in force at every tick, each of `rows` from its tick `since` on; before them that of tick
     -1, which every block takes for none."""
     before = np.zeros((1, rows.shape[1]))
-    before[0, 0] = -1.0
+    before[:, TICK] = -1.0
     return np.vstack([before, rows])[in_force(since, ticks) + 1]
 
 
 def way_points(reference: Channel, ticks: int) -> np.ndarray:
-    """(ticks, 10) messages of a way point, rates and accelerations by differences; at corners no acceleration."""
+    """(ticks, 10) messages WAY_POINT, rates and accelerations by differences; at corners no acceleration."""
     direction, speed = direction_of(reference)
     phi = np.unwrap(reference.column("phi"))
     velocity = np.column_stack([speed * np.cos(direction), speed * np.sin(direction), np.gradient(phi, reference.t)])
@@ -160,7 +161,7 @@ def way_points(reference: Channel, ticks: int) -> np.ndarray:
 
 
 def _fixes(kinect, delay, ticks):
-    """(ticks, 5) messages of the camera as the room's computer has them, `delay` before the robot received them."""
+    """(ticks, 5) messages FIX of the camera as the room's computer has them, `delay` before the robot received them."""
     capture = nearest_ticks(kinect.t)
     received = kinect.column("t_received") if "t_received" in kinect.columns else kinect.t + delay * TICK_S
     known = np.maximum(nearest_ticks(received) - delay, capture)

@@ -21,6 +21,7 @@ from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
+from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
@@ -91,9 +92,9 @@ class Prediction:
         """The residuals if the model moved by `displacements` (ticks + LEAD_TICKS, 3) [m, m, rad] more, one per run."""
         tracks = []
         for track, added in zip(self.tracks, displacements, strict=True):
-            fix = track.fix.copy()
-            fix[track.fix_rows, 1:4] -= added[track.fix_ticks]
-            tracks.append(replace(track, fix=fix))
+            sightings = track.sightings.copy()
+            sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] -= added[track.fix_ticks]
+            tracks.append(replace(track, sightings=sightings))
         return self._residuals(tracks, values)
 
     def nuisances(
@@ -236,14 +237,13 @@ def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
 def _start(track):
     """(3,) the pose at t = 0, and whether it is the scenario's start."""
     if not len(track.fix_ticks):
-        return (track.way_points[0, 1:4] if len(track.way_points) else np.zeros(3)), False
+        return (np.zeros(3) if track.aim is None else track.aim), False
     first = track.poses[0]
-    if not len(track.way_points) or track.fix_t[0] > 0.2:
+    if track.aim is None or track.fix_t[0] > 0.2:
         return first, False
-    start = track.way_points[0, 1:4].copy()
-    if np.hypot(*(first - start)[:2]) > _START_M or abs(wrap(first[2] - start[2])) > _START_RAD:
+    if np.hypot(*(first - track.aim)[:2]) > _START_M or abs(wrap(first[2] - track.aim[2])) > _START_RAD:
         return first, False
-    return start, True
+    return track.aim, True
 
 
 def wheel_speeds(angles: np.ndarray) -> np.ndarray:

@@ -108,7 +108,7 @@ class Replay:
         state[:3] = start[:3]
         first = self.body.robot.first_wheel
         state[first : first + self.body.wheels] = start[3:]
-        inputs = {"command": self._command(run), "measured": run.measured, "fix": run.fix}
+        inputs = {"command": self._command(run), "measured": run.measured, "sighting": run.sightings}
         if self.body.robot.driven == TORQUE:
             inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
         logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
@@ -160,7 +160,7 @@ def replay_diagram(
 ) -> Diagram:
     """The Diagram with every one of `effects` at its neutral value.
 
-    Inputs: command, measured, fix, and where torque drives the robot force (3,), of the ground on the plant. Outputs:
+    Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant. Outputs:
     innovation, of the follower, and view, of the camera.
     """
     body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
@@ -189,7 +189,7 @@ def replay_diagram(
     part.wire(("plant.wheel_angle", wires["wheel_angle"]), ("plant.pose", "view.pose"))
     neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
     splice_effects(bench, body, neutral, {wire: [part.block(end)] for wire, end in wires.items()})
-    inputs = {"command": "command.command", "measured": "follower.measured", "fix": "view.fix"}
+    inputs = {"command": "command.command", "measured": "follower.measured", "sighting": "view.sighting"}
     if robot.driven == TORQUE:
         inputs["force"] = "ground.command"
     bench.let_in(**{name: part.block(port) for name, port in inputs.items()})

@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.predict.room_view import LEAD_TICKS
+from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, Robot
 
@@ -28,13 +28,13 @@ class Track:
             where not recorded.
         measured: (rows, p) wheel angles [rad], then the IMU's six columns of a robot that has one; zeros where not
             recorded.
-        fix: (rows, 5) input of a RoomView.
+        sightings: (rows, 5) input of a RoomView.
         fix_ticks: (k,) ticks of capture of the camera's fixes.
         fix_t: (k,) their times [s].
         missed: (v,) 1 for every scheduled capture of the camera without a fix, else 0; empty where the recording has
             no schedule.
         has: names of the recorded channels that are used.
-        way_points: (r, 4) time [s] and pose [m, m, rad] of the reference.
+        aim: (3,) pose [m, m, rad] of the first way point; None: no reference.
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
     """
 
@@ -42,23 +42,23 @@ class Track:
     ticks: int
     command: np.ndarray
     measured: np.ndarray
-    fix: np.ndarray
+    sightings: np.ndarray
     fix_ticks: np.ndarray
     fix_t: np.ndarray
     missed: np.ndarray
     has: frozenset[str]
-    way_points: np.ndarray
+    aim: np.ndarray | None
     force: np.ndarray | None = None
 
     @property
     def fix_rows(self) -> np.ndarray:
-        """(k,) rows of `fix` that hold a fix."""
+        """(k,) rows of `sightings` that hold a fix."""
         return self.fix_ticks + LEAD_TICKS
 
     @property
     def poses(self) -> np.ndarray:
         """(k, 3) x, y [m], phi [rad] of the fixes."""
-        return self.fix[self.fix_rows, 1:4]
+        return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
 def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
@@ -88,13 +88,13 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
     period_s = _THINNED_S if driven == COMMAND and driven not in has else 0.0
-    fix, fix_ticks, fix_t = _fixes(recording.channels["kinect"], rows, period_s) if "kinect" in has else (
-        np.zeros((rows, 5)), np.empty(0, int), np.empty(0)
+    sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, period_s) if "kinect" in has else (
+        np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
     )
     reference = recording.channels.get("reference")
-    way_points = np.empty((0, 4)) if reference is None else np.column_stack([reference.t, reference.values[:, :3]])
+    aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    return Track(name, ticks, command, np.hstack(parts), fix, fix_ticks, fix_t, missed, has, way_points)
+    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim)
 
 
 def _from_zero(recording, has):
@@ -136,18 +136,19 @@ def _on_ticks(channel, rows):
     return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
 
 
-def _fixes(channel, rows, period_s):
-    """fix, fix_ticks, fix_t of a Track; fast fixes are thinned to one each `period_s` [s], 0: all are kept."""
+def _sightings(channel, rows, period_s):
+    """sightings, fix_ticks, fix_t of a Track; fast fixes are thinned to one each `period_s` [s], 0: all are kept."""
     ticks = nearest_ticks(channel.t).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
     if period_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_FIXES_S:
         every = max(int(np.ceil(period_s / np.median(np.diff(t)) - 1e-6)), 1)
         ticks, t, values = ticks[::every], t[::every], values[::every]
-    fix = np.zeros((rows, 5))
+    sightings = np.zeros((rows, len(SIGHTING)))
     at = ticks + LEAD_TICKS
-    fix[at, 0], fix[at, 1:4], fix[at, 4] = 1.0, values[:, :3], t - ticks * TICK_S
-    return fix, ticks, t
+    sightings[at, SIGHTING.is_there], sightings[at, SIGHTING.x : SIGHTING.phi + 1] = 1.0, values[:, :3]
+    sightings[at, SIGHTING.after_s] = t - ticks * TICK_S
+    return sightings, ticks, t
 
 
 def _missed(channel, end_s):
