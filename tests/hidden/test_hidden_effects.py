@@ -16,8 +16,9 @@ from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is
 # ------------------------------------------------------------------------------------------------- a few, every time
 
 NAMED = [
-    ("omni", "coulomb_friction", 0.5), ("omni", "wheel_radius_error", 1.0), ("pendulum", "viscous_friction", 1.0),
-    ("pendulum", "motor_lag", 1.0), ("pendulum", "mass_error", 0.5),
+    ("omni", "coulomb_friction", 0.5), ("pendulum", "motor_lag", 1.0), ("pendulum", "mass_error", 0.5),
+    pytest.param("omni", "wheel_radius_error", 1.0, marks=pytest.mark.slow),
+    pytest.param("pendulum", "viscous_friction", 1.0, marks=pytest.mark.slow),
 ]
 
 

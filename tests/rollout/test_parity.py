@@ -32,16 +32,15 @@ def number(largest):
 
 @st.composite
 def scenarios(draw):
-    """A Diagram with drawn parameters; only a few compiled structures, because a structure costs seconds."""
-    robot, kind, latency = draw(st.sampled_from([("omni", "square", 7), ("pendulum", "step", 0)]))
+    """A Diagram with drawn parameters; of the structures that are compiled above, because another costs seconds."""
+    robot = draw(st.sampled_from(["omni", "pendulum"]))
     ratio = [draw(number(0.3)) for _ in range(3)]
     overrides = [
-        "seconds=3", f"seed={draw(st.integers(0, 2**31))}", f"space.localizer.latency_ticks={latency}",
+        "seconds=3", f"seed={draw(st.integers(0, 2**31))}",
         f"space.localizer.dropout={draw(number(0.5))}", f"space.localizer.noise_std_pixels={draw(number(3.0))}",
         f"{robot}.plant.slip.ratio={ratio}", f"{robot}.plant.slip.noise_std=[0.05, 0.05, 0.05]",
         f"{robot}.actuator.resolution_n_m={draw(st.sampled_from([0.0, 0.004]))}",
         f"{robot}.actuator.time_constant_s={draw(number(0.02))}",
-        f"{robot}.trajectory.kind={kind}", f"{robot}.trajectory.goal_m=[0.5, 0.3]",
     ]
     if robot == "omni":
         overrides.append(f"omni.plant.mass_kg={3.0 + draw(number(9.0))}")
@@ -54,7 +53,7 @@ def test_drawn_parameters_and_seeds_agree(scenario):
     assert parity(scenario)["max_abs_difference"] == 0.0
 
 
-@pytest.mark.parametrize("latency", [1, 19, *(pytest.param(ticks, marks=pytest.mark.slow) for ticks in (0, 18, 40))])
+@pytest.mark.parametrize("latency", [19, *(pytest.param(ticks, marks=pytest.mark.slow) for ticks in (0, 1, 18, 40))])
 def test_latencies_and_a_lossy_link_agree(latency):
     overrides = ["seconds=3", f"space.localizer.latency_ticks={latency}", "space.link.delay_ticks=2",
                  "space.link.loss=0.2", "space.link.baud_rate=57600"]
