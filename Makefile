@@ -1,9 +1,12 @@
 # `make demo` and `make test` do all their own set-up (see tools/setup.sh).
 # Use another interpreter with:     make demo PYTHON=python3.12
 # Pass further arguments with:      make test ARGS="-k name -x"
+# One test after the other:         make test WORKERS=
 
 VENV = .venv
 ARGS =
+# Tests of one file stay together, and with them what they share, until a worker has none of its own left.
+WORKERS = -n auto --maxprocesses 2 --dist worksteal
 
 .PHONY: help setup demo test test-slow hidden lint clean
 
@@ -22,7 +25,7 @@ demo: setup
 	PYTHONPATH= $(VENV)/bin/drake-ispace demo $(ARGS)
 
 test: setup
-	PYTHONPATH= $(VENV)/bin/python -m pytest $(ARGS)
+	PYTHONPATH= $(VENV)/bin/python -m pytest $(WORKERS) $(ARGS)
 
 test-slow: setup
 	PYTHONPATH= $(VENV)/bin/python -m pytest -m slow $(ARGS)

@@ -1,8 +1,8 @@
 """Bad input to the command line: one sentence that says where and what was expected, exit code 2, nothing written."""
 
-import drake_ispace.compare
 import pytest
 
+import drake_ispace.comparison
 import drake_ispace.explain.explain
 import drake_ispace.hiding
 import drake_ispace.report.demo
@@ -327,7 +327,7 @@ def test_a_bad_table_of_points_is_refused(folder, refused, text, parts):
 
 def test_nothing_is_simulated_before_every_name_is_checked(folder, refused, monkeypatch):
     (folder / "scenario.yaml").write_text("diagram: omni_vision_feedback\nomni: {plant: {wheel_distance_m: 1e-12}}\n")
-    monkeypatch.setattr(drake_ispace.compare, "simulate_diagram", pytest.fail)
+    monkeypatch.setattr(drake_ispace.comparison, "simulate_diagram", pytest.fail)
     assert refused("compare", "omni_multirate", "./scenario.yaml", *SHORT).startswith(
         "drake-ispace: ./scenario.yaml: "
     )

@@ -209,17 +209,17 @@ def test_help_imports_nothing_heavy(python):
     assert "heavy: []" in shown and "simulate" in shown
 
 
-LIGHT = {
-    "simulate": ["simulate", "omni_multirate", "--seconds", "0.1", "--out", "run"],
-    "compare": ["compare", "omni_multirate", "omni_vision_feedback", "--seconds", "0.1", "--out", "comparison"],
-    "draw": ["draw", "pendulum_multirate", "--out", "x.svg"],
-}
+EVERYDAY = [
+    ["draw", "pendulum_multirate", "--out", "x.svg"],
+    ["simulate", "omni_multirate", "--seconds", "0.1", "--out", "run"],
+    ["compare", "omni_multirate", "omni_vision_feedback", "--seconds", "0.1", "--out", "comparison"],
+]
 
 
-@pytest.mark.parametrize("arguments", LIGHT.values(), ids=LIGHT.keys())
-def test_everyday_commands_import_nothing_they_do_not_need(python, arguments):
+def test_everyday_commands_import_nothing_they_do_not_need(python):
     program = (
-        f"import sys\nfrom drake_ispace.cli.app import main\ntry: main({arguments})\nexcept SystemExit: pass\n"
+        f"import sys\nfrom drake_ispace.cli.app import main\nfor words in {EVERYDAY}:\n"
+        "    try: main(words)\n    except SystemExit as stopped: assert not stopped.code\n"
         "heavy = ['pyarrow', 'jinja2', 'plotly', 'statsmodels', 'ruptures', 'joblib', 'pandas', 'cv2']\n"
         "print('heavy:', [name for name in heavy if name in sys.modules])"
     )
@@ -231,7 +231,7 @@ def test_everyday_commands_import_nothing_they_do_not_need(python, arguments):
 TELLS_WHEN_RUNNING = """
 import sys
 from contextlib import contextmanager
-from drake_ispace.cli.app import app as cli
+from drake_ispace import cli
 
 @contextmanager
 def progress(total, title, *unit):

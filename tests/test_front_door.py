@@ -74,9 +74,9 @@ def test_a_submodule_imported_before_the_package_is_named_does_not_either():
     )
 
 
-def test_no_module_of_the_package_has_a_name_of_the_door_but_effects():
+def test_folders_that_have_a_name_of_the_door_are_these():
     folder = Path(di.__file__).parent
-    assert NAMES & {path.stem for path in folder.iterdir()} == {"effects"}
+    assert NAMES & {path.stem for path in folder.iterdir()} == {"effects", "explain"}
 
 
 def test_simulate_takes_a_name_a_file_and_a_scenario(tmp_path):

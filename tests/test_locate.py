@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from drake_ispace.space.kinect import Space
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.room.room import Space
 from drake_ispace.vision.camera import view_of
 from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_names, scene_top
 from drake_ispace.vision.image_localizer import COLOURS, targets

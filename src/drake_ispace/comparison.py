@@ -1,4 +1,4 @@
-"""The same reference and the same seed through several Diagrams."""
+"""Several Diagrams on one reference with one seed."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence

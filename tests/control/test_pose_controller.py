@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
+from messages import way_point
 
 from drake_ispace.control.feedback.pose_controller import PoseController
 
 K_P, K_D, MASS = np.diag([2.45, 2.45, 1.23]), np.diag([10.0, 10.0, 4.0]), [7.31, 7.31, 0.0729]
-
-
-def way_point(x=0.0, y=0.0, phi=0.0, rates=(0.0, 0.0, 0.0), accelerations=(0.0, 0.0, 0.0), tick=0):
-    return [tick, x, y, phi, *rates, *accelerations]
 
 
 @pytest.fixture

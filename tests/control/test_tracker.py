@@ -2,16 +2,9 @@
 
 import numpy as np
 import pytest
+from messages import fix, way_point
 
 from drake_ispace.control.guide.tracker import Tracker, TrajectoryTracker
-
-
-def fix(x=0.0, y=0.0, phi=0.0, tick=0, seen=1.0):
-    return [tick, seen, x, y, phi]
-
-
-def way_point(x, y, vx=0.0, vy=0.0, tick=0):
-    return [tick, x, y, 0.0, vx, vy, 0.0, 0.0, 0.0, 0.0]
 
 
 @pytest.fixture
@@ -71,16 +64,16 @@ def test_at_the_way_point_there_is_no_error(error):
 
 
 def test_look_ahead_keeps_its_distance_while_the_way_point_moves(error):
-    assert error(fix(), way_point(0.3, 0.0, vx=0.25))[0] == pytest.approx(0.1)
-    assert error(fix(), way_point(0.1, 0.0, vx=0.25))[0] == pytest.approx(-0.1)
+    assert error(fix(), way_point(0.3, 0.0, rates=(0.25, 0.0, 0.0)))[0] == pytest.approx(0.1)
+    assert error(fix(), way_point(0.1, 0.0, rates=(0.25, 0.0, 0.0)))[0] == pytest.approx(-0.1)
 
 
 def test_the_robot_closes_up_at_the_end(error):
-    assert error(fix(), way_point(0.3, 0.0, vx=0.0))[0] == pytest.approx(0.3)
+    assert error(fix(), way_point(0.3, 0.0, rates=(0.0, 0.0, 0.0)))[0] == pytest.approx(0.3)
 
 
 def test_speed_is_fed_forward_with_look_ahead_only(error):
-    moving = way_point(0.3, 0.0, vx=0.15, vy=0.2)
+    moving = way_point(0.3, 0.0, rates=(0.15, 0.2, 0.0))
     assert error(fix(), moving)[2] == pytest.approx(0.25)
     assert error(fix(), moving, feed_forward=False)[2] == 0.0
     assert error(fix(), moving, look_ahead_m=0.0)[2] == 0.0
@@ -103,7 +96,7 @@ def test_as_printed_by_hand(error):
 
 
 def test_without_tracker_the_error_is_the_distance(error):
-    found = error(fix(), way_point(-0.3, 0.4, vx=0.25), mode="jacobian")
+    found = error(fix(), way_point(-0.3, 0.4, rates=(0.25, 0.0, 0.0)), mode="jacobian")
     assert found == pytest.approx([0.5, np.arctan2(0.4, -0.3), 0.0])
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from tried import FEW
 
 from drake_ispace.explain.answer.controller import check_controller
 from drake_ispace.explain.explain import explain
@@ -49,8 +50,8 @@ def test_without_a_channel_that_it_takes_nothing_is_said(hidden):
 def test_explain_warns_of_another_controller():
     model = load_scenario("omni_multirate")
     runs = list(hide(model, "omni", {}, ["square", "circle"], seconds=6.0).values())
-    assert explain(model, runs).controller.unexplained < 0.05
-    found = explain(load_scenario("omni_multirate", ["omni.control.r=[3.0, 3.0, 3.0]"]), runs)
+    assert explain(model, runs, effects=FEW).controller.unexplained < 0.05
+    found = explain(load_scenario("omni_multirate", ["omni.control.r=[3.0, 3.0, 3.0]"]), runs, effects=FEW)
     assert found.controller.unexplained > 0.12
     assert any("the controller is not the model's" in warning for warning in found.warnings)
     assert found.to_data()["controller"]["unexplained"] == found.controller.unexplained

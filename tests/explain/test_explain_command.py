@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 import answers
-import drake_ispace.explain.explain as explain_module
 from drake_ispace.cli.app import main
+from drake_ispace.explain import explain as explain_module
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 

@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
+from tried import candidate
 
-from drake_ispace.effects.effect import body_of
-from drake_ispace.effects.library import library
-from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
 from drake_ispace.explain.fit.profile import profile_interval
-from drake_ispace.robots.library import robots
-from drake_ispace.scenario import load_scenario
 
-OMNI = body_of(load_scenario("omni_multirate"), robots()["omni"])
 RISE = 1.645**2
 
 
@@ -26,11 +21,6 @@ class Toy(Likelihood):
     def whitened(self, point):
         (z,) = point.values()
         return self.of(np.array(z))
-
-
-def candidate(name):
-    (found,) = candidates({name: library()[name]}, OMNI)[:1]
-    return found
 
 
 def interval(name, residuals, start, i=0):

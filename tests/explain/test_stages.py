@@ -3,21 +3,13 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from tried import OMNI, candidate
 
-from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
 from drake_ispace.explain.decide.detect import detect
 from drake_ispace.explain.decide.signatures import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
-from drake_ispace.robots.library import robots
-from drake_ispace.scenario import load_scenario
-
-OMNI = body_of(load_scenario("omni_multirate"), robots()["omni"])
-
-
-def candidate(name):
-    return next(c for c in candidates({name: library()[name]}, OMNI))
 
 
 def test_a_limit_is_fitted_as_its_reciprocal():

@@ -1,8 +1,8 @@
 """A camera's geometry as only tests need it: back to a plane, and (5.3)-(5.6) as they are printed."""
 
 import numpy as np
-from drake_ispace.space.kinect import Camera
 
+from drake_ispace.room.room import Camera
 from drake_ispace.vision.camera import View, rotation_gs
 
 

@@ -30,7 +30,7 @@ def slip_noise(xd, axis):
 
 @kernel
 def deflection(angle, xd, wheel):
-    """Of a wheel's bristle [rad], given the wheel's angle [rad]."""
+    """The deflection of a wheel's bristle [rad], given the wheel's angle [rad]."""
     return angle - xd[ANCHOR + wheel] if xd.shape[0] > 0 else 0.0 * angle
 
 

@@ -111,7 +111,7 @@ def mecanum(radius_m: float, half_length_m: float, half_width_m: float) -> Wheel
 
 
 def rescaled(geometry: WheelGeometry, radius_shares: Sequence[float]) -> WheelGeometry:
-    """The same wheels, each radius times (1 + its share).
+    """The wheels of `geometry`, each radius times (1 + its share).
 
     Raises:
         ValueError: another number of shares than of wheels.

@@ -29,7 +29,10 @@ COLOURS = {
     "other": ("#eeeeee", "#666666"),
 }
 #: Package of a block's class -> where it lives.
-_HOMES = {"robots": "plant", "sensing": "sensing", "control": "control", "space": "room", "effects": "effect"}
+_HOMES = {
+    "plants": "plant", "sensing": "sensing", "control": "control", "room": "room", "vision": "room",
+    "effects": "effect",
+}
 #: Blocks of `control` that run in the room, at its rate.
 _ROOM_CONTROL = {"WayPoint", "TrajectoryTracker"}
 

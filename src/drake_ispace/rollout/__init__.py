@@ -1,1 +1,1 @@
-"""The same Diagram at machine speed."""
+"""A Diagram at machine speed."""

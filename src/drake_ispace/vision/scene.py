@@ -70,7 +70,7 @@ def robot_box(name: str, space: Space, pose=(0.0, 0.0, 0.0)) -> Box:
 
 
 def marker_height(name: str, space: Space) -> float:
-    """Of the robot's markers above the floor [m]."""
+    """The height of the robot's markers above the floor [m]."""
     return getattr(space.markers, f"{name}_height_m")
 
 

@@ -31,7 +31,7 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Adaptation:
-    """Of the friction coefficients; off by default: the thesis announces it and gives no numbers."""
+    """Settings of the adaptation of friction coefficients; off, for the thesis announces it without numbers."""
 
     enabled: bool = quantity(False)
     # what it starts from

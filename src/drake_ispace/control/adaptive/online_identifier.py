@@ -24,7 +24,7 @@ from drake_ispace.plants.slip import GRAVITY
 
 @dataclass
 class Identifier:
-    """Of the on-line identifier; it listens only, no command depends on it."""
+    """Settings of the on-line identifier, which listens only: no command depends on it."""
 
     # lambda of (3.21)
     forgetting: float = quantity(0.9998, above=0.0, maximum=1.0)

@@ -24,6 +24,6 @@ def dlqr(a: np.ndarray, b: np.ndarray, q, r, period_s: float) -> np.ndarray:
 
 
 def spectral_radius(a: np.ndarray, b: np.ndarray, gain: np.ndarray, period_s: float) -> float:
-    """Of A_d - B_d K: below 1 is stable."""
+    """The spectral radius of A_d - B_d K; the loop is stable below 1."""
     a_d, b_d = zero_order_hold(a, b, period_s)
     return float(np.abs(np.linalg.eigvals(a_d - b_d @ gain)).max())
