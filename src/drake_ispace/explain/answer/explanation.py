@@ -296,7 +296,8 @@ class Explanation:
 _TABLES = ("free_run", "validated", "plant")
 _VERDICTS = {
     "named": "The model lacks", "set": "The model lacks one of a set that these runs cannot tell apart",
-    "none": "Nothing is missing", "unknown": "Something is missing that no effect of the library stands for",
+    "none": "The model lacks nothing that these runs could show",
+    "unknown": "The model lacks something that no effect of the library stands for",
 }
 
 
