@@ -14,9 +14,10 @@ from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import Effect
 from drake_ispace.effects.wires import TorqueEffect
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.free_run import fitted, simulation
-from drake_ispace.explain.explain import prepare
+from drake_ispace.explain.answer.free_run import simulation
 from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.free_run import fitted
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.files.importers import emps
 from drake_ispace.files.recording import Channel, Recording

@@ -1,6 +1,6 @@
-"""Recordings with chosen effects inside, for tests and demonstrations; nothing in them gives the answer away.
+"""Recordings with chosen effects hidden in them, for tests and demonstrations.
 
-`explain` knows nothing of this file.
+A recording holds neither the names nor the sizes of the effects. `explain` does not import this file.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
-#: Kinds of motion: name -> what differs from the scenario's trajectory. All stay within 0.9 m x 0.6 m of the middle.
+#: Kind of motion -> what differs from the scenario's trajectory. All stay within 0.9 m x 0.6 m of the middle.
 MOTIONS = {
     "square": {"kind": "square", "side_m": 1.2, "speed_m_s": 0.25},
     "circle": {"kind": "circle", "radius_m": 0.55, "speed_m_s": 0.3, "heading": "tangent"},
@@ -32,7 +32,7 @@ MOTIONS = {
     },
 }
 ANSWER, HASH = "answer.json", "answer.sha256"
-#: Where the scenario has none: white noise of the wheels' torque [N m], and of slip, drawn every 5 ms.
+#: White noise of the wheels' torque [N m] and of slip, drawn every 5 ms, where the scenario has none.
 _TORQUE_NOISE_N_M = 0.005
 _SLIP_NOISE = 0.02
 
@@ -41,19 +41,20 @@ def hide(
     scenario: Scenario | str | Path, robot: str, effects: Mapping[str, Mapping[str, float]],
     motions: Sequence[str] = tuple(MOTIONS), seed: int = 0, seconds: float = 20.0,
 ) -> dict[str, Recording]:
-    """Runs of `robot` with `effects` in it, under the scenario's own controller, which knows nothing of them.
+    """Simulate runs of a robot with effects that its controller does not know.
 
     Args:
         scenario: the model, its name or its file; its Diagram has the robot.
         effects: name -> parameters, besides those of the scenario.
-        motions: of MOTIONS; one may occur several times. seed: of all noise, another for each run; seconds: of each.
+        motions: names in MOTIONS; one may occur several times. seed: of all noise; each run draws other noise.
+            seconds: duration of each run.
 
     Returns:
         Name of the run -> recording without truth, settings and notes.
 
     Raises:
         InputError: an unknown effect, parameter or motion, an effect without a place in the Diagram, a robot that the
-            Diagram does not have or that gets lost with the effects.
+            Diagram does not have, or one that falls or gets lost with the effects.
     """
     if robot not in robots():
         raise InputError(f"there is no robot {shown(robot)}, {expected_one_of(robot, robots())}")
@@ -64,17 +65,19 @@ def hide(
     runs = {}
     for i, motion in enumerate(motions):
         name = motion if motion not in runs else f"{motion}_{i + 1}"
-        runs[name] = _told(_simulated(scenario, robot, given, motion, seed + 1009 * i, seconds, name), robot)
+        runs[name] = _without_truth(_simulated(scenario, robot, given, motion, seed + 1009 * i, seconds, name), robot)
     return runs
 
 
 def save_hidden(
     runs: Mapping[str, Recording], robot: str, effects: Mapping[str, Mapping[str, float]], seed: int, out: Path,
 ) -> str:
-    """Write the recordings, a folder each, and beside them the answer and its hash, which `sha256sum -c` checks.
+    """Write each recording into a folder of its own, and the answer and its hash beside them.
+
+    `sha256sum -c answer.sha256` checks that the answer was not changed.
 
     Returns:
-        The SHA-256 of the answer.
+        The SHA-256 of answer.json, in hexadecimal.
 
     Raises:
         InputError: the folder cannot be written.
@@ -92,12 +95,13 @@ def save_hidden(
 
 
 def _simulated(scenario, robot, effects, motion, seed, seconds, name):
+    """A Run of the scenario with these effects; name: of the run, for messages."""
     section = getattr(scenario, robot)
     changed = {
         "effects": {**section.effects, **effects}, "initial_pose": None,
         "trajectory": replace(section.trajectory, csv=None, laps=0, **MOTIONS[motion]),
     }
-    if robots()[robot].driven == TORQUE:  # where velocity is commanded, the robot takes neither noise
+    if robots()[robot].driven == TORQUE:  # a robot driven by velocity takes neither noise
         slip = section.plant.slip
         if not any(slip.noise_std):
             changed["plant"] = replace(section.plant, slip=replace(slip, noise_std=[_SLIP_NOISE] * 3))
@@ -115,14 +119,15 @@ def _simulated(scenario, robot, effects, motion, seed, seconds, name):
     return run
 
 
-def _told(run, robot):
+def _without_truth(run, robot):
+    """The recording of a run, without truth, settings and notes."""
     recording = to_recording(run, robot)
     channels = {name: channel for name, channel in recording.channels.items() if name != "truth"}
     return replace(recording, channels=channels, notes="", settings=None)
 
 
 def _check_places(diagram, scenario, robot, effects):
-    """Refuse an effect whose wire the Diagram does not have: it would be left out, and the answer be wrong."""
+    """Refuse an effect whose wire the Diagram does not have: without it the recording would not match its answer."""
     blocks = {block.get_name() for block in diagram.GetSystems()}
     if robot not in entry_of(scenario).robots:
         raise InputError(f"the Diagram {scenario.diagram} has no robot {robot}, expected another robot or Diagram")

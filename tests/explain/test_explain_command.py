@@ -105,7 +105,7 @@ REFUSED = {
     "no_such_run": (["a", "nowhere", *MODEL], ["nowhere", "expected the folder of a run"]),
     "no_such_held_out_run": (["a", *MODEL, "--held-out", "nowhere"], ["nowhere", "expected the folder of a run"]),
     "twice": (["a", "b", "./a", *MODEL], ["RUN a: is named twice", "different runs"]),
-    "held_out_too": (["a", "b", *MODEL, "--held-out", "b"], ["--held-out b: is named twice", "not found on"]),
+    "held_out_too": (["a", "b", *MODEL, "--held-out", "b"], ["--held-out b: is named twice", "not fitted to"]),
     "another_robot": (["p", *MODEL], ["p:", "robot 'pendulum'", "expected omni"]),
     "another_robot_held_out": (["a", *MODEL, "--held-out", "p"], ["p:", "robot 'pendulum'", "expected omni"]),
     "two_robots": (["a", "p", "--model", "shared_space"], ["p:", "robot 'pendulum'", "expected 'omni' as a"]),

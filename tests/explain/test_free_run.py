@@ -11,10 +11,11 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.places.transmission import ViscousFriction
-from drake_ispace.explain.answer.free_run import dead_reckoned, dead_reckoning, error_of, fitted
-from drake_ispace.explain.answer.validate import validated_choice
-from drake_ispace.explain.explain import prepare
+from drake_ispace.explain.answer.free_run import dead_reckoned, dead_reckoning
+from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.fit.free_run import error_of, fitted
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.files.recording import Channel, Recording
 

@@ -61,4 +61,4 @@ def test_an_explanation_without_effects_says_so_and_is_plain_data():
     answer = Explanation("none", [], DetectionResult(0.4, 3.1, 0.01, np.float64(1.2)), [], [])
     data = answer.to_data()
     assert data["verdict"] == "none" and data["gap"] == {"held_out": {}, "closed": None}
-    assert type(data["detection"]["minus_log10_p"]) is float and "Nothing is missing" in str(answer)
+    assert type(data["detection"]["minus_log10_p"]) is float and "lacks nothing that these runs" in str(answer)

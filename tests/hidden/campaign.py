@@ -24,8 +24,9 @@ from scipy.special import ndtri_exp
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.generic import Generic
 from drake_ispace.explain.decide.survey import survey
-from drake_ispace.explain.explain import explain, prepare
+from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.predict.case import prepare
 from hidden.effect_sizes import LARGEST_FACTOR, TYPICAL_UNKNOWN, effects_of, scaled, scaled_unknown
 from hidden.effects_truth import ROBOTS
 from hidden.generator import RobotLost, generate

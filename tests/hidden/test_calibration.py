@@ -5,8 +5,9 @@ import pytest
 
 from drake_ispace.explain.decide.detect import trials
 from drake_ispace.explain.decide.survey import survey
-from drake_ispace.explain.explain import explain, prepare
+from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.prediction import RESTING
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario

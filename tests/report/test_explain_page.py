@@ -84,7 +84,7 @@ def test_a_set_names_its_rivals_and_warnings_come_first(written):
 
 
 def test_no_effect_and_an_unknown_one_say_so(written):
-    assert "is noise (p = 0.4)" in text_of(written["none"]) and "gyro_bias" in text_of(written["none"])
+    assert "nothing beyond noise (p = 0.4)" in text_of(written["none"]) and "gyro_bias" in text_of(written["none"])
     page = text_of(written["unknown"])
     assert "a force that goes with place" in page and "from 3.1 s on" in page and "12.5 standard deviations" in page
 

@@ -1,5 +1,7 @@
-"""The commands on what a model lacks: `explain` measured runs, and `hide` effects in recordings to try it on. Imported
-by cli.py; heavy libraries are imported inside."""
+"""The commands `explain`, which finds what a model lacks, and `hide`, which makes recordings to try it on.
+
+Heavy libraries are imported inside the functions, so that `--help` answers at once.
+"""
 
 import os
 from pathlib import Path
@@ -12,11 +14,11 @@ from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
 from drake_ispace.cli.terminal import print_json, progress, stages
 from drake_ispace.files.places import check_folder, check_own_folder
 
-_SECONDS = 20.0  # of a run that is made, where nothing else is said
+_SECONDS = 20.0  # duration of a hidden run, unless given
 
 
 def register(app: App) -> None:
-    """Add the commands of this module."""
+    """Add the commands of this module to the app."""
     app.command(explain)
     app.command(hide)
 
@@ -25,7 +27,7 @@ def explain(
     *runs: Path, model: Annotated[str, Parameter(help="scenario that should describe the robot: a name or YAML file")],
     held_out: Annotated[
         list[Path] | None,
-        Parameter(negative="", consume_multiple=True, help="runs that the answer is proved on, best of another motion"),
+        Parameter(negative="", consume_multiple=True, help="runs to prove the answer on, best of another motion"),
     ] = None,
     out: Annotated[Path | None, Parameter(help="folder of the report: page, pictures, new scenario")] = None,
     seed: Seed = None, set_: Sets = None, as_json: Json = False,
@@ -40,20 +42,20 @@ def explain(
 
     scenario = load_scenario(model, set_ or [])
     robots = _robots(scenario, model)
-    recordings, others = [load(run) for run in runs], [load(run) for run in held_out]
-    _check_robots([*recordings, *others], robots, model)
+    recordings, held_out = [load(run) for run in runs], [load(run) for run in held_out]
+    _check_robots([*recordings, *held_out], robots, model)
     with stages("reading the library of effects") as tell:
         from drake_ispace.explain.explain import explain as explain_runs
 
-        found = explain_runs(scenario, recordings, held_out=others, seed=seed, tell=tell)
+        explanation = explain_runs(scenario, recordings, held_out=held_out, seed=seed, tell=tell)
         if out is not None:
             from drake_ispace.report.explain_page import write_explanation
 
-            found = write_explanation(found, scenario, recordings, others, out, tell)
+            explanation = write_explanation(explanation, scenario, recordings, held_out, out, tell)
     if as_json:
-        print_json(found.to_data())
+        print_json(explanation.to_data())
         return
-    print(found)
+    print(explanation)
     if out is not None:
         print(f"open {out / 'index.html'}")
 
@@ -62,11 +64,11 @@ def hide(
     scenario: str, /, *,
     effect: Annotated[list[str] | None, Parameter(negative="", help="name:parameter=value,... of one or more")] = None,
     out: Annotated[Path, Parameter(help="folder of the recordings and the answer")],
-    runs: Annotated[int, Parameter(help="how many; kinds of motion take turns", converter=whole)] = 4,
-    robot: Annotated[str | None, Parameter(help="of a Diagram with two")] = None,
+    runs: Annotated[int, Parameter(help="how many; the kinds of motion take turns", converter=whole)] = 4,
+    robot: Annotated[str | None, Parameter(help="which robot, of a Diagram with two")] = None,
     seconds: Seconds = None, seed: Seed = None, set_: Sets = None, as_json: Json = False,
 ) -> None:
-    """Make recordings with effects inside that nothing in them gives away, and the answer in a file of its own."""
+    """Make recordings with effects hidden in them, and write the answer into a file of its own."""
     seed = _checked_seed(seed)
     if not 1 <= runs <= 1000:
         raise InputError(f"--runs: expected 1 to 1000, got {runs}")
@@ -110,6 +112,7 @@ def _checked_seed(seed):
 
 
 def _check_runs(runs, held_out):
+    """Refuse no run at all, and a folder that is named twice."""
     if not runs:
         raise InputError("explain: expected the folder of at least one run")
     named = [("RUN", run) for run in runs] + [("--held-out", run) for run in held_out]
@@ -117,13 +120,13 @@ def _check_runs(runs, held_out):
     for option, run in named:
         place = os.path.realpath(run)
         if place in seen:
-            expected = "runs that the answer is not found on" if option == "--held-out" else "different runs"
+            expected = "runs that the effects are not fitted to" if option == "--held-out" else "different runs"
             raise InputError(f"{option} {run}: is named twice, expected {expected}")
         seen.add(place)
 
 
 def _check_robots(recordings, names, model):
-    """Every run must be of the same robot, one of the model's."""
+    """Refuse runs of different robots, and of a robot that the model does not describe."""
     from drake_ispace.robots.library import robots
 
     for recording in recordings:
@@ -140,7 +143,7 @@ def _check_robots(recordings, names, model):
 
 
 def _robots(scenario, name):
-    """The robots of the scenario's Diagram.
+    """The names of the robots of the scenario's Diagram.
 
     Raises:
         InputError: no such Diagram, or values that do not go together.
@@ -154,7 +157,7 @@ def _robots(scenario, name):
 
 
 def _read_effect(text):
-    """Name and parameters of name:parameter=value,parameter=value."""
+    """Split name:parameter=value,parameter=value into the name and a mapping of parameters."""
     from drake_ispace.files.yaml_guard import load_yaml
 
     name, colon, settings = text.partition(":")

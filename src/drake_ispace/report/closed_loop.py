@@ -21,11 +21,11 @@ _AT_REST_M_S = 1e-200  # a way point at rest still has a heading; too slow to ma
 
 
 def closed_loop(model: Scenario, robot: str, recording: Recording) -> Channel | None:
-    """What the camera would have seen had the robot been as `model` says.
+    """Simulate what the camera would have seen if the robot were as `model` says.
 
     Returns:
-        The channel "kinect" of the simulated run; None where the reference cannot be followed again: there is none,
-        its heading is neither fixed nor along the path, or the model refuses it.
+        The channel "kinect" of the simulated run. None where the reference cannot be followed again: the recording has
+        no reference, the heading is neither fixed nor along the path, or the model refuses the path.
     """
     reference = recording.channels.get("reference")
     if reference is None or len(reference.t) < 4 or "kinect" not in recording.channels:
@@ -44,8 +44,10 @@ def closed_loop(model: Scenario, robot: str, recording: Recording) -> Channel | 
 
 
 def _scenario(model, robot, reference, heading, points):
-    """`model` with a polyline of so many points, which makes the way point's table as large as it must be, at any
-    place: the numbers in it are replaced."""
+    """`model` with a polyline of so many points, so that the table of its way point is as large as it must be.
+
+    The points lie anywhere: the numbers in the table are replaced afterwards.
+    """
     section = getattr(model, robot)
     trajectory = replace(
         section.trajectory, kind="polyline", csv=None, heading=heading, heading_rad=float(reference.column("phi")[0]),
@@ -67,7 +69,7 @@ def _followed(scenario, diagram, robot, table):
 
 
 def _heading(reference):
-    """"fixed", "tangent", or None for anything else."""
+    """How the reference turns: "fixed", "tangent" to the path, or None for anything else."""
     phi, direction, speed = np.unwrap(reference.column("phi")), *direction_of(reference)
     if np.ptp(phi) < _SAME_RAD:
         return "fixed"
@@ -76,7 +78,10 @@ def _heading(reference):
 
 
 def _table(reference, tangent):
-    """(an even number, 6) rows as `control.trajectory.slide` reads them, with time in the place of arc length."""
+    """(even number of rows, 6) table of the way point, with time [s] in the place of arc length [m].
+
+    Columns: time [s], x, y [m], rates of x and y [m/s], turning rate.
+    """
     direction, speed = direction_of(reference)
     if tangent:
         direction = np.unwrap(reference.column("phi"))

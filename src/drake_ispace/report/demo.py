@@ -51,14 +51,14 @@ _COMPARISONS = (
 def write_demo(
     out: Path, seconds: float | None, seed: int | None, progress: Callable[[str], None]
 ) -> tuple[Path, dict]:
-    """Run everything and write `out`/index.html with its pictures.
+    """Run the whole demonstration and write `out`/index.html with its pictures.
 
     Args:
-        out: folder; seconds: of each run that is compared, default the scenario's; seed: default 0; progress: told what
-            is going on.
+        out: folder. seconds: duration of each run that is compared, default the scenario's. seed: default 0.
+            progress: called with the name of each step.
 
     Returns:
-        The page and the numbers on it.
+        The path of the page, and the numbers on it.
 
     Raises:
         InputError: seconds or seed out of range, or a folder that cannot be written or holds something else.
@@ -68,7 +68,7 @@ def write_demo(
     seed = seed or 0
     comparisons = {key: [_scenario(name, overrides, seconds, seed) for name in names]
                    for key, _, _, names, overrides in _COMPARISONS}
-    # Everything is made in a folder beside and moved at the end, so that a page never shows pictures of another run.
+    # Files are made in a folder beside and moved at the end, so that the page never shows pictures of another run.
     with fresh_folder(out) as fresh:
         explained, answer = write_hidden_effect(fresh, seed, progress)
         for key, title, text, names, _ in _COMPARISONS:

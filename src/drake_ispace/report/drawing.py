@@ -1,7 +1,7 @@
 """Pictures of Diagrams: Drake's own Graphviz text, made readable, and drawn by the Graphviz inside pygraphviz.
 
 Blocks are titled by name, with their class and the period of their updates below, and tinted by where they live. The
-outputs that a Diagram exports for logging are left away, for they would cross every other wire.
+outputs that a Diagram exports for logging are left out, for they would cross every other wire.
 """
 
 import html
@@ -144,7 +144,7 @@ def _without_exports(text, top):
 
 
 def _sorted_wires(wires):
-    """In the order in which the blocks were made: Drake lists wires by address, which moves from run to run."""
+    """Sort wires by the order in which blocks were made: Drake sorts them by address, which differs every time."""
     return "".join(sorted(wires[0].splitlines(True), key=lambda wire: (list(map(int, re.findall(r"\d+", wire))), wire)))
 
 
@@ -197,13 +197,13 @@ def _titled(title, periods):
 
 def _periods(diagram):
     """Block name -> "every 5 ms", for names that occur once."""
-    found = {}
+    periods_of = {}
     for row in schedule(diagram):
-        found.setdefault(row["block"], set()).add(row["period_s"])
-    names = Counter(path.rpartition("::")[2] for path in found)
+        periods_of.setdefault(row["block"], set()).add(row["period_s"])
+    names = Counter(path.rpartition("::")[2] for path in periods_of)
     return {
         path.rpartition("::")[2]: "every " + " and ".join(f"{1e3 * period_s:.4g} ms" for period_s in sorted(periods))
-        for path, periods in found.items() if names[path.rpartition("::")[2]] == 1
+        for path, periods in periods_of.items() if names[path.rpartition("::")[2]] == 1
     }
 
 
@@ -215,7 +215,7 @@ def _legend(looks):
 
 
 def _named(text, boxes):
-    """Node ids from block names: Drake's count all Systems of the process, so they change from build to build."""
+    """Name nodes after their blocks: Drake's ids count all Systems of the process, and change from build to build."""
     names = {number: _name(box) for number, box in boxes.items()}
     often = Counter(names.values())
     ids = {}

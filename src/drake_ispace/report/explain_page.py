@@ -1,4 +1,4 @@
-"""The answer of `explain` as a folder: the data, the new scenario, pictures, and a page that tells the story."""
+"""The answer of `explain` as a folder: the data, the new scenario, pictures, and a page for people."""
 
 import base64
 import difflib
@@ -34,14 +34,17 @@ def write_explanation(
     explanation: Explanation, model: Scenario, runs: Sequence[Recording], held_out: Sequence[Recording], out: Path,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Explanation:
-    """Write `out`: explanation.json, model.yaml (where there are named effects), before.svg, after.svg, residuals.png
-    (where there is a gap on held-out runs), path.png (where a run's reference can be followed again), index.html.
+    """Write the folder `out`: explanation.json, index.html and its pictures.
+
+    There are also model.yaml and after.svg where effects are named, residuals.png where there is a gap on held-out
+    runs, and path.png where the reference of a run can be followed again.
 
     Args:
-        model: as it was given. runs, held_out: what it was explained with. tell: told what is going on.
+        model: as it was given. runs, held_out: those that the explanation was made with. tell: called with the name of
+            each step.
 
     Returns:
-        The explanation, with the path of its model.
+        The explanation, with the path of model.yaml.
 
     Raises:
         InputError: the folder cannot be written.
@@ -57,7 +60,14 @@ def write_files(
     explanation: Explanation, model: Scenario, runs: Sequence[Recording], held_out: Sequence[Recording], folder: Path,
     tell: Callable[[str], None] = lambda text: None,
 ) -> dict | None:
-    """As `write_explanation`, straight into `folder`, which exists; returns what `write_path` does."""
+    """Write the files of `write_explanation` straight into `folder`, which exists.
+
+    Returns:
+        The distances of `write_path`, None where no reference can be followed again.
+
+    Raises:
+        InputError: the folder cannot be written.
+    """
     robot = robot_of(model, [*runs, *held_out])
     tell("drawing")
     pictures = draw_diagrams(explanation, model, robot, folder)
@@ -73,36 +83,41 @@ def write_files(
 
 
 def robot_of(model: Scenario, runs: Sequence[Recording]) -> str:
-    """The section of the scenario that describes the robot of the runs, whatever they call it."""
+    """The name of the scenario's section that describes the robot of the runs, whatever the runs call the robot."""
     known = entry_of(model).robots
     return runs[0].robot if runs and runs[0].robot in known else known[0]
 
 
 def new_blocks(explanation: Explanation, robot: str, diagram: Diagram) -> list[str]:
-    """Blocks of the new Diagram that the named effects are; of those that are other numbers in it, the plant."""
+    """Names of the blocks that the named effects are in the new Diagram; the plant for effects without a block."""
     blocks = {block.get_name() for block in diagram.GetSystems()}
     names = [f"{robot}_{effect.name}" for effect in explanation.effects]
     return [name if name in blocks else f"{robot}_plant" for name in names]
 
 
 def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder: Path) -> list[tuple[str, str]]:
-    """Write before.svg and, with effects, after.svg, the new blocks in colour; (file, title) of each."""
+    """Draw before.svg and, where effects are named, after.svg with the new blocks in colour.
+
+    Returns:
+        (file, title) of each picture.
+    """
     draw(build_diagram(model), folder / "before.svg")
-    found = [("before.svg", "The model as given")]
+    pictures = [("before.svg", "The model as given")]
     if explanation.model is not None:
         diagram = build_diagram(explanation.model)
         draw(diagram, folder / "after.svg", highlight=new_blocks(explanation, robot, diagram))
-        found.append(("after.svg", "The model with what it lacks, in colour"))
-    return found
+        pictures.append(("after.svg", "The model with what it lacks, in colour"))
+    return pictures
 
 
 def write_path(
     explanation: Explanation, model: Scenario, robot: str, runs: Sequence[Recording], out: Path
 ) -> dict | None:
-    """Draw the first of `runs` whose reference the model's own controller can follow; None where there is none.
+    """Plot the first of `runs` whose reference the model's own controller can follow again.
 
     Returns:
-        {"run", "before_m", "after_m"}: its name, rms distances to the measurement.
+        {"run", "before_m", "after_m"}: name of the run, and root mean square distances [m] to the measured positions;
+        None where there is no such run.
     """
     for recording in runs:
         before = closed_loop(model, robot, recording)
@@ -118,7 +133,7 @@ def write_path(
 def page(
     explanation: Explanation, model: Scenario, pictures: Sequence[tuple[str, str]], path: dict | None, folder: Path
 ) -> str:
-    """The page as text, its pictures, which lie in `folder`, inside it."""
+    """The HTML page, with the pictures in it that lie in `folder`."""
     names = " and ".join(effect.name.replace("_", " ") for effect in explanation.effects)
     return render(
         "explain.html.j2", title=_TITLES[explanation.verdict].format(names), e=explanation, path=path,
@@ -130,7 +145,7 @@ def page(
 
 
 def changed_lines(model: Scenario, explanation: Explanation) -> list[tuple[str, str]]:
-    """(" ", "+" or "-", line) of the new scenario's YAML against that of the model as given."""
+    """Lines of the new scenario's YAML compared with the given one: (" ", "+" or "-", line)."""
     if explanation.model is None:
         return []
     before, after = (dump_yaml(difference(one)).splitlines() for one in (model, explanation.model))
@@ -138,10 +153,10 @@ def changed_lines(model: Scenario, explanation: Explanation) -> list[tuple[str, 
 
 
 def embedded(file: Path) -> str:
-    """A picture as a data: address, so that a page needs no other file.
+    """A picture as a data: address, so that the page needs no other file.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: the picture cannot be read.
     """
     try:
         data = base64.b64encode(file.read_bytes()).decode()

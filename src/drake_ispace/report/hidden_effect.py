@@ -20,7 +20,7 @@ from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import entry_of
 
 MODEL = "omni_multirate"
-#: What is hidden: a floor that slopes by 1.7 and -1.1 degrees, of which neither controller nor model knows.
+#: The hidden effect: a floor that slopes by 1.7 and -1.1 degrees, of which neither controller nor model knows.
 HIDDEN = {"floor_tilt": {"slope_x_rad": 0.03, "slope_y_rad": -0.02}}
 _RUNS, _HELD_OUT, _SECONDS = ("square", "figure_eight"), ("circle",), 14.0
 #: Picture of the answer -> its name on the page of the demonstration.
@@ -30,14 +30,16 @@ _PICTURES = {
 
 
 def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = lambda text: None) -> tuple[dict, dict]:
-    """Hide, explain, and write pictures and the page explained.html into `folder`, which is made.
+    """Hide an effect, explain the runs, and write the page explained.html and its pictures into `folder`.
+
+    The folder is made where it is not there.
 
     Args:
-        seed: of all noise in the data. tell: told what is going on.
+        seed: of all noise in the data. tell: called with the name of each step.
 
     Returns:
-        What the page shows: "hidden" and "found" in words, "closed", "path" and "pictures" that there are; and the
-        numbers for its data.
+        What the page shows: "hidden" and "found" in words, "closed", "path", "seconds" and the names of its "pictures";
+        and the numbers for its data.
 
     Raises:
         InputError: the folder cannot be written.
@@ -51,18 +53,18 @@ def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = l
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as beside:
         path = write_files(explanation, model, training, held_out, Path(beside), tell)
-        found = {file: name for file, name in _PICTURES.items() if (Path(beside) / file).is_file()}
-        for file, name in {**found, "index.html": "explained.html"}.items():
+        pictures = {file: name for file, name in _PICTURES.items() if (Path(beside) / file).is_file()}
+        for file, name in {**pictures, "index.html": "explained.html"}.items():
             shutil.move(Path(beside) / file, folder / name)
     shown = {
         "hidden": _words(HIDDEN), "found": found_words(explanation), "closed": explanation.closed, "path": path,
-        "pictures": list(found.values()), "seconds": explanation.seconds,
+        "pictures": list(pictures.values()), "seconds": explanation.seconds,
     }
     return shown, {"hidden": HIDDEN, "explanation": explanation.to_data(), "path": path}
 
 
 def found_words(explanation: Explanation) -> list[str]:
-    """A line for each named effect."""
+    """A line for each named effect: its parameters with intervals, and its look-alikes."""
     lines = []
     for effect in explanation.effects:
         numbers = ", ".join(

@@ -14,11 +14,12 @@ def plot_convergence(
     estimates: dict[str, Estimate], seconds: float, out: Path, actual: np.ndarray | None = None,
     rows: int | None = None,
 ) -> None:
-    """Coefficients over time, one panel each (Figs. 3.11, 4.3): methods with a history as curves, others as lines.
+    """Plot coefficients over time, one panel each (Figs. 3.11, 4.3): methods with a history as curves, others as lines.
 
     Args:
-        estimates: label -> estimate of the same problem; seconds: length of the record.
-        actual: (n, m) the truth, dashed; rows: how many regressors to show, default those of the first estimate.
+        estimates: label -> estimate of the same problem. seconds: length of the record.
+        actual: (n, m) true coefficients, dashed. rows: how many regressors to show, default those of the first
+            estimate.
     """
     first = next(iter(estimates.values()))
     n, m = rows or len(first.names), len(first.outputs)
@@ -50,7 +51,11 @@ def plot_convergence(
 
 
 def plot_signals(time_s: np.ndarray, panels: dict[str, dict[str, np.ndarray]], out: Path, span=None) -> None:
-    """Panels over time: label of the axis -> label of the curve -> values (N,). `span` (2,): shaded [s]."""
+    """Plot panels over time.
+
+    Args:
+        panels: label of the axis -> label of the curve -> values (N,). span: (2,) interval to shade [s].
+    """
     size = (10, 2.3 * len(panels))
     figure, axes = plt.subplots(len(panels), 1, figsize=size, squeeze=False, sharex=True, layout="constrained")
     for axis, (label, curves) in zip(axes[:, 0], panels.items(), strict=True):
@@ -66,7 +71,7 @@ def plot_signals(time_s: np.ndarray, panels: dict[str, dict[str, np.ndarray]], o
 
 
 def plot_gain_map(frequencies: list[str], amplitudes: list[float], ratio: np.ndarray, out: Path) -> None:
-    """E_er of ARMAXD over that of ARX (amplitudes, frequencies); below 1 ARMAXD is better."""
+    """Plot E_er of ARMAXD over that of ARX, (amplitudes, frequencies); below 1 ARMAXD is better."""
     figure, axis = plt.subplots(figsize=(8.5, 3.6), layout="constrained")
     image = axis.imshow(np.log2(ratio), cmap="RdYlGn_r", vmin=-2.0, vmax=2.0, aspect="auto")
     for (i, j), value in np.ndenumerate(ratio):

@@ -1,4 +1,4 @@
-"""The figure of a campaign: how the tracking error is spread, and what it depends on."""
+"""The figure of a campaign: how the tracking error is distributed, and what it depends on."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ _LOST = "#c0392b"
 
 
 def plot_campaign(campaign: Campaign, out: Path) -> None:
-    """A histogram of the position error and, for every parameter that differs between runs, the error against it.
+    """Plot a histogram of the position error and the error against every parameter that differs between runs.
 
     Runs that diverged are marks at the top edge. Only the first 11 parameters and 5000 runs are drawn.
 

@@ -7,7 +7,7 @@ from drake_ispace.files.places import whole_file
 
 
 def write_text(out: Path, text: str) -> None:
-    """Write beside, then rename.
+    """Write a text file whole or not at all.
 
     Raises:
         InputError: the folder cannot be written.
@@ -17,7 +17,7 @@ def write_text(out: Path, text: str) -> None:
 
 
 def render(template: str, **values) -> str:
-    """The package's template `template` with `values`, everything escaped."""
+    """Fill the package's template `template` with `values`, all of them escaped."""
     import jinja2
 
     source = (resources.files("drake_ispace.report") / template).read_text(encoding="utf-8")

@@ -25,7 +25,7 @@ _STYLES = {
 
 
 def plot_comparison(runs: dict[str, tuple[Run, str]], out: Path) -> None:
-    """For every run, on the floor and over time: reference, actual, odometry, Kinect and estimate (Fig. 6.4b).
+    """Plot reference, actual, odometry, Kinect and estimate of every run, on the floor and over time (Fig. 6.4b).
 
     Raises:
         InputError: the folder cannot be written.
@@ -45,7 +45,7 @@ def plot_comparison(runs: dict[str, tuple[Run, str]], out: Path) -> None:
 
 
 def plot_floor(axis, curves, run: Run) -> None:
-    """The curves in the plane, with the border of the space."""
+    """Plot the curves in the plane, with the border of the space."""
     width, depth = run.scenario.space.width_m, run.scenario.space.depth_m
     axis.add_patch(plt.Rectangle((-width / 2, -depth / 2), width, depth, fill=False, ls=":", ec="0.6"))
     for label, (_, pose) in curves.items():
@@ -59,7 +59,7 @@ def plot_floor(axis, curves, run: Run) -> None:
 
 
 def _curves(run, robot):
-    """label -> (time, poses) of what can be drawn of a run."""
+    """Label -> (time [s], poses) of each curve that a run has."""
     time = run.time_s
     signal = {name.removeprefix(f"{robot}_"): rows for name, rows in run.signals.items()}
     way_point = signal["way_point"]

@@ -12,19 +12,19 @@ from drake_ispace.blocks.rates import TICK_S
 def schedule(diagram: System) -> list[dict]:
     """Every periodic update in `diagram`, nested Diagrams included, in the order in which the blocks were added.
 
-    Drake 1.51 does not list unrestricted events, so Blocks tell their own updates, which are exactly those that they
-    declare with Drake. Of any other leaf system this sees the discrete updates, if they share one timing; a discrete
-    MultibodyPlant, which is updated by an unrestricted event, is left out.
+    Drake 1.51 does not list unrestricted events. A Block is therefore asked for its own updates, which are exactly
+    those that it declares with Drake. Any other leaf system shows its discrete updates, if they share one timing. A
+    discrete MultibodyPlant, which is updated by an unrestricted event, is left out.
 
     Returns:
         Rows of `block` (name, in a nested Diagram "diagram::name"), `phase` ("sense" before "compute" of the same
-        instant), `period_ticks` (a whole number where it is one), `period_s` and `offset_s` [s].
+        instant), `period_ticks` (an int where it is a whole number), `period_s` and `offset_s` [s].
     """
     return [row for name, leaf in _leaves(diagram, "") for row in _rows(name, leaf)]
 
 
 def block_name(system: System) -> str:
-    """The name of `system`; of one without a name its class, not Drake's "class@address"."""
+    """The name of `system`; without one the name of its class, not Drake's "class@address"."""
     return re.sub(r"^(?:.*[/.])?(.*)@[0-9a-f]{8,}$", r"\1", system.get_name())
 
 

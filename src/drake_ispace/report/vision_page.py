@@ -87,13 +87,14 @@ class _Room:
 def write_vision_page(
     out: Path, seconds: float = 14.0, seed: int = 0, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[Path, dict]:
-    """Draw everything and write `out`/index.html with its pictures.
+    """Draw all pictures and write `out`/index.html with them.
 
     Args:
-        out: folder; seconds: of the run with both robots; seed: of carpet and noise; progress: told what is going on.
+        out: folder. seconds: duration of the run with both robots. seed: of carpet and noise. progress: called with the
+            name of each step.
 
     Returns:
-        The page, and poses and obstacles as numbers.
+        The path of the page, and poses and obstacles as numbers.
 
     Raises:
         InputError: a folder that cannot be written.
@@ -136,8 +137,8 @@ def _look(seed):
     sightings = eye.locate(picture.colour)
     areas = [robot_box(name, space, (one.x, one.y, one.phi)).footprint(0.04) for name, one in sightings.items() if one]
     top = top_view_of(view, space.width_m, space.depth_m, space.localizer.pixel_m)
-    found = map_of(view, picture.depth, space.width_m, space.depth_m, areas)
-    return _Room(space, view, eye, picture, sightings, top, found)
+    map_of_room = map_of(view, picture.depth, space.width_m, space.depth_m, areas)
+    return _Room(space, view, eye, picture, sightings, top, map_of_room)
 
 
 def _extent(space):
@@ -225,7 +226,7 @@ def _corners(x, y, yaw, length, width):
 
 
 def _strip(run: Run, out: Path):
-    """Both views of a run at five instants."""
+    """Plot both views of a run at five instants."""
     frames = 5
     space = run.scenario.space
     renderer, eye = room_renderer(space, run.scenario.seed), room_eye(space, _POSES)

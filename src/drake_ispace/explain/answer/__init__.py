@@ -1,1 +1,1 @@
-"""Stage 4: the answer, localised, confirmed on held-out runs, and put into words."""
+"""Stage 4: the answer: sizes and channels in words, the scenario with the effects in it, proof on held-out runs."""

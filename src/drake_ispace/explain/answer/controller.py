@@ -1,19 +1,21 @@
-"""The fourth prediction: measured sensors -> torque, which tests the controller itself.
+"""A check of the controller: the torque that the scenario's controller computes from the measured sensors.
 
-Everything else drives the model with the recorded torque and cannot see a controller that is not the scenario's. Here
-the scenario's own Diagram runs without its plant, its camera and its way point: what these would say is what was
-recorded, and what its actuator is told is compared with the torque that was. Effects play no part in it: whatever they
-did to the sensors is in the recording.
+All other predictions drive the model with the recorded torque, and cannot see a controller that is not the scenario's.
+For this check the scenario's Diagram runs without its plant, its camera and its way point. The outputs of these blocks
+are taken from the recording, and the torque command of the Diagram is compared with the recorded torque. Effects play
+no part in the check: whatever they did to the sensors is in the recording.
 """
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from drake_ispace.blocks.messages import TICK
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.answer.explanation import ControllerCheck, Explanation
+from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.tracks import in_force, nearest_ticks
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.reference import direction_of, turn_of
@@ -24,35 +26,42 @@ from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.catalog import entry_of
 
-_SETTLING_TICKS = 400  # of estimates that start from the scenario's pose, not from the robot's
-_CORNER_TICKS = 120  # around a corner of the reference, whose jump of speed no camera's period shows
+_SETTLING_TICKS = 400  # until estimates that start from the scenario's pose have reached the robot's
+_CORNER_TICKS = 120  # around a corner of the reference, whose jump of speed lies between two samples of the camera
+_FOREIGN = 0.12  # share of the torque that the scenario's controller may leave (its own one leaves 0 to 0.09)
 _NEEDED = ("reference", "torque", "encoder", "kinect")
 
 
-@dataclass(frozen=True)
-class ControllerCheck:
-    """How well the scenario's controller explains a recorded torque.
-
-    Attributes:
-        unexplained: share of the torque's root mean square that is left, over all wheels. gain: by which the predicted
-            torque fits the recorded one best, 1 where the controller is the scenario's.
-    """
-
-    unexplained: float
-    gain: float
+def check_controllers(answer: Explanation, case: Case) -> None:
+    """Add the median check of the training runs to the answer, and a warning where the controller is another."""
+    checks = [check_controller(case.scenario, case.robot, run) for run in case.runs]
+    known = [check for check in checks if check is not None]
+    if not known:
+        return
+    share, gain = (float(np.median([getattr(check, name) for check in known])) for name in ("unexplained", "gain"))
+    answer.controller = ControllerCheck(share, gain)
+    if share > _FOREIGN:
+        answer.warnings.append(
+            f"the controller is not the model's: {100.0 * share:.0f} % of the recorded torque is not what it makes of "
+            f"the measured sensors (it fits best {gain:.2f} times as large); effects are found from the recorded "
+            "torque all the same, but closed-loop simulations of the model will differ"
+        )
 
 
 class Playback(Bench):
-    """A Bench on which some blocks are left out: what they would say comes in from outside, an input for each wire.
+    """A Bench on which some blocks are left out: each wire from one of them becomes an input of the Diagram.
 
     Args:
         left_out: names of blocks.
+
+    Attributes:
+        inputs: name of an input -> "block.port" that it stands for.
     """
 
     def __init__(self, left_out: tuple[str, ...]):
         super().__init__()
         self._left_out = left_out
-        self.inputs: dict[str, str] = {}  # name of an input -> "block.port" that would have said it
+        self.inputs: dict[str, str] = {}
 
     def add(self, name, block):
         return block if name in self._left_out else super().add(name, block)
@@ -73,42 +82,43 @@ class Playback(Bench):
 
 
 def check_controller(model: Scenario, robot: str, recording: Recording) -> ControllerCheck | None:
-    """Compare a recorded torque with what `model`'s controller makes of the recorded sensors.
+    """Compare the recorded torque with the torque that the model's controller computes from the recorded sensors.
 
     Returns:
-        None where the recording lacks a channel, or the model's Diagram has no such controller.
+        None where the recording lacks a channel or is too short, or where the model's Diagram has no such controller.
     """
     needed = (*_NEEDED, "imu") if robots()[robot].has_imu else _NEEDED
     if not entry_of(model).has_feedback or any(len(recording.channels.get(name, _NONE).t) < 4 for name in needed):
         return None
     if getattr(model, robot).encoder.velocity == "exact":  # the wheels' own speed is not recorded
         return None
-    told = predicted_torque(model, robot, recording)
+    torque = predicted_torque(model, robot, recording)
     measured = recording.channels["torque"]
     ticks = nearest_ticks(measured.t).astype(int)
-    scored = (ticks < len(told)) & (ticks > _SETTLING_TICKS) & ~_near_corner(recording.channels["reference"], ticks)
+    scored = (ticks < len(torque)) & (ticks > _SETTLING_TICKS) & ~_near_corner(recording.channels["reference"], ticks)
     if scored.sum() < _SETTLING_TICKS:
         return None
-    mine, theirs = told[ticks[scored]].ravel(), measured.values[scored].ravel()
-    size = float(np.linalg.norm(theirs))
-    if size == 0.0 or not np.isfinite(mine).all():
+    predicted, recorded = torque[ticks[scored]].ravel(), measured.values[scored].ravel()
+    size = float(np.linalg.norm(recorded))
+    if size == 0.0 or not np.isfinite(predicted).all():
         return None
-    return ControllerCheck(float(np.linalg.norm(theirs - mine)) / size, float(mine @ theirs / max(mine @ mine, 1e-300)))
+    unexplained = float(np.linalg.norm(recorded - predicted)) / size
+    return ControllerCheck(unexplained, float(predicted @ recorded / max(predicted @ predicted, 1e-300)))
 
 
 def predicted_torque(model: Scenario, robot: str, recording: Recording) -> np.ndarray:
-    """(ticks, n) what the model's actuator is told on [t_k, t_k+1), given the recorded sensors [N m]."""
-    scenario = _listening(model, robot, recording)
+    """(ticks, n) torque command of the model's controller on [t_k, t_k+1) [N m], given the recorded sensors."""
+    scenario = _transparent(model, robot, recording)
     bench = Playback((f"{robot}_plant", "kinect", f"{robot}_way_point"))
     rollout = compile_diagram(entry_of(model).build(scenario, bench))
     ticks = int(nearest_ticks(recording.channels["encoder"].t[-1])) + 1
-    said = _said(scenario, robot, recording, ticks)
-    inputs = {name: said[source.rpartition(".")[2]] for name, source in bench.inputs.items()}
+    outputs = _outputs(scenario, robot, recording, ticks)
+    inputs = {name: outputs[source.rpartition(".")[2]] for name, source in bench.inputs.items()}
     return rollout.run(ticks, inputs=inputs)[f"{robot}_torque"][1:]
 
 
-def _listening(model, robot, recording):
-    """The model with sensors and link that pass on what they are given, at the recording's start."""
+def _transparent(model, robot, recording):
+    """The model at the recording's first pose, with sensors and a link that pass on their inputs unchanged."""
     scenario = copy.deepcopy(model)
     section, link = getattr(scenario, robot), scenario.space.link
     section.effects, section.initial_pose = {}, recording.channels["reference"].values[0, :3].tolist()
@@ -120,18 +130,18 @@ def _listening(model, robot, recording):
     return scenario
 
 
-def _said(scenario, robot, recording, ticks) -> Mapping[str, np.ndarray]:
-    """Port of a block that is left out -> (ticks, size) what it would say at every tick."""
+def _outputs(scenario, robot, recording, ticks) -> Mapping[str, np.ndarray]:
+    """Output port of a block that is left out -> (ticks, size) recorded values at every tick."""
     channels = recording.channels
     wheels = len(channels["encoder"].columns)
-    said = {
+    outputs = {
         "wheel_angle": _each_tick(channels["encoder"], ticks), "wheel_rate": np.zeros((ticks, wheels)),
         "way_point": way_points(channels["reference"], ticks),
         "fixes": _fixes(channels["kinect"], delay_ticks(scenario.space.link, robots()[robot].order_size), ticks),
     }
     if "imu" in channels:
-        said["body_motion"] = _each_tick(channels["imu"], ticks)
-    return said
+        outputs["body_motion"] = _each_tick(channels["imu"], ticks)
+    return outputs
 
 
 _NONE = Channel(np.empty(0), (), np.empty((0, 0)), {}, None)
@@ -142,15 +152,20 @@ def _each_tick(channel, ticks):
 
 
 def _messages(rows, since, ticks):
-    """(ticks, m) the message in force at every tick, each of `rows` from its tick `since` on; before them that of tick
-    -1, which every block takes for none."""
+    """(ticks, m) the message in force at every tick, each of `rows` from its tick `since` on.
+
+    Before the first of them the stamp is -1, which every block takes for no message.
+    """
     before = np.zeros((1, rows.shape[1]))
     before[:, TICK] = -1.0
     return np.vstack([before, rows])[in_force(since, ticks) + 1]
 
 
 def way_points(reference: Channel, ticks: int) -> np.ndarray:
-    """(ticks, 10) messages WAY_POINT, rates and accelerations by differences; at corners no acceleration."""
+    """(ticks, 10) messages of the way point: stamp, pose, rates, accelerations; at corners of the path no acceleration.
+
+    Rates and accelerations are differences of the recorded reference.
+    """
     direction, speed = direction_of(reference)
     phi = np.unwrap(reference.column("phi"))
     velocity = np.column_stack([speed * np.cos(direction), speed * np.sin(direction), np.gradient(phi, reference.t)])
@@ -161,7 +176,7 @@ def way_points(reference: Channel, ticks: int) -> np.ndarray:
 
 
 def _fixes(kinect, delay, ticks):
-    """(ticks, 5) messages FIX of the camera as the room's computer has them, `delay` before the robot received them."""
+    """(ticks, 5) messages of the camera on the room's computer, `delay` ticks before the robot received them."""
     capture = nearest_ticks(kinect.t)
     received = kinect.column("t_received") if "t_received" in kinect.columns else kinect.t + delay * TICK_S
     known = np.maximum(nearest_ticks(received) - delay, capture)
@@ -169,6 +184,7 @@ def _fixes(kinect, delay, ticks):
 
 
 def _near_corner(reference, ticks):
+    """(k,) whether each tick lies within _CORNER_TICKS of a corner of the reference."""
     direction, speed = direction_of(reference)
     corners = nearest_ticks(reference.t[turn_of(reference, direction, speed)[1]])
     if not len(corners):

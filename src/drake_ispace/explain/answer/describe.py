@@ -1,4 +1,7 @@
-"""The Explanation of what was decided: names, sizes with intervals, where it shows, what these runs cannot show."""
+"""Stage 4: a decision as an Explanation.
+
+Names, sizes with intervals, the channels that show the disagreement, and the effects that these runs cannot show.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student_t
 
-from drake_ispace.explain.answer.confirm import drift, on_bound
+from drake_ispace.explain.answer.drift import drift
 from drake_ispace.explain.answer.explanation import (
     DetectionResult,
     Estimate,
@@ -16,31 +19,35 @@ from drake_ispace.explain.answer.explanation import (
     Untestable,
     Validated,
 )
-from drake_ispace.explain.answer.free_run import Sizes, unit_of
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
-from drake_ispace.explain.answer.validate import Choice
 from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.decide.view import without
 from drake_ispace.explain.fit.candidates import Candidate, value_of
+from drake_ispace.explain.fit.free_run import Sizes, unit_of
+from drake_ispace.explain.fit.likelihood import Fit
 from drake_ispace.explain.fit.profile import profile_interval
+from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.predict.replay import Replay
 
-_VISIBLE = 3.0  # length of an effect's signature at its largest probe, in noise, from which on these runs can show it
-_FORM_SHARE = 0.025  # of a parameter: how far its estimate is off because no model has exactly the robot's form
+_VISIBLE = 3.0  # length of an effect's whitened signature at its largest probe, below which these runs cannot show it
+_FORM_SHARE = 0.025  # standard deviation of an estimate, as a share of it, because no model has the robot's exact form
 
 
-def described(case, decision: Decision) -> Explanation:
-    """The Explanation of a Case before anything is added and confirmed."""
-    start, named = decision.start, decision.named
-    found = decision.detection
-    detection = DetectionResult(found.p_value, found.threshold, found.false_alarm_rate, found.minus_log10_p)
-    left = _left(decision)
-    places = localize(case.prediction, start, left) if found.found else []
+def describe(case: Case, decision: Decision | Choice) -> Explanation:
+    """Put a decision into words and numbers: all of the Explanation that the training runs can tell."""
+    return _described_choice(case, decision) if isinstance(decision, Choice) else _described(case, decision)
+
+
+def _described(case, decision: Decision) -> Explanation:
+    start, named, detection = decision.start, decision.named, decision.detection
+    explained = _explained(decision)
+    places = localize(case.prediction, start, explained) if detection.found else []
     effects = [] if named is None else [_named(case, decision, candidate) for candidate in named.point]
-    unknown = None if decision.unknown is None else _unknown(decision, left)
+    unknown = None if decision.unknown is None else _unknown(decision, explained)
     verdict = "none"
     if unknown is not None:
         verdict = "unknown"
@@ -53,13 +60,14 @@ def described(case, decision: Decision) -> Explanation:
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
     return Explanation(
-        verdict, effects, detection, places, untestable, unknown=unknown, warnings=warnings + _on_bounds(effects),
+        verdict, effects,
+        DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),
+        places, untestable, unknown=unknown, warnings=warnings + _on_bounds(effects),
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
 
 
-def described_choice(case, choice: Choice) -> Explanation:
-    """The Explanation of a Case whose effects were chosen by validation, before it is confirmed."""
+def _described_choice(case, choice: Choice) -> Explanation:
     effects = [_chosen(case, choice, candidate) for candidate in choice.named]
     validated = [
         Validated([candidate.label for candidate in names], error, unit_of(case.replay))
@@ -73,14 +81,17 @@ def described_choice(case, choice: Choice) -> Explanation:
 
 
 def with_free_run(effects: Sequence[NamedEffect], replay: Replay, sizes: Sizes) -> list[NamedEffect]:
-    """The effects with the sizes that simulate best beside their estimates."""
-    free = {
+    """The effects with the values that simulate whole runs best beside their estimates.
+
+    sizes: fitted to free-run simulations.
+    """
+    values = {
         (candidate.name, parameter.name): _size(replay, candidate, i, z[i])
         for candidate, z in sizes.point.items() for i, parameter in enumerate(candidate.parameters)
     }
     return [
         replace(effect, parameters={
-            name: replace(p, free_run=free.get((effect.name, name))) for name, p in effect.parameters.items()
+            name: replace(p, free_run=values.get((effect.name, name))) for name, p in effect.parameters.items()
         }) for effect in effects
     ]
 
@@ -92,15 +103,17 @@ def _on_bounds(effects):
     ]
 
 
-def _besides(left: LeftOver, explained: float) -> str:
-    effect = left.candidate.effect
-    what = f"a {effect.link} that goes with {effect.driver}" if isinstance(effect, Generic) else left.candidate.name
-    share = 100.0 * left.gain / max(left.gain + explained, 1e-12)
-    return f"besides, perhaps {what} (p = {left.p_value:.2g}, {share:.0f} % of what is explained)"
+def _besides(left_over: LeftOver, explained: float) -> str:
+    """The warning of what is still detectable beside the named effects; explained: drop in deviance by these."""
+    effect = left_over.candidate.effect
+    is_generic = isinstance(effect, Generic)
+    what = f"a {effect.link} that goes with {effect.driver}" if is_generic else left_over.candidate.name
+    share = 100.0 * left_over.gain / max(left_over.gain + explained, 1e-12)
+    return f"besides, perhaps {what} (p = {left_over.p_value:.2g}, {share:.0f} % of what is explained)"
 
 
-def _left(decision) -> Residuals:
-    """Residuals of the best explanation, with a name or without; as they are where there is none."""
+def _explained(decision) -> Residuals:
+    """Residuals with the best explanation in the model: named effects, else an unknown disagreement, else nothing."""
     start = decision.start
     if decision.named is not None:
         return start.likelihood.raw(decision.named.point)
@@ -110,9 +123,10 @@ def _left(decision) -> Residuals:
 
 
 def _named(case, decision, candidate: Candidate) -> NamedEffect:
+    """The effect with its profile-likelihood intervals, widened by the overdispersion and by _FORM_SHARE."""
     named, card = decision.named, candidate.effect.card
     likelihood = decision.end.likelihood
-    parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
+    parameters = _wheels(candidate)
     overdispersion = decision.start.screen.overdispersion_of(candidate)
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
         form = 1.645 * _FORM_SHARE * abs(z - candidate.neutral[i])
@@ -125,15 +139,14 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
 
 
 def _chosen(case, choice, candidate) -> NamedEffect:
+    """The effect with intervals by Student's t from the spread between runs."""
     card, sizes = candidate.effect.card, choice.sizes
     z = sizes.point[candidate]
-    parameters = {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
+    parameters = _wheels(candidate)
     factor = student_t.ppf(0.95, len(case.prediction.tracks) - 1)
     for i, parameter in enumerate(candidate.parameters):
         reach = factor * sizes.stds[candidate, i]
-        parameters[parameter.name] = _estimate(
-            case.replay, sizes, candidate, i, (z[i] - reach, z[i] + reach)
-        )
+        parameters[parameter.name] = _estimate(case.replay, sizes, candidate, i, (z[i] - reach, z[i] + reach))
     others = {c.name for rival in choice.rivals if candidate not in rival for c in rival}
     rest = tuple(c for c in choice.named if c is not candidate)
     gains = [choice.errors[names] ** 2 - choice.errors[choice.named] ** 2 for names in (rest, ())]
@@ -142,30 +155,42 @@ def _chosen(case, choice, candidate) -> NamedEffect:
     return NamedEffect(card.name, card.home, equivalents, parameters, share, card.excitation)
 
 
-def _estimate(replay, found, candidate, i, ends) -> Estimate:
-    """Of a coordinate of `found` (a Fit or Sizes) whose interval ends at `ends`."""
+def _wheels(candidate) -> dict[str, Estimate]:
+    """Each choice of wheel as an Estimate without an interval."""
+    return {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
+
+
+def _estimate(replay, best: Fit | Sizes, candidate, i, ends) -> Estimate:
+    """The Estimate of a coordinate of `best` whose interval ends at `ends`."""
     low, high = candidate.bounds[i]
     lower, upper = sorted(_size(replay, candidate, i, min(max(end, low), high)) for end in ends)
-    at = _size(replay, candidate, i, found.point[candidate][i])
-    return Estimate(at, (lower, upper), candidate.parameters[i].unit, on_bound(found, candidate, i))
+    at = _size(replay, candidate, i, best.point[candidate][i])
+    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(best, candidate, i))
+
+
+def _on_bound(best, candidate, i) -> bool:
+    """Whether a coordinate was stopped by what is physically possible."""
+    low, high = candidate.bounds[i]
+    z = best.point[candidate][i]
+    return z != candidate.neutral[i] and (z <= low or z >= high)
 
 
 def _size(replay, candidate, i, z) -> float:
-    """The parameter at a coordinate; what is found of an effect that the model has comes on top of it."""
+    """The parameter at a coordinate, on top of what the model has of the effect already."""
     parameter = candidate.parameters[i]
     known = replay.known.get(candidate.name, {}).get(parameter.name, parameter.neutral)
     return float(value_of(parameter, z) + (known - parameter.neutral if np.isfinite(known) else 0.0))
 
 
-def _unknown(decision, left) -> Unknown:
+def _unknown(decision, explained) -> Unknown:
     generic, gain = decision.unknown
-    nearest, explained = decision.nearest or (None, 0.0)
+    nearest, nearest_gain = decision.nearest or (None, 0.0)
     memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
     symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
     share = gain / max(gain + decision.total_gain, 1e-12)
     return Unknown(
-        generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, left),
-        nearest.name if nearest else "none", float(np.sqrt(max(gain - explained, 0.0))),
+        generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, explained),
+        nearest.name if nearest else "none", float(np.sqrt(max(gain - nearest_gain, 0.0))),
     )
 
 
@@ -181,5 +206,3 @@ def _untestable(case, decision) -> list[Untestable]:
         Untestable(name, needs(case.replay.effects[name])) for name in case.replay.effects
         if name not in named and longest.get(name, 0.0) < _VISIBLE
     ]
-
-

@@ -1,4 +1,4 @@
-"""Stage 2, localise: in which channel the disagreement shows, with what it goes, and since when."""
+"""Stage 4: which channels show the disagreement, with which variable it goes, and since when."""
 
 import numpy as np
 from scipy.stats import chi2, false_discovery_control
@@ -8,51 +8,56 @@ from drake_ispace.explain.decide.generic import Motion, motion_of
 from drake_ispace.explain.decide.survey import Survey
 from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals, wheel_speeds
 
-_RATE = 0.05  # of false discoveries among channels
+_RATE = 0.05  # rate of false discoveries among channels
 _LEAST_SHARE = 0.02
 _LEAST_DRIVEN, _PER_COLUMN = 0.3, 0.01  # share that a variable must explain, and what each of its columns must add
 
 
-def localize(prediction: Prediction, here: Survey, left: Residuals) -> list[Place]:
-    """Channels that carry the disagreement, the largest share first.
+def localize(prediction: Prediction, start: Survey, explained: Residuals) -> list[Place]:
+    """The channels that show the disagreement, the largest share first.
 
     Args:
-        here: of the model as given. left: residuals of the best explanation.
+        prediction: of the training runs. start: survey of the model as given. explained: residuals of the model with
+            the best explanation in it.
     """
-    labels, gained = channel_rows(prediction, here), _gained(here, left)
-    total = float(gained.sum())
+    labels, drops = channel_rows(prediction, start), _drops(start, explained)
+    total = float(drops.sum())
     if total <= 0.0:
         return []
     motions = [motion_of(prediction, track) for track in prediction.tracks]
     drivers = {"motion": [_drivers(m, False) for m in motions], "room": [_drivers(m, True) for m in motions]}
-    shares = {label: float(gained[labels == label].sum()) / total for label in dict.fromkeys(labels)}
+    shares = {label: float(drops[labels == label].sum()) / total for label in dict.fromkeys(labels)}
     places = [label for label in shares if shares[label] >= _LEAST_SHARE]
     if not places:
         return []
     adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
-    found = [
-        Place(label, shares[label], _driver(prediction, here, drivers, label, left))
+    significant = [
+        Place(label, shares[label], _driver(prediction, start, drivers, label, explained))
         for label, q in zip(places, adjusted, strict=True) if q < _RATE
     ]
-    return sorted(found, key=lambda place: -place.share)
+    return sorted(significant, key=lambda place: -place.share)
 
 
-def _gained(here, left):
-    """(rows,) of deviance, by the explanation."""
-    return here.likelihood.parts(here.w) - here.likelihood.parts(here.likelihood.whitening(left))
+def _drops(start, explained):
+    """(rows,) drop in deviance that the explanation brings in each whitened number."""
+    return start.likelihood.parts(start.w) - start.likelihood.parts(start.likelihood.whitening(explained))
 
 
-def onset(here: Survey, left: Residuals) -> str:
-    """Since when the disagreement is there, in words; arguments as `localize`."""
-    times, gained = [], _gained(here, left)
-    for run in here.residuals:
-        for name, noise in here.likelihood.whitening.noise.items():
+def onset(start: Survey, explained: Residuals) -> str:
+    """Since when the disagreement is there, in words.
+
+    Args:
+        start: survey of the model as given. explained: residuals of the model with the best explanation in it.
+    """
+    times, drops = [], _drops(start, explained)
+    for run in start.residuals:
+        for name, noise in start.likelihood.whitening.noise.items():
             rows, p = noise.rows(run[name]), run[name].shape[1]
             share = np.repeat((np.arange(rows) + 0.5) / max(rows, 1), p)
             times.append(share if name in ("motion", "room") else np.full(rows * p, np.nan))
     times = np.concatenate(times)
     known = np.isfinite(times)
-    counts = np.histogram(times[known], bins=10, range=(0.0, 1.0), weights=gained[known])[0]
+    counts = np.histogram(times[known], bins=10, range=(0.0, 1.0), weights=drops[known])[0]
     if counts.sum() <= 0.0:
         return "not to be seen"
     late = np.cumsum(counts) / counts.sum()
@@ -63,16 +68,16 @@ def onset(here: Survey, left: Residuals) -> str:
     return "from the start of a run"
 
 
-def channel_rows(prediction: Prediction, here: Survey) -> np.ndarray:
-    """(rows,) the channel that each whitened number belongs to."""
+def channel_rows(prediction: Prediction, at: Survey) -> np.ndarray:
+    """(rows,) the channel that each whitened number of a survey belongs to."""
     return np.concatenate([
         np.tile(np.array(labels_of(prediction, name), dtype=object), noise.rows(run[name]))
-        for run in here.residuals for name, noise in here.likelihood.whitening.noise.items()
+        for run in at.residuals for name, noise in at.likelihood.whitening.noise.items()
     ])
 
 
 def labels_of(prediction: Prediction, stream: str) -> list[str]:
-    """The channels of a stream, each with where it was measured in front."""
+    """The channels of a stream, each with its sensor in front, such as "kinect: x"."""
     def source(name):
         if stream == "motion":
             return "encoder" if name.startswith("wheel") else "imu"
@@ -82,7 +87,7 @@ def labels_of(prediction: Prediction, stream: str) -> list[str]:
 
 
 def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
-    """Variable -> (rows, k) functions of it, at every tick; vectors along the room's axes or the body's."""
+    """Variable -> (rows, k) functions of it at every tick; vectors along the axes of the room, or else of the body."""
     velocity = m.body
     if in_room:
         c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
@@ -105,16 +110,19 @@ def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
     }
 
 
-def _driver(prediction, here, drivers: dict[str, list[dict[str, np.ndarray]]], label, left):
-    """The variable that goes with what is explained of a channel."""
+def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], label, explained):
+    """The variable that best predicts what the explanation takes away from the residuals of a channel.
+
+    drivers: stream -> for each run variable -> (rows, k) functions of it.
+    """
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
     if label == "kinect: seen" or label.startswith("start"):
         return "every run alike"
     column = labels_of(prediction, stream).index(label)
     values, regressors = [], {}
-    classes_of = here.likelihood.whitening.classes
+    classes_of = start.likelihood.whitening.classes
     for driven, track, classes, run, after in zip(
-        drivers[stream], prediction.tracks, classes_of, here.residuals, left, strict=True
+        drivers[stream], prediction.tracks, classes_of, start.residuals, explained, strict=True
     ):
         y = (run[stream] - after[stream])[:, column]
         every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks

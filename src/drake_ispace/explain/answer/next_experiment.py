@@ -1,4 +1,4 @@
-"""What to measure next, so that an answer that these runs could not give becomes possible."""
+"""What to measure next where these runs leave a question open."""
 
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.explanation import NamedEffect, Unknown, Untestable
@@ -11,12 +11,15 @@ _NEEDS = {
 
 
 def needs(effect: Effect) -> str:
-    """The channels, and the motion, that would show an effect."""
+    """The channels and the motion that would show an effect."""
     return f"channels {_NEEDS.get(effect.card.home, 'encoder')}; {effect.card.excitation}"
 
 
 def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untestable: list[Untestable]) -> str:
-    """One sentence; empty where nothing is open."""
+    """A sentence on the next experiment; empty where no question is open.
+
+    unknown: None where no disagreement is unknown.
+    """
     for effect in effects:
         if effect.equivalents:
             return f"to tell {effect.name} from {', '.join(effect.equivalents)}: {effect.excitation}"

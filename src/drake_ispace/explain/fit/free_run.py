@@ -1,0 +1,120 @@
+"""Free-run simulation of a user's own plant: errors of whole runs in which nothing corrects the model, and their fit.
+
+The recorded torque is replayed open loop, and the simulated wheels are compared with the measured ones. Unknown forces
+add up in such a simulation. Sizes that suit the innovations of a filter are therefore not quite the sizes that simulate
+whole runs best; `fitted` finds the latter.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.predict.own_model import OwnReplay
+from drake_ispace.explain.predict.replay import Values
+from drake_ispace.explain.predict.tracks import Track
+
+_FAR = 1e6  # rad, rad/s: the error of a simulation that runs away
+_STEP = 1e-4  # relative step of the finite differences
+_LEAST_SIZE = 1e-3  # scale of a coordinate whose start is zero
+_LOGGED = {"angle": ("simulated wheel angle", "rad"), "speed": ("simulated wheel speed", "rad/s")}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The sizes with which free-run simulations come nearest to some runs.
+
+    Attributes:
+        point: effects and their coordinates. plant: the plant's free parameters, name -> value. stds: coordinate ->
+            standard deviation as the runs differ from each other (sandwich estimate); NaN of a single run.
+    """
+
+    point: Point
+    plant: Mapping[str, float]
+    stds: Mapping[tuple[Candidate, int], float] = field(default_factory=dict)
+
+
+def fitted(replay: OwnReplay, tracks: Sequence[Track], start: Point) -> Sizes:
+    """Least-squares fit of free-run simulations to all ticks of all runs, within the bounds of the effects.
+
+    start: coordinates of the effects to begin with; the plant's free parameters begin with the plant's own values.
+    """
+    order = [(candidate, i) for candidate in start for i in range(len(candidate.parameters))]
+    given = np.array([*replay.free.values(), *(start[candidate][i] for candidate, i in order)])
+    if not len(given):
+        return Sizes({}, {})
+    sizes = np.where(given == 0.0, _LEAST_SIZE, np.abs(given))
+    bounds = [(0.0, np.inf) if value > 0.0 else (-np.inf, 0.0) for value in replay.free.values()]
+    bounds += [candidate.bounds[i] for candidate, i in order]
+
+    def at(z):
+        numbers = [float(value) for value in z * sizes]
+        point = {candidate: list(values) for candidate, values in start.items()}
+        for (candidate, i), value in zip(order, numbers[len(replay.free) :], strict=True):
+            point[candidate][i] = value
+        return point, dict(zip(replay.free, numbers, strict=False))
+
+    def residuals(z):
+        point, plant = at(z)
+        return np.concatenate([errors(replay, track, merged(point), plant).ravel() for track in tracks])
+
+    solution = least_squares(residuals, given / sizes, diff_step=_STEP, bounds=(np.array(bounds) / sizes[:, None]).T)
+    ends = np.cumsum([errors(replay, track, {}).size for track in tracks])[:-1]
+    stds = (_stds(solution, ends) * sizes)[len(replay.free) :]
+    return Sizes(*at(solution.x), dict(zip(order, map(float, stds), strict=True)))
+
+
+def _stds(solution, ends):
+    """(k,) standard deviations of what was fitted, each run's part of the gradient being independent of the others'."""
+    runs = len(ends) + 1
+    if runs == 1:
+        return np.full(len(solution.x), np.nan)
+    scores = np.stack([
+        j.T @ e for j, e in zip(np.split(solution.jac, ends), np.split(solution.fun, ends), strict=True)
+    ])
+    normal = np.linalg.pinv(solution.jac.T @ solution.jac)
+    return np.sqrt(np.diag(normal @ scores.T @ scores @ normal) * runs / (runs - 1.0))
+
+
+def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
+    """(rows, n) simulated less measured wheel angles [rad] or speeds [rad/s], whichever the robot logged.
+
+    plant: other values of the plant's own parameters, by name.
+    """
+    difference = _logged(replay, track, replay.simulated(track, values, plant)) - measured(replay, track)
+    return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
+
+
+def error_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> float:
+    """Root mean square error [rad or rad/s] of free-run simulations, all ticks and wheels pooled."""
+    return rms(np.concatenate([errors(replay, track, merged(sizes.point), sizes.plant).ravel() for track in tracks]))
+
+
+def measured(replay: OwnReplay, track: Track) -> np.ndarray:
+    """(rows, n) measured wheel angles [rad] or speeds [rad/s], whichever the robot logged."""
+    return _logged(replay, track, track.measured[: track.ticks + 1])
+
+
+def channel_of(replay: OwnReplay) -> str:
+    """The name of what free-run simulations are compared in."""
+    return _LOGGED[replay.logged][0]
+
+
+def unit_of(replay: OwnReplay) -> str:
+    """The unit of what free-run simulations are compared in, "rad" or "rad/s"."""
+    return _LOGGED[replay.logged][1]
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square of all numbers of an array."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _logged(replay, track, angles):
+    """(rows, n) angles, or speeds over two ticks, from the first torque on: a rest before it would dilute errors."""
+    rows = angles if replay.logged == "angle" else (angles[2:] - angles[:-2]) / (2.0 * TICK_S)
+    return rows[int(np.argmax(np.any(track.command[: track.ticks] != 0.0, axis=1))) :]

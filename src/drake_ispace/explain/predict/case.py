@@ -1,0 +1,152 @@
+"""The case to be explained: a model, runs of one robot, checked, and the prediction Diagram compiled for them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.effects.effect import Effect
+from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.explain.predict.prediction import Prediction, predict
+from drake_ispace.explain.predict.replay import Replay, replay_of
+from drake_ispace.explain.predict.tracks import Track, track
+from drake_ispace.files.recording import Recording
+from drake_ispace.robots.library import robots
+from drake_ispace.robots.recordings import load
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
+from drake_ispace.scenario import Scenario, as_scenario
+from drake_ispace.wiring.catalog import entry_of
+
+Run = Recording | str | Path
+Runs = Run | Sequence[Run] | Mapping[str, Run]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model and the runs that it is compared with.
+
+    Attributes:
+        scenario: the model; None for a plant of the user's own. robot: its name. runs: the training runs as recorded.
+        replay: the compiled prediction Diagram. prediction: of the training runs. held_out: of the held-out runs, None
+            without any. kinds: kind of held-out runs -> which of them are of that kind, in the order of `held_out`.
+    """
+
+    scenario: Scenario | None
+    robot: str
+    runs: list[Recording]
+    replay: Replay
+    prediction: Prediction
+    held_out: Prediction | None
+    kinds: Mapping[str, slice]
+
+    @property
+    def effects_to_try(self) -> dict[str, Effect]:
+        """Name -> effect that the predictions depend on: without torque, those of geometry, encoders and camera.
+
+        An effect that the model has already is tried as a further one on top of it, unless it selects a wheel or is a
+        limit, for which there is no sum.
+        """
+        body, known = self.replay.body, self.replay.known
+        kinematic = not self.prediction.channels["motion"] and body.robot.driven == TORQUE and body.robot.in_room
+        return {
+            name: effect for name, effect in self.replay.effects.items() if (effect.kinematic or not kinematic)
+            and not (name in known and (effect.choices or any(p.reciprocal for p in effect.parameters_of(body))))
+        }
+
+
+def prepare(
+    model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
+    effects: Sequence[Effect] | None = None,
+) -> Case:
+    """Load and check runs, and compile the model with every effect in it at its neutral value.
+
+    Args:
+        model: a Scenario, the name or file of one, or a plant of the user's own. runs: to train on, one or several, or
+            by name; a folder stands for the run in it. held_out: other runs; a mapping has runs by kind. effects: to
+            try, default the whole library.
+
+    Raises:
+        InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
+    """
+    scenario = None if isinstance(model, OwnModel) else as_scenario(model)
+    training, kinds = _listed(runs), held_out if isinstance(held_out, Mapping) else {"held out": held_out}
+    if not training:
+        raise InputError("explain: there is no run, expected at least one")
+    n, others = len(training), {kind: _listed(some) for kind, some in kinds.items()}
+    loaded = [
+        (_name(run, i), run if isinstance(run, Recording) else load(run))
+        for i, run in enumerate([*training, *(run for some in others.values() for run in some)])
+    ]
+    if scenario is None:
+        robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
+        replay = own_replay(model, tracks[:n], effects)
+    else:
+        known = _robot(scenario, loaded)
+        robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
+        replay = replay_of(scenario, known, channels, effects)
+    case = Case(
+        scenario, robot, [recording for _, recording in loaded[:n]], replay, predict(replay, tracks[:n]),
+        predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others),
+    )
+    if scenario is not None:
+        _check_comparable(case)
+    return case
+
+
+def _listed(runs: Runs) -> list[Run]:
+    if isinstance(runs, Recording | str | Path):
+        return [runs]
+    return list(runs.values() if isinstance(runs, Mapping) else runs)
+
+
+def _name(run, i):
+    if isinstance(run, Recording):
+        return str(run.path) if run.path else f"run {i + 1}"
+    return str(run)
+
+
+def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:
+    """Kind -> where its runs lie when the runs of all kinds stand in one list; kinds without a run are left out."""
+    slices, end = {}, 0
+    for kind, runs in kinds.items():
+        if runs:
+            slices[kind] = slice(end, end + len(runs))
+        end += len(runs)
+    return slices
+
+
+def _robot(scenario, recordings) -> Robot:
+    """The robot of the model that all recordings are of."""
+    first, known = recordings[0][1].robot, [robots()[name] for name in entry_of(scenario).robots]
+    own = next((robot for robot in known if robot.answers_to(first)), None)
+    for name, recording in recordings:
+        if own is None or not own.answers_to(recording.robot):
+            raise InputError(
+                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected "
+                f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
+            )
+    return own
+
+
+def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
+    """The runs on 5 ms ticks, and the channels that every run has."""
+    wheels = len(getattr(scenario, robot.name).plant.geometry.wheels)
+    tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
+    common = frozenset.intersection(*(one.has for one in tracks))
+    if not common & {"encoder", "kinect", "imu"}:
+        raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
+    if robot.driven == COMMAND and COMMAND not in common:
+        tracks = [replace(one, command=np.zeros_like(one.command)) for one in tracks]
+    return tracks, common
+
+
+def _check_comparable(case):
+    """Refuse runs in which nothing that is predicted was measured."""
+    for prediction in (case.prediction, *([case.held_out] if case.held_out is not None else [])):
+        if not any(rows.size for run in prediction.residuals({}) for rows in run.values()):
+            raise InputError(
+                f"{prediction.tracks[0].name}: nothing to compare, expected encoder and torque (of the pendulum imu "
+                "too) or encoder and kinect, for some seconds"
+            )
