@@ -4,9 +4,9 @@ import shlex
 import shutil
 
 import pytest
-from test_docs import COMMANDS, ROOT
 
 from drake_ispace.cli.app import main
+from test_docs import COMMANDS, ROOT
 
 LINES = [line for page, line in COMMANDS if page == "README.md"]
 #: Commands that look at every effect of the library or draw a whole page.
