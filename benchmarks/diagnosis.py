@@ -15,8 +15,7 @@ from contextlib import contextmanager
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
-from drake_ispace.explain.decide import signatures as hypothesize
-from drake_ispace.explain.decide import survey
+from drake_ispace.explain.decide import screen, view
 from drake_ispace.explain.fit import whitening
 from drake_ispace.explain.predict import replay
 from drake_ispace.hiding import MOTIONS
@@ -31,9 +30,9 @@ HIDDEN = {
 #: What takes the time, by the functions that it passes through.
 PARTS = {
     "rollouts of the prediction Diagram": [(replay.Replay, "run")],
-    "noise model (fit)": [(survey, "noise_of")],
+    "noise model (fit)": [(view, "noise_of")],
     "whitening": [(whitening.Whitening, "one")],
-    "score tests": [(hypothesize.Screen, "__init__"), (hypothesize.Screen, "calibrate")],
+    "score tests": [(screen.Screen, "__init__"), (screen.Screen, "calibrate")],
 }
 
 

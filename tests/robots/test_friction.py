@@ -108,7 +108,7 @@ def test_null_means_the_smallest_scale_allowed():
 def test_a_scale_that_the_step_cannot_integrate_is_refused():
     with pytest.raises(InputError) as refusal:
         PendulumPlant(PendulumPlantParameters(friction=Friction(coulomb_n_m=0.0061, speed_scale_rad_s=0.03)))
-    assert "pendulum.plant.friction.speed_scale_rad_s: 0.03 rad/s is too steep" in str(refusal.value)
+    assert "plant.friction.speed_scale_rad_s: 0.03 rad/s is too steep" in str(refusal.value)
     assert "at least 0.03036 rad/s" in str(refusal.value)
 
 

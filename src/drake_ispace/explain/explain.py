@@ -22,7 +22,8 @@ from drake_ispace.explain.answer.describe import described, described_choice, wi
 from drake_ispace.explain.answer.explanation import Explanation, PlantParameter
 from drake_ispace.explain.answer.free_run import Sizes, channel_of, dead_reckoning, fitted, part_of, simulation
 from drake_ispace.explain.answer.validate import held_out_gap, validated_choice
-from drake_ispace.explain.decide.decide import Decision, decide
+from drake_ispace.explain.decide.decide import decide
+from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.likelihood import merged

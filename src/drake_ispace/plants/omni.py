@@ -171,7 +171,7 @@ class OmniPlant(Block):
     """
 
     def __init__(
-        self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="omni.plant", ground=False,
+        self, parameters: OmniPlantParameters, initial_pose=(0.0, 0.0, 0.0), seed=0, where="plant", ground=False,
     ):
         geometry = parameters.geometry
         if len(geometry.sideways):
@@ -193,7 +193,7 @@ class OmniPlant(Block):
         ))
 
 
-def block_parameters(parameters: OmniPlantParameters, where: str = "omni.plant") -> dict:
+def block_parameters(parameters: OmniPlantParameters, where: str = "plant") -> dict:
     """The block's parameters that follow from masses, wheels, friction and slip.
 
     Raises:

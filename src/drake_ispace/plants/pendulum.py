@@ -295,7 +295,7 @@ class PendulumPlant(Block):
 
     def __init__(
         self, parameters: PendulumPlantParameters, initial_pose=(0.0, 0.0, 0.0), initial_tilt_rad=0.0,
-        imu_height_m=0.0, seed=0, where="pendulum.plant", ground=False,
+        imu_height_m=0.0, seed=0, where="plant", ground=False,
     ):
         start = np.zeros(THETA_L + 1)
         start[:3], start[TILT] = initial_pose, initial_tilt_rad
@@ -313,7 +313,7 @@ class PendulumPlant(Block):
         ))
 
 
-def block_parameters(parameters: PendulumPlantParameters, where: str = "pendulum.plant") -> dict:
+def block_parameters(parameters: PendulumPlantParameters, where: str = "plant") -> dict:
     """The block's parameters that follow from masses, wheels, friction and slip.
 
     Raises:

@@ -129,7 +129,7 @@ class RoverPlant(Block):
         InputError: a radius share too few or too many; slip that follows from forces or is random, which this has not.
     """
 
-    def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="rover.plant"):
+    def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="plant"):
         values = block_parameters(parameters, where)
         n = len(parameters.geometry.wheels)
         start = np.zeros(THETA + n)
@@ -144,7 +144,7 @@ class RoverPlant(Block):
         ))
 
 
-def block_parameters(parameters: RoverPlantParameters, where: str = "rover.plant") -> dict:
+def block_parameters(parameters: RoverPlantParameters, where: str = "plant") -> dict:
     """The block's parameters that follow from wheels and slip.
 
     Raises:

@@ -64,7 +64,7 @@ class Omni(Robot):
         return {"mass_kg": plant.mass_kg, "centre_of_gravity_m": np.array(plant.centre_of_gravity_m)}
 
     def block_parameters(self, plant):
-        return omni.block_parameters(plant)
+        return omni.block_parameters(plant, f"{self.name}.plant")
 
     def mass_matrix(self, plant):
         return omni.mass_matrix(plant)

@@ -116,7 +116,7 @@ class Pendulum(Robot):
         }
 
     def block_parameters(self, plant):
-        return pendulum.block_parameters(plant)
+        return pendulum.block_parameters(plant, f"{self.name}.plant")
 
     def mass_matrix(self, plant):
         return pendulum.linear_terms(plant)[0]

@@ -63,7 +63,7 @@ class Rover(Robot):
         return replace(plant, track_share=plant.track_share + share * (1.0 + plant.track_share))
 
     def block_parameters(self, plant):
-        return rover.block_parameters(plant)
+        return rover.block_parameters(plant, f"{self.name}.plant")
 
     def mass_matrix(self, plant):
         return np.eye(3)

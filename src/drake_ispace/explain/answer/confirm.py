@@ -9,8 +9,9 @@ import numpy as np
 
 from drake_ispace.explain.answer.explanation import Gap
 from drake_ispace.explain.answer.localize import channel_rows
-from drake_ispace.explain.decide.decide import Decision
-from drake_ispace.explain.decide.survey import BLOCK_ROWS, survey, without
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.survey import BLOCK_ROWS, survey
+from drake_ispace.explain.decide.view import without
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction

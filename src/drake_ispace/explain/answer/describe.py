@@ -20,9 +20,9 @@ from drake_ispace.explain.answer.free_run import Sizes, unit_of
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.answer.validate import Choice
-from drake_ispace.explain.decide.decide import Decision, LeftOver
+from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.survey import without
+from drake_ispace.explain.decide.view import without
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.profile import profile_interval
 from drake_ispace.explain.predict.prediction import Residuals

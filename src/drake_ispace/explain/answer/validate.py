@@ -16,7 +16,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.answer.confirm import bootstrap_interval, closed_share
 from drake_ispace.explain.answer.explanation import Gap
 from drake_ispace.explain.answer.free_run import Sizes, errors, fitted, rms, unit_of
-from drake_ispace.explain.decide.survey import scales_of
+from drake_ispace.explain.decide.view import scales_of
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.own_model import OwnReplay

@@ -1,15 +1,15 @@
-"""Stage 1, detect: whether anything is missing at all, at a stated rate of false alarms.
+"""Detect whether the model lacks anything at all, at a stated rate of false alarms.
 
-The largest minus_log10_p over all effects is compared with what it reaches on noise alone: residuals with every trace of
-the library taken out, whitened, their signs drawn anew for every instant (a wild bootstrap, which keeps their sizes as
-they vary with the motion).
+The largest -log10 p over all effects is compared with what it reaches on noise. The noise is the whitened residuals
+without what any effect explains. A wild bootstrap draws a sign for every instant anew, so that the noise keeps its size
+as that varies with the motion.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.decide.signatures import Screen
+from drake_ispace.explain.decide.screen import Screen
 
 FALSE_ALARM_RATE = 0.01
 _REPLICATES = 400
@@ -18,9 +18,13 @@ _BATCH = 100
 
 @dataclass(frozen=True)
 class Detection:
-    """The largest minus_log10_p found, the p-value of so much on noise alone, and the threshold of the false-alarm rate.
+    """How improbable the residuals would be if nothing were missing.
 
-    minus_log10_p and threshold are -log10 of a p-value before correction for trying many effects.
+    Attributes:
+        p_value: probability of as large a -log10 p on noise. minus_log10_p: the largest over all effects.
+        threshold: the -log10 p at which the false-alarm rate is reached. false_alarm_rate: the rate.
+
+    minus_log10_p and threshold are of p-values that are not corrected for trying many effects; p_value is.
     """
 
     p_value: float
@@ -30,12 +34,17 @@ class Detection:
 
     @property
     def found(self) -> bool:
+        """Whether anything is missing."""
         return self.p_value < self.false_alarm_rate
 
 
 def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int) -> np.ndarray:
-    """(400,) the largest minus_log10_p over all effects on noise alone. instants: (rows,) which instant of which run
-    each row belongs to; rows of one instant keep their signs together."""
+    """(400,) the largest -log10 p over all effects, in that many draws of noise.
+
+    Args:
+        screen: tests of the effects. noise: (rows,) whitened residuals that no effect explains. instants: (rows,)
+            which instant of which run each row belongs to, ascending; rows of one instant share their sign.
+    """
     generator = np.random.default_rng([seed, 1])
     starts = np.flatnonzero(np.diff(instants, prepend=-1))
     products = np.add.reduceat(screen.marginalised * noise, starts, axis=1)
@@ -47,10 +56,10 @@ def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int) -
 
 
 def detect(minus_log10_p: float, largest: np.ndarray) -> Detection:
-    """The Detection, given what trials on noise alone reached.
+    """The Detection for the largest -log10 p in the residuals.
 
-    On noise, P(largest minus_log10_p > e) = 1 - exp(-M 10^-e) with an effective number M of independent effects, taken from
-    the upper tenth of the trials.
+    largest: (trials,) the largest -log10 p in draws of noise. There P(largest > e) = 1 - exp(-M 10^-e), with an
+    effective number M of independent effects, which is taken from the upper tenth of the trials.
     """
     upper = np.quantile(largest, 0.9)
     effective = -np.log(0.9) * 10.0**upper

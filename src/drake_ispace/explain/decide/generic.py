@@ -1,10 +1,10 @@
-"""Disagreements that no effect of the library stands for: a force or a loss of motion that goes with some variable.
+"""Generic disagreements: a force or a loss of motion that goes with some variable, and has no name in the library.
 
-They race against the library. Where one of them explains the runs better than every effect with a name, the verdict is
-"unknown", and this is what is said about it: on which link it acts, with what it goes, whether it remembers.
+They compete with the effects of the library. Where a generic disagreement explains the runs better than every effect,
+the verdict is "unknown", and the disagreement tells on which link it acts and what it goes with.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,16 +12,24 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
-from drake_ispace.explain.decide.signatures import Signature
+from drake_ispace.explain.decide.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.robots.robot import COMMAND
 
-_CELLS = 3  # along each side of the place that the runs have visited
+_CELLS = 3  # along each side of the area that the runs have visited
+_LEAST_TICKS = 200  # spent in a cell over all runs, below which it is left out
 _RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
-_WARM_S = 5.0
+_WARM_S = 5.0  # time constant of what wears off
+_RUN_S = 20.0  # after which what grows with time has amplitude one
+_LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero
+
+#: (prediction, point, residuals at the point, pool) -> a signature for every amplitude of every generic disagreement.
+Generics = Callable[[Prediction, Point, Residuals, ThreadPoolExecutor | None], list[Signature]]
+#: A generic disagreement, and for each of its amplitudes an array per run.
+_Shapes = tuple["Generic", list[list[np.ndarray]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +37,8 @@ class Generic:
     """A disagreement that no effect stands for; a Candidate may have it in the place of an Effect.
 
     Attributes:
-        name: by which others can be told from it. link: "force" or "motion". driver: with what it goes.
-        columns: how many amplitudes it has.
+        name: tells it from other disagreements. link: "force" or "motion". driver: the variable that it goes with.
+        columns: number of its amplitudes.
     """
 
     name: str
@@ -40,7 +48,7 @@ class Generic:
 
     @property
     def is_local(self) -> bool:
-        """Whether it is so free that it explains slow noise as well, wherever the robot happens to be meanwhile."""
+        """Whether it has an amplitude for every part of the room, with which it can explain slow noise as well."""
         return self.columns > 4
 
     @property
@@ -66,7 +74,7 @@ class Motion:
 
 
 def motion_of(prediction: Prediction, track: Track) -> Motion:
-    """From encoders and fixes; zeros where there is neither."""
+    """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two)."""
     body = prediction.replay.body
     angles = track.measured[:, : body.wheels]
     forward = body.plant.geometry.forward
@@ -80,76 +88,80 @@ def motion_of(prediction: Prediction, track: Track) -> Motion:
     return Motion(velocity, place, t, angles, track.command)
 
 
-def generics(prediction: Prediction, point: Point, base: Residuals, pool: ThreadPoolExecutor) -> list[Signature]:
-    """A signature for every amplitude of every generic disagreement that these runs could show."""
+def generic_signatures(
+    prediction: Prediction, point: Point, base: Residuals, pool: ThreadPoolExecutor | None
+) -> list[Signature]:
+    """A signature for every amplitude of every generic disagreement that these runs could show.
+
+    Args:
+        prediction: model and runs. point: effects that the model already has. base: residuals at `point`.
+    """
     motions = [motion_of(prediction, track) for track in prediction.tracks]
-    values, found = merged(point), []
-    jobs = []
+    shapes = []  # each behind the method of the prediction that takes it
     if prediction.channels["motion"]:
-        jobs += [(generic, prediction.pushed, columns) for generic, columns in _forces(prediction, motions)]
-        jobs += [(generic, prediction.injected, columns) for generic, columns in _torques(prediction, motions)]
+        shapes += [(prediction.pushed, force) for force in _forces(prediction, motions)]
+        shapes += [(prediction.injected, command) for command in _commands(prediction, motions)]
     if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.robot.in_room:
-        jobs += [(generic, prediction.displaced, columns) for generic, columns in _losses(motions)]
+        shapes += [(prediction.displaced, loss) for loss in _losses(motions)]
+    values, amplitudes = merged(point), []
+    for predict, (generic, columns) in shapes:
+        candidate = Candidate(generic, (), generic.parameters)
+        amplitudes += [(candidate, at, predict, column) for at, column in enumerate(columns)]
 
-    def one(job):
-        _, predicted, added = job
-        return predicted(added, values)
+    def residuals(amplitude):
+        *_, predict, column = amplitude
+        return predict(column, values)
 
-    flat = [(generic, predicted, added) for generic, predicted, columns in jobs for added in columns]
-    for (generic, _, _), raw in zip(flat, (pool.map if pool else map)(one, flat), strict=True):
-        at = sum(s.candidate.effect is generic for s in found)
-        candidate = next((s.candidate for s in found if s.candidate.effect is generic), None)
-        candidate = candidate or Candidate(generic, (), generic.parameters)
-        z = [float(i == at) for i in range(generic.columns)]
-        change = [{s: before[s] - after[s] for s in before} for before, after in zip(base, raw, strict=True)]
-        found.append(Signature(candidate, z, at, False, change))
-    return found
+    changed = (pool.map if pool else map)(residuals, amplitudes)
+    collected = []
+    for (candidate, at, *_), after in zip(amplitudes, changed, strict=True):
+        z = [float(i == at) for i in range(candidate.effect.columns)]
+        collected.append(Signature(candidate, z, at, False, difference(base, after)))
+    return collected
 
 
-def _forces(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:
-    """(generic, for each amplitude the force on each run), about a tenth of the usual command in size."""
+def _forces(prediction, motions) -> Iterator[_Shapes]:
+    """Forces on the body, each array (rows, 3) as Replay.pushed takes it.
+
+    They are about as large as a tenth of the usual command makes them.
+    """
     body = prediction.replay.body
-    size = _usual(motions)
+    size = _tenth_of_usual_command(motions)
     largest = body.robot.force_of_command(body.plant)
+    top_speed = max(np.sqrt(np.mean(m.body[:, :2] ** 2)) for m in motions) or 1.0
+    top_turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
 
     def push(m, x=0.0, y=0.0, yaw=0.0):
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
         return body.robot.ground_force(force)
 
-    def each(force):
-        return [force(m) for m in motions]
+    def resist(m, share):
+        """A force (rows,) against the direction of motion."""
+        return push(m, *(-_direction(m.body[:, :2]) * share[:, None]).T)
 
-    top = max(np.sqrt(np.mean(m.body[:, :2] ** 2)) for m in motions) or 1.0
-    turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
-    unit = lambda m: _direction(m.body[:, :2])  # noqa: E731
-    speed = lambda m: np.hypot(m.body[:, 0], m.body[:, 1]) / top  # noqa: E731
     yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
-        each(lambda m: push(m, *(-unit(m) * speed(m)[:, None] ** 2).T))
+        [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]
     ]
     yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
-        each(lambda m: push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / turn**2))
+        [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
     ]
     yield Generic("spring_in_the_room", "force", "place", 3), [
-        each(lambda m, f=f: push(m, *_turned(m, f))) for f in (
-            lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2],
-        )
+        [push(m, *_in_body_frame(m, force)) for m in motions]
+        for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
     ]
     yield Generic("resistance_that_wears_off", "force", "time and direction", 2), [
-        each(lambda m, f=f: push(m, *(-unit(m) * f(m)[:, None]).T)) for f in (
-            lambda m: np.exp(-m.t / _WARM_S), lambda m: m.t / 20.0,
-        )
+        [resist(m, np.exp(-m.t / _WARM_S)) for m in motions], [resist(m, m.t / _RUN_S) for m in motions],
     ]
     if any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
         cells = _cells(motions)
-        yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells[0])), [
-            [push(m, *(-unit(m) * inside[:, None]).T) for m, inside in zip(motions, inner, strict=True)]
-            for inner in zip(*cells, strict=True)
+        yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells)), [
+            [resist(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
         ]
 
 
-def _torques(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:
-    """(generic, for each amplitude the command to add to each run), about a tenth of the usual command in size."""
-    body, size = prediction.replay.body, _usual(motions)
+def _commands(prediction, motions) -> Iterator[_Shapes]:
+    """Commands to add to the recorded ones, each array (rows, m), about a tenth of the usual command in size."""
+    body, size = prediction.replay.body, _tenth_of_usual_command(motions)
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
     ]
@@ -160,49 +172,58 @@ def _torques(prediction, motions) -> Iterator[tuple[Generic, list[list[np.ndarra
     ]
     for n in _RIPPLES:
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
-            [size * f(n * m.angles) for m in motions] for f in (np.sin, np.cos)
+            [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
 
 
-def _usual(motions):
-    """A tenth of the usual command."""
+def _losses(motions) -> Iterator[_Shapes]:
+    """Displacements that the fixes would show besides, each array (rows, 3) [m, m, rad] in W."""
+    def slip(m, share):
+        return _travelled(m, m.body[:, 0] * share, m.body[:, 1] * share, 0.0 * share)
+
+    cells = _cells(motions)
+    yield Generic("slip_of_a_patch", "motion", "place", len(cells)), [
+        [-0.05 * slip(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
+    ]
+    yield Generic("slip_of_speed", "motion", "speed", 1), [[-0.1 * slip(m, _speed(m)) for m in motions]]
+    yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / _RUN_S) for m in motions]]
+    yield Generic("drift", "motion", "distance", 2), [
+        [_travelled(m, 0.0, 0.02 * _speed(m), 0.0) for m in motions],
+        [_travelled(m, 0.0, 0.0, 0.05 * _speed(m)) for m in motions],
+    ]
+
+
+def _tenth_of_usual_command(motions):
+    """A tenth of the root mean square of all commands."""
     return 0.1 * np.sqrt(np.mean(np.vstack([m.command for m in motions]) ** 2)) or 0.01
 
 
-def _losses(motions) -> Iterator[tuple[Generic, list[list[np.ndarray]]]]:
-    """(generic, for each amplitude the displacement [m, m, rad] that the fixes of each run would show besides)."""
-    cells = _cells(motions)
-    along = lambda m, share: _travelled(m, m.body[:, 0] * share, m.body[:, 1] * share, 0.0 * share)  # noqa: E731
-    yield Generic("slip_of_a_patch", "motion", "place", len(cells[0])), [
-        [-0.05 * along(m, inside) for m, inside in zip(motions, inner, strict=True)]
-        for inner in zip(*cells, strict=True)
-    ]
-    yield Generic("slip_of_speed", "motion", "speed", 1), [
-        [-0.1 * along(m, np.hypot(m.body[:, 0], m.body[:, 1])) for m in motions]
-    ]
-    yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * along(m, m.t / 20.0) for m in motions]]
-    yield Generic("drift", "motion", "distance", 2), [
-        [_travelled(m, 0.0, 0.02 * np.hypot(m.body[:, 0], m.body[:, 1]), 0.0) for m in motions],
-        [_travelled(m, 0.0, 0.0, 0.05 * np.hypot(m.body[:, 0], m.body[:, 1])) for m in motions],
-    ]
-
-
 def _cells(motions):
-    """Per run, (rows,) arrays: 1 inside one cell of the visited place, else 0; cells that nobody visited left out."""
+    """For each cell of the visited area, per run (rows,): 1 inside of it, else 0; hardly visited cells are left out."""
     places = np.vstack([m.place[:, :2] for m in motions])
     low, high = places.min(axis=0), places.max(axis=0) + 1e-9
-    index = lambda m: np.minimum((_CELLS * (m.place[:, :2] - low) / (high - low)).astype(int), _CELLS - 1)  # noqa: E731
-    number = [at[:, 0] * _CELLS + at[:, 1] for at in map(index, motions)]
-    visited = [c for c in range(_CELLS**2) if sum((n == c).sum() for n in number) > 200]
-    return [[(n == c).astype(float) for c in visited] for n in number]
+
+    def number(m):
+        index = np.minimum((_CELLS * (m.place[:, :2] - low) / (high - low)).astype(int), _CELLS - 1)
+        return index[:, 0] * _CELLS + index[:, 1]
+
+    numbers = [number(m) for m in motions]
+    visited = [c for c in range(_CELLS**2) if sum((n == c).sum() for n in numbers) > _LEAST_TICKS]
+    return [[(n == c).astype(float) for n in numbers] for c in visited]
+
+
+def _speed(m):
+    """(rows,) of B [m/s]."""
+    return np.hypot(m.body[:, 0], m.body[:, 1])
 
 
 def _direction(v):
-    return v / np.maximum(np.hypot(v[:, 0], v[:, 1]), 0.02)[:, None]
+    """(rows, 2) unit vectors along velocities (rows, 2), shorter near rest."""
+    return v / np.maximum(np.hypot(v[:, 0], v[:, 1]), _LEAST_SPEED)[:, None]
 
 
-def _turned(m, force):
-    """A force in W as components of B."""
+def _in_body_frame(m, force):
+    """x and y components in B, (rows,) each, of a force that is given in W as a function of the motion."""
     f = np.broadcast_to(force(m), (len(m.t), 2))
     c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
     return c * f[:, 0] + s * f[:, 1], -s * f[:, 0] + c * f[:, 1]

@@ -68,23 +68,23 @@ class Prediction:
 
     def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
         """The residuals of every run with these effects in the model."""
-        return self._changed(self.tracks, values, pool)
+        return self._residuals(self.tracks, values, pool)
 
     def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals with `commands` (ticks + LEAD_TICKS, m), one per run, added to the recorded ones."""
-        return self._changed([
+        return self._residuals([
             replace(track, command=track.command + added) for track, added in zip(self.tracks, commands, strict=True)
         ], values)
 
     def pushed(self, forces: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals with further `forces` (ticks + LEAD_TICKS, 3), one per run, on the body; see Replay.pushed."""
         tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
-        return self._changed(tracks, values)
+        return self._residuals(tracks, values)
 
-    def _changed(self, tracks, values, pool=None):
+    def _residuals(self, tracks, values, pool=None):
         """The residuals of these tracks in the place of the runs' own."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
-        one = lambda i, track: self._one(i, track, numbers, share)  # noqa: E731
+        one = lambda i, track: self._of_run(i, track, numbers, share)  # noqa: E731
         return list((pool.map if pool else map)(one, range(len(tracks)), tracks))
 
     def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
@@ -94,7 +94,7 @@ class Prediction:
             fix = track.fix.copy()
             fix[track.fix_rows, 1:4] -= added[track.fix_ticks]
             tracks.append(replace(track, fix=fix))
-        return self._changed(tracks, values)
+        return self._residuals(tracks, values)
 
     def nuisances(
         self, values: Values, pool: ThreadPoolExecutor | None = None
@@ -112,7 +112,7 @@ class Prediction:
 
         def one(job):
             i, moved = job
-            return i, {name: rows - at[i][name] for name, rows in self._one(i, moved(), numbers, share).items()}
+            return i, {name: rows - at[i][name] for name, rows in self._of_run(i, moved(), numbers, share).items()}
 
         return list((pool.map if pool else map)(one, jobs))
 
@@ -131,7 +131,7 @@ class Prediction:
         """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
         return [
-            [self._one(i, track, changed, share) for i, track in enumerate(self.tracks)]
+            [self._of_run(i, track, changed, share) for i, track in enumerate(self.tracks)]
             for changed in (self.replay.under_noise(numbers, other) for other in self.replay.others)
         ]
 
@@ -140,14 +140,12 @@ class Prediction:
 
         An accelerometer shows what acts at the very instant of its sample, or behind a low pass of its own. In the
         model a torque is its mean over the tick, which determines where the robot goes, but not what acts at that
-        instant. Without an IMU the list is empty.
+        instant. Without an IMU, or without the stream "motion", the list is empty.
         """
         if not self.replay.body.robot.has_imu or not self.channels["motion"]:
             return []
-        return [
-            self._changed([replace(t, measured=t.measured + self._jumps_shown(t, ticks)) for t in self.tracks], values)
-            for ticks in range(_LATE_TICKS)
-        ]
+        late = lambda track, ticks: replace(track, measured=track.measured + self._jumps_shown(track, ticks))  # noqa: E731
+        return [self._residuals([late(t, ticks) for t in self.tracks], values) for ticks in range(_LATE_TICKS)]
 
     def _jumps_shown(self, track, ticks):
         """(rows, p) change of `measured` if the timing of the torque's jump of `ticks` ago were half a tick off."""
@@ -204,7 +202,7 @@ class Prediction:
         """The share of captures that these effects leave without a fix."""
         return values.get("camera_dropouts", {}).get("share", 0.0)
 
-    def _one(self, i, track, numbers, dropouts):
+    def _of_run(self, i, track, numbers, dropouts):
         """Stream -> residuals of run `i`, in the form `track`, under these run-time numbers."""
         motion, room = self.replay.run(track, self.starts[i], numbers)
         motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]

@@ -1,0 +1,78 @@
+"""The result of deciding: which effects are named, and what these runs cannot tell from them."""
+
+from dataclasses import dataclass, field, replace
+
+from drake_ispace.explain.decide.detect import Detection
+from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Fit
+
+MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
+LEAST_SHARE_OF_END = 0.01  # of what the named effects explain under the noise of the end: less is a flaw of their form
+_LEAST_SHARE = 0.05  # of what they explain under the noise of the start, likewise
+_LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach in any case
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An effect that could stand in the place of a named one.
+
+    Attributes:
+        candidate: the effect. behind: by how much the deviance is larger with it, complexity penalties included.
+    """
+
+    candidate: Candidate
+    behind: float
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """What is still detectable beside the named effects, perhaps as a flaw of their form.
+
+    Attributes:
+        candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.
+        p_value: probability that noise shows as much.
+    """
+
+    candidate: Candidate
+    gain: float
+    p_value: float
+
+
+@dataclass
+class Decision:
+    """Which effects the runs support.
+
+    Attributes:
+        detection: whether anything is missing. start: survey of the model as given. end: survey with the named
+            effects in the model. named: fit of the named effects, None where there is none. rivals: named effect ->
+            those that cannot be ruled out in its place. gains: named effect -> rise of the deviance without it.
+        unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
+            effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
+        total_gain, first_gain: drop in deviance by the named effects under the noise of `end` and of `start`. The
+            noise of `start` is larger, because the model lacks the effects there; small further effects are measured
+            by `first_gain`.
+    """
+
+    detection: Detection
+    start: Survey
+    end: Survey
+    named: Fit | None = None
+    rivals: dict[Candidate, list[Rival]] = field(default_factory=dict)
+    gains: dict[Candidate, float] = field(default_factory=dict)
+    unknown: tuple[Generic, float] | None = None
+    nearest: tuple[Candidate, float] | None = None
+    left_over: LeftOver | None = None
+    total_gain: float = 0.0
+    first_gain: float = 0.0
+
+    @property
+    def least_gain(self) -> float:
+        """Drop in deviance below which a further effect is taken for a flaw of the form of the named ones."""
+        return max(_LEAST_FURTHER, _LEAST_SHARE * self.first_gain, LEAST_SHARE_OF_END * self.total_gain)
+
+    def with_named(self, end: Survey, named: Fit) -> "Decision":
+        """The Decision for these named effects, `end` being the survey with them in the model."""
+        gains = {"total_gain": end.gain_of(named.point), "first_gain": self.start.gain_of(named.point)}
+        return replace(self, end=end, named=named, **gains)

@@ -1,0 +1,29 @@
+"""What is still detectable once the effects are named."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_ispace.explain.decide.decision import LEAST_SHARE_OF_END, Decision, LeftOver
+from drake_ispace.explain.decide.detect import detect, trials
+from drake_ispace.explain.decide.propose import Proposal, proposals_of
+from drake_ispace.explain.decide.unknown import generic_proposals
+
+
+def left_over(
+    decision: Decision, seed: int, proposals: Sequence[Proposal] | None = None, largest: np.ndarray | None = None
+) -> LeftOver | None:
+    """The clearest effect or generic disagreement beside the named ones, None if it is small or noise shows as much.
+
+    Args:
+        seed: of the bootstrap. proposals: effects at the end, where they are known already. largest: `trials` of noise
+            at the end, where they are known already.
+    """
+    end = decision.end
+    proposals = proposals_of(end) if proposals is None else proposals
+    clearest = max([*proposals, *generic_proposals(end)], key=lambda p: p.minus_log10_p, default=None)
+    if clearest is None or clearest.gain < LEAST_SHARE_OF_END * decision.total_gain:
+        return None
+    largest = trials(end.screen, end.noise, end.instants, seed) if largest is None else largest
+    detection = detect(clearest.minus_log10_p, largest)
+    return LeftOver(clearest.candidate, clearest.gain, detection.p_value) if detection.found else None

@@ -1,0 +1,64 @@
+"""Propose effects: those that score tests favour, fitted together with the effects that the model has."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.screen import minus_log10_p_of_gain
+from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Fit, fit
+
+SHORTLIST = 6  # effects that are fitted
+LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """An effect of the library, fitted.
+
+    Attributes:
+        candidate: the effect. fit: of it and the effects that the model has. gain: drop in deviance over the
+            overdispersion; noise alone gains about 1 per parameter. penalised_drop: drop in deviance by its signatures
+            less the complexity penalty; to compare with a generic disagreement. minus_log10_p: of the gain.
+    """
+
+    candidate: Candidate
+    fit: Fit
+    gain: float
+    penalised_drop: float
+    minus_log10_p: float
+
+    @property
+    def penalised_gain(self) -> float:
+        """The gain less the complexity penalty."""
+        return self.gain - penalty(self.candidate)
+
+
+def penalty(candidate: Candidate) -> float:
+    """Complexity penalty in deviance: 2 per parameter, and 2 ln 4 for a free choice of wheel."""
+    return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)
+
+
+def proposals_of(survey: Survey) -> list[Proposal]:
+    """The effects that could explain most, the clearest score test first."""
+    screen, likelihood = survey.screen, survey.likelihood
+    base = likelihood.deviance(survey.w)
+    proposals = []
+    for candidate, minus_log10_p in clearest_effects(survey)[:SHORTLIST]:
+        if minus_log10_p < LEAST_MINUS_LOG10_P:
+            break
+        fitted = fit(likelihood, {**survey.point, candidate: screen.start(candidate, survey.w)})
+        drop = max(base - fitted.deviance, 0.0)
+        gain = drop / screen.overdispersion_of(candidate)
+        clear = min(minus_log10_p, minus_log10_p_of_gain(gain, len(candidate.parameters)))
+        penalised_drop = min(drop, screen.joint_drop(candidate, survey.w)) - penalty(candidate)
+        proposals.append(Proposal(candidate, fitted, gain, penalised_drop, clear))
+    return proposals
+
+
+def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
+    """(effect of the library, -log10 p of its score test), the largest first."""
+    ranked = [(survey.screen.candidates[i], survey.minus_log10_p[i]) for i in np.argsort(-survey.minus_log10_p)]
+    return [(candidate, value) for candidate, value in ranked if not isinstance(candidate.effect, Generic)]

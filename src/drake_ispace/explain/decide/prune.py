@@ -1,0 +1,65 @@
+"""Backward deletion: named effects without which the others do as well are taken away again."""
+
+from collections.abc import Callable
+
+from drake_ispace.explain.decide.decision import MARGIN, Decision
+from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
+from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Fit, Point, fit
+
+
+def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
+    """The Decision with no more effects than needed, and with its `gains`.
+
+    A single effect takes the place of all named ones if it does as well. Else the effect whose loss the others make
+    up for best is taken away, as long as the deviance hardly rises.
+
+    survey_at: `survey` of these runs, called with a point and `near`.
+    """
+    single = _one_for_all(decision) if len(decision.named.point) > 1 else None
+    if single is not None:
+        decision = _with_named(survey_at, decision, single)
+    while len(decision.named.point) > 1:
+        rests = without_each(decision.end, decision.named)
+        rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
+        weakest = min(rises, key=rises.get)
+        if rises[weakest] > _least_rise(decision):
+            decision.gains = rises
+            return decision
+        decision = _with_named(survey_at, decision, rests[weakest].point)
+    decision.gains = {next(iter(decision.named.point)): decision.total_gain}
+    return decision
+
+
+def _one_for_all(decision) -> Point | None:
+    """A single effect that does as well as all named ones.
+
+    Of two wheels, one that is larger can first be named as two effects: both are larger, and the other is smaller.
+    """
+    start, likelihood = decision.start, decision.end.likelihood
+    fits = [
+        fit(likelihood, {candidate: start.screen.start(candidate, start.w)}, iterations=6)
+        for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]
+    ]
+    best = min(fits, key=lambda single: single.deviance)
+    return best.point if best.deviance - decision.named.deviance < _least_rise(decision) else None
+
+
+def _least_rise(decision):
+    """Rise of the deviance for which an effect is kept."""
+    return max(2.0 * MARGIN, decision.least_gain)
+
+
+def _with_named(survey_at, decision, point) -> Decision:
+    """The Decision with the effects of `point` named instead, fitted under the noise that they leave."""
+    end = survey_at(point, near=True)
+    return decision.with_named(end, fit(end.likelihood, point))
+
+
+def without_each(survey: Survey, named: Fit) -> dict[Candidate, Fit]:
+    """Each effect of `named` -> the fit of all others, under the noise of `survey`."""
+    return {
+        candidate: fit(survey.likelihood, {c: z for c, z in named.point.items() if c is not candidate})
+        for candidate in named.point
+    }

@@ -1,0 +1,33 @@
+"""Rivals: look-alikes that these runs cannot tell from a named effect."""
+
+from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
+from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import fit
+
+_RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
+_LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
+
+
+def rivals_of(decision: Decision) -> dict[Candidate, list[Rival]]:
+    """Named effect -> its rivals. Each look-alike is fitted in its place, with the other named effects, under the noise
+    of the end."""
+    return {effect: _rivals(decision, effect) for effect in decision.named.point}
+
+
+def _rivals(decision, effect) -> list[Rival]:
+    start, named, screen = decision.start, decision.named, decision.start.screen
+    margin = max(MARGIN, _RELATIVE_MARGIN * decision.total_gain)
+    rest = {c: z for c, z in named.point.items() if c is not effect}
+    taken = {c.name for c in named.point}
+    rivals = []
+    for other, minus_log10_p in clearest_effects(start):
+        if other.name in taken or minus_log10_p < LEAST_MINUS_LOG10_P:
+            continue
+        if not screen.knows(effect) or screen.alike(effect, other) < _LEAST_LIKENESS:
+            continue
+        fitted = fit(decision.end.likelihood, {**rest, other: screen.start(other, start.w)}, iterations=6)
+        behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
+        if behind < margin and all(rival.candidate.name != other.name for rival in rivals):
+            rivals.append(Rival(other, behind))
+    return rivals

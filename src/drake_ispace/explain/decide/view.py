@@ -1,0 +1,156 @@
+"""What effects and nuisances change in the residuals around one point, and the noise that none of them explains."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.explain.decide.generic import Generics
+from drake_ispace.explain.decide.signatures import Signature, difference, is_finite, signatures
+from drake_ispace.explain.fit.candidates import Candidate, probes
+from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
+from drake_ispace.explain.fit.whitening import Whitening
+from drake_ispace.explain.predict.prediction import Prediction, Residuals
+
+_ROUNDS = 2  # in which noise and what explains it are learned in turn
+
+
+@dataclass(frozen=True)
+class View:
+    """Changes of the residuals around one point, before the noise is known.
+
+    Attributes:
+        prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
+            are explained away while the noise is learned. offsets: (run, change) of every nuisance of a single run.
+            tolerated: changes by what a sound robot may be off. sizes: natural size of each coordinate of each
+            candidate. pool: threads that predictions may use.
+    """
+
+    prediction: Prediction
+    signatures: list[Signature]
+    changes: list[Residuals]
+    offsets: list[tuple[int, dict[str, np.ndarray]]]
+    tolerated: list[Residuals]
+    sizes: Mapping[Candidate, Sequence[float]]
+    pool: ThreadPoolExecutor | None
+
+    def likelihood(self, residuals: Residuals, near: bool, start: Whitening | None = None) -> Likelihood:
+        """The Likelihood of the runs with the noise of these residuals.
+
+        near: as in `with_noise`. start: as in `noise_of`.
+        """
+        return self.with_noise(noise_of(self, residuals, start), residuals, near)
+
+    def with_noise(self, whitening: Whitening, residuals: Residuals, near: bool) -> Likelihood:
+        """The Likelihood of the runs with this noise.
+
+        near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
+            the memory is marginalised.
+        """
+        offsets = whitening.directions(residuals, self.tolerated, self.offsets, self.pool)
+        memory = whitening.memory(residuals) if near else ()
+        return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
+
+
+def view_from(
+    prediction: Prediction, point: Point, candidates: Sequence[Candidate], base: Residuals,
+    pool: ThreadPoolExecutor | None, generics: Generics,
+) -> View:
+    """The View around `point`.
+
+    Args:
+        prediction: model and runs. point: effects that the model has. candidates: effects to try; those in `point`
+            are not tried again. base: residuals at `point`. generics: signatures of generic disagreements.
+    """
+    scales = scales_of(prediction)
+    named = {c.name for c in point}
+    others = [c for c in candidates if c.name not in named]
+    sizes = {c: _sizes(c, scales) for c in candidates}
+    tested = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
+    steady = [s.change for s in tested if not getattr(s.candidate.effect, "is_local", False)]
+    noise, timing = (
+        [difference(other, base) for other in assumed(merged(point))]
+        for assumed in (prediction.under_other_noise, prediction.under_other_timing)
+    )
+    changes = steady + _changes_by_sizes(prediction, point, sizes, base, pool) + timing
+    offsets = prediction.nuisances(merged(point), pool)
+    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes, pool)
+
+
+def scales_of(prediction: Prediction) -> dict[str, float]:
+    """Root mean square of commanded torque [N m] and of wheel speed [rad/s] over all runs: "torque", "speed"."""
+    wheels = prediction.replay.body.wheels
+    commands = np.concatenate([track.command[: track.ticks] for track in prediction.tracks])
+    turned = [track.measured[: track.ticks, :wheels] for track in prediction.tracks]
+    speeds = np.concatenate([(angle[20::20] - angle[:-20:20]) / 0.1 for angle in turned])
+    return {"torque": float(np.sqrt(np.mean(commands**2))) or 1.0, "speed": float(np.sqrt(np.mean(speeds**2))) or 1.0}
+
+
+def _sizes(candidate, scales):
+    """Natural size of each coordinate: the smallest step of a probe, 1 where no probe moves it."""
+    at, neutral = probes(candidate, scales), candidate.neutral
+    steps = [[abs(z[i] - neutral[i]) for z in at if z[i] != neutral[i]] for i in range(len(neutral))]
+    return [min(sizes) if sizes else 1.0 for sizes in steps]
+
+
+def _changes_by_sizes(prediction, point, sizes, base, pool):
+    """Changes of the residuals by other sizes of the effects in `point`."""
+    changes = []
+    for candidate, z in point.items():
+        for i, (low, high) in enumerate(candidate.bounds):
+            step = 0.2 * max(abs(z[i] - candidate.neutral[i]), sizes[candidate][i])
+            moved = [*z[:i], z[i] + step if z[i] + step <= high else max(z[i] - step, low), *z[i + 1 :]]
+            residuals = prediction.residuals(merged({**point, candidate: moved}), pool)
+            if is_finite(residuals):
+                changes.append(difference(residuals, base))
+    return changes
+
+
+def _tolerated(signatures, scales):
+    """Changes of the residuals by each effect at the size that a sound robot may have."""
+    changes, seen = [], set()
+    for signature in signatures:
+        candidate, at = signature.candidate, signature.at
+        if signature.z == candidate.neutral or (candidate, at) in seen or not candidate.parameters[at].tolerance:
+            continue
+        seen.add((candidate, at))
+        parameter = candidate.parameters[at]
+        share = parameter.tolerance * scales.get(parameter.scale, 1.0) / abs(signature.z[at] - candidate.neutral[at])
+        changes.append([{name: share * rows for name, rows in run.items()} for run in signature.change])
+    return changes
+
+
+def noise_of(view: View, residuals: Residuals, start: Whitening | None = None) -> Whitening:
+    """The noise of the residuals without what the changes and the offsets of `view` explain of them.
+
+    start: noise that is nearly right already. Noise and explanation are learned in turn. If plain least squares took
+    the explanation away first, a signature that only repeats how the noise is correlated could pass for physics.
+    """
+    classes = view.prediction.classes()
+    whitening = start or Whitening(residuals, classes)
+    for _ in range(1 if start else _ROUNDS):
+        directions = whitening.directions(residuals, view.changes, view.offsets, view.pool)
+        amounts = directions.least_squares(whitening(residuals))
+        whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts))
+    return whitening
+
+
+def without(
+    residuals: Residuals, amounts: np.ndarray, changes: Sequence[Residuals],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
+) -> Residuals:
+    """Residuals less so much of every change, and of every offset.
+
+    Args:
+        amounts: (changes + offsets,), those of the changes first. offsets: (run, change of that run by stream).
+    """
+    remaining = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
+    for amount, change in zip(amounts, changes, strict=False):
+        for run, part in zip(remaining, change, strict=True):
+            for name in run:
+                run[name] -= amount * part[name]
+    for amount, (i, change) in zip(amounts[len(changes) :], offsets, strict=True):
+        for name in remaining[i]:
+            remaining[i][name] -= amount * change[name]
+    return remaining
