@@ -1,4 +1,4 @@
-"""Runs whose residuals are linear in the sizes of a few made-up effects: all that deciding needs, in milliseconds."""
+"""Runs whose residuals are linear in the sizes of a few made-up effects, on which deciding takes milliseconds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ RUNS, ROWS = 2, 400
 
 
 def pattern(seed: int) -> np.ndarray:
-    """(RUNS, ROWS) of ones and minus ones: nearly orthogonal to every other, and nothing that noise remembers."""
+    """(RUNS, ROWS) random ones and minus ones, white and nearly orthogonal to the pattern of any other seed."""
     return np.random.default_rng([seed, 1]).choice([-1.0, 1.0], size=(RUNS, ROWS))
 
 
 def wave(cycles: float) -> np.ndarray:
-    """(RUNS, ROWS) so many cycles of a sine of amplitude one over each run."""
+    """(RUNS, ROWS) a sine of amplitude one, with so many cycles in each run."""
     return np.tile(np.sin(2.0 * np.pi * cycles * np.arange(ROWS) / ROWS), (RUNS, 1))
 
 
@@ -31,7 +31,7 @@ def noise(seed: int = 0) -> np.ndarray:
 
 
 class Made(Effect):
-    """An effect of one size, from `low` on."""
+    """An effect with one parameter, its size, which is at least `low`."""
 
     def __init__(self, name: str, low: float):
         self.card = Card(name, name, "plant", "", "", "", (), "")
@@ -40,11 +40,11 @@ class Made(Effect):
 
 @dataclass(frozen=True)
 class Linear:
-    """What `survey` asks of a Prediction: residuals are `measured` less size times shape of every effect.
+    """A Prediction as far as `survey` needs one: residuals are `measured` less size times shape of every effect.
 
     Attributes:
-        measured: (RUNS, ROWS). shapes: effect -> (RUNS, ROWS) for a size of one. offsets: (run, (ROWS,)) of what a run
-            may be off by itself, one standard deviation long.
+        measured: (RUNS, ROWS). shapes: effect -> (RUNS, ROWS) change by a size of one. offsets: (run, (ROWS,))
+            nuisances of single runs, one standard deviation long.
     """
 
     measured: np.ndarray
@@ -55,8 +55,8 @@ class Linear:
     tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
 
     def residuals(self, values, pool=None):
-        left = self.measured - sum(of["size"] * self.shapes[name] for name, of in values.items())
-        return streams(left)
+        explained = sum(parameters["size"] * self.shapes[name] for name, parameters in values.items())
+        return streams(self.measured - explained)
 
     def nuisances(self, values, pool=None):
         return [(run, {"room": shape[:, None]}) for run, shape in self.offsets]
@@ -72,7 +72,7 @@ class Linear:
 
 
 def streams(rows: np.ndarray) -> list[dict[str, np.ndarray]]:
-    """(RUNS, ROWS) as Residuals."""
+    """(RUNS, ROWS) numbers as Residuals of one stream."""
     return [{"room": run[:, None]} for run in rows]
 
 
@@ -82,13 +82,13 @@ def made(*names: str, low: float = -100.0) -> list[Candidate]:
     return [Candidate(effect, (), effect.parameters) for effect in effects]
 
 
-def unnamed(driver: str, shape: np.ndarray):
-    """A force that goes with `driver`, of this (RUNS, ROWS) shape, as `decide` takes those without a name."""
+def generics_of(driver: str, shape: np.ndarray):
+    """The `generics` of `decide` with a single one, a force that goes with `driver`, of this (RUNS, ROWS) shape."""
     generic = Generic(driver, "force", driver, 1)
     candidate = Candidate(generic, (), generic.parameters)
     return lambda prediction, point, base, pool: [Signature(candidate, [1.0], 0, False, streams(shape))]
 
 
-def nothing_unnamed(prediction, point, base, pool):
-    """No disagreement without a name."""
+def no_generics(prediction, point, base, pool):
+    """The `generics` of `decide` without any."""
     return []

@@ -8,21 +8,21 @@ from drake_ispace.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")
-def found():
+def explanation():
     scenario = load_scenario("pendulum_multirate")
     runs = hide(scenario, "pendulum", {"track_error": {"share": 0.04}}, ["square", "circle", "figure_eight"], 5, 8.0)
     *training, held_out = runs.values()
     return explain(scenario, training, [held_out])
 
 
-def test_a_wider_track_shows_in_the_wheels_not_in_the_accelerometer(found):
-    assert [effect.name for effect in found.effects] == ["track_error"]
-    assert {"encoder: wheel 1", "encoder: wheel 2"} <= set(found.gap)
-    assert not {"imu: ax", "imu: ay", "imu: az", "imu: wy"} & set(found.gap)
+def test_a_wider_track_shows_in_the_wheels_not_in_the_accelerometer(explanation):
+    assert [effect.name for effect in explanation.effects] == ["track_error"]
+    assert {"encoder: wheel 1", "encoder: wheel 2"} <= set(explanation.gap)
+    assert not {"imu: ax", "imu: ay", "imu: az", "imu: wy"} & set(explanation.gap)
 
 
-def test_the_error_falls_to_the_floor(found):
-    gap = found.gap["encoder: wheel 1"]
+def test_the_error_falls_to_the_floor(explanation):
+    gap = explanation.gap["encoder: wheel 1"]
     assert gap.before > 1.5 * gap.after and gap.after == pytest.approx(gap.floor, rel=0.03) and gap.unit == "rad"
     assert gap.closed == pytest.approx(1.0, abs=0.05) and gap.ci90[0] < gap.closed < gap.ci90[1] + 1e-9
-    assert found.closed > 0.9
+    assert explanation.closed > 0.9

@@ -1,4 +1,4 @@
-"""Small parts of the workflow, by numbers that a reader can check."""
+"""Small parts of the stages of `explain`, by numbers that a reader can check."""
 
 import numpy as np
 import pytest
@@ -28,10 +28,10 @@ def test_probes_stay_within_bounds_and_leave_the_neutral_value():
     for effect in library().values():
         if not effect.applies_to(OMNI):
             continue
-        tried = Candidate(effect, (), effect.parameters_of(OMNI))
-        for z in probes(tried, {"torque": 0.02, "speed": 8.0}):
-            assert z != tried.neutral
-            assert all(low <= at <= high for at, (low, high) in zip(z, tried.bounds, strict=True))
+        probed = Candidate(effect, (), effect.parameters_of(OMNI))
+        for z in probes(probed, {"torque": 0.02, "speed": 8.0}):
+            assert z != probed.neutral
+            assert all(low <= at <= high for at, (low, high) in zip(z, probed.bounds, strict=True))
 
 
 def test_the_p_value_is_one_where_noise_reaches_as_much():
@@ -48,7 +48,7 @@ def test_the_threshold_is_where_the_p_value_is_the_false_alarm_rate():
 
 
 @pytest.mark.parametrize("parameters", [1, 2, 9])
-def test_evidence_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
+def test_minus_log10_p_is_that_of_chi_square_and_goes_on_below_the_smallest_float(parameters):
     gains = np.array([0.0, 1.0, 40.0, 900.0])
     exact = -chi2.logsf(gains, parameters) / np.log(10.0)
     assert minus_log10_p_of_gain(gains, parameters) == pytest.approx(exact)

@@ -123,8 +123,8 @@ def _against(estimate, ci90, true):
 
 
 def detectability(minus_log10_p: float) -> float:
-    """The normal deviate that has this minus_log10_p (-log10 of a two-sided p-value): an estimate of the root of the
-    non-centrality of the leading effect, as the runs show it."""
+    """The normal deviate with this -log10 p (two-sided), which estimates the root of the non-centrality of the leading
+    effect in these runs."""
     return float(np.clip(-ndtri_exp(-minus_log10_p * np.log(10.0) - np.log(2.0)), 0.0, 100.0))
 
 
@@ -173,7 +173,7 @@ def load(path: Path) -> list[dict]:
 
 
 def likeness(robot: str) -> dict:
-    """For every effect the one whose signature is most like its own, and their |cosine|, offsets left to themselves."""
+    """For every effect the one whose signature is most like its own, and their |cosine|, nuisances marginalised."""
     prepared = prepare(f"{robot}_multirate", Case(robot, "none", "none", 0.0, 1.0, 0).recordings(TRAINING, SECONDS, 0))
     screen = survey(prepared.prediction, {}, candidates(prepared.replay.effects, prepared.replay.body)).screen
     every, nearest = [c for c in screen.candidates if not isinstance(c.effect, Generic)], {}

@@ -1,4 +1,4 @@
-"""What the verdicts rest on: without a hidden effect, whitened residuals are white and nothing is found."""
+"""Without a hidden effect, whitened residuals are white and nothing is found."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def parts(survey):
 
 
 def test_whitened_residuals_are_white(surveyed):
-    """Of unit size, and independent of those before: at the next instant over all runs, later on in every run."""
+    """They have unit size, and no correlation: at lag 1 over all runs, at larger lags in every run."""
     products = np.zeros(2)
     for stream, part, scored in parts(surveyed):
         if stream not in ("motion", "room"):
@@ -58,8 +58,8 @@ def test_whitened_residuals_are_white(surveyed):
     assert abs(products[0] / products[1]) < 0.05
 
 
-def test_evidence_on_noise_alone_is_that_of_some_independent_effects(surveyed):
-    """The tail of the largest minus_log10_p falls tenfold per unit, and fewer effects are independent than there are."""
+def test_the_largest_minus_log10_p_on_noise_is_that_of_some_independent_effects(surveyed):
+    """The tail of the largest -log10 p falls tenfold per unit, and fewer effects are independent than there are."""
     largest = trials(surveyed.screen, surveyed.noise, surveyed.instants, 0)
     tenth, half = np.quantile(largest, [0.9, 0.5])
     assert 0.5 < tenth - half < 1.5
@@ -67,7 +67,7 @@ def test_evidence_on_noise_alone_is_that_of_some_independent_effects(surveyed):
 
 
 def test_noise_of_another_kind_is_no_wrong_inertia():
-    """Torque and slip that are white instead of coloured, on a robot that is exactly the model."""
+    """A robot that is exactly the model, with torque and slip noise that is white instead of coloured."""
     model = load_scenario("pendulum_multirate")
     runs = hide(model, "pendulum", {}, ["square", "circle", "figure_eight", "trapezium"], seed=6, seconds=5.0)
     assert explain(model, list(runs.values())).verdict == "none"
@@ -76,6 +76,6 @@ def test_noise_of_another_kind_is_no_wrong_inertia():
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("process_noise", [1.0, 0.3])
 def test_nothing_is_found_where_nothing_is_hidden(robot, process_noise):
-    found = explain(f"{robot}_multirate", sound(robot, 80, process_noise))
-    assert found.verdict == "none" and found.detection.p_value > found.detection.false_alarm_rate
-    assert found.effects == [] and found.model is None
+    explanation = explain(f"{robot}_multirate", sound(robot, 80, process_noise))
+    assert explanation.verdict == "none" and explanation.detection.p_value > explanation.detection.false_alarm_rate
+    assert explanation.effects == [] and explanation.model is None

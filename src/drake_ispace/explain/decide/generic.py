@@ -1,7 +1,7 @@
 """Generic disagreements: a force or a loss of motion that goes with some variable, and has no name in the library.
 
 They compete with the effects of the library. Where a generic disagreement explains the runs better than every effect,
-the verdict is "unknown", and the disagreement tells on which link it acts and what it goes with.
+the verdict is "unknown", and the disagreement tells which link is wrong and what the error goes with.
 """
 
 from collections.abc import Callable, Iterator
@@ -57,37 +57,6 @@ class Generic:
         return tuple(Parameter(f"amplitude_{i + 1}", "", probes=(1.0,)) for i in range(self.columns))
 
 
-@dataclass(frozen=True)
-class Motion:
-    """What a run did, at every tick of it and of the lead after it.
-
-    Attributes:
-        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
-        angles: (rows, n) of the wheels. command: (rows, m).
-    """
-
-    body: np.ndarray
-    place: np.ndarray
-    t: np.ndarray
-    angles: np.ndarray
-    command: np.ndarray
-
-
-def motion_of(prediction: Prediction, track: Track) -> Motion:
-    """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two)."""
-    body = prediction.replay.body
-    angles = track.measured[:, : body.wheels]
-    forward = body.plant.geometry.forward
-    velocity = wheel_speeds(angles) @ forward.T
-    t = np.arange(len(angles)) * TICK_S
-    place = np.zeros((len(t), 3))
-    if len(track.fix_t) > 1:
-        fixes = track.poses
-        fixes[:, 2] = np.unwrap(fixes[:, 2])
-        place = np.column_stack([np.interp(t, track.fix_t, column) for column in fixes.T])
-    return Motion(velocity, place, t, angles, track.command)
-
-
 def generic_signatures(
     prediction: Prediction, point: Point, base: Residuals, pool: ThreadPoolExecutor | None
 ) -> list[Signature]:
@@ -120,10 +89,41 @@ def generic_signatures(
     return collected
 
 
+@dataclass(frozen=True)
+class Motion:
+    """What a run did, at every tick of it and of the lead after it.
+
+    Attributes:
+        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
+        angles: (rows, n) of the wheels. command: (rows, m).
+    """
+
+    body: np.ndarray
+    place: np.ndarray
+    t: np.ndarray
+    angles: np.ndarray
+    command: np.ndarray
+
+
+def motion_of(prediction: Prediction, track: Track) -> Motion:
+    """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two)."""
+    body = prediction.replay.body
+    angles = track.measured[:, : body.wheels]
+    forward = body.plant.geometry.forward
+    velocity = wheel_speeds(angles) @ forward.T
+    t = np.arange(len(angles)) * TICK_S
+    place = np.zeros((len(t), 3))
+    if len(track.fix_t) > 1:
+        fixes = track.poses
+        fixes[:, 2] = np.unwrap(fixes[:, 2])
+        place = np.column_stack([np.interp(t, track.fix_t, column) for column in fixes.T])
+    return Motion(velocity, place, t, angles, track.command)
+
+
 def _forces(prediction, motions) -> Iterator[_Shapes]:
     """Forces on the body, each array (rows, 3) as Replay.pushed takes it.
 
-    They are about as large as a tenth of the usual command makes them.
+    They are about as large as a tenth of the usual command makes.
     """
     body = prediction.replay.body
     size = _tenth_of_usual_command(motions)
@@ -131,13 +131,13 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
     top_speed = max(np.sqrt(np.mean(m.body[:, :2] ** 2)) for m in motions) or 1.0
     top_turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
 
+    def resist(m, share):
+        """A push against the direction of motion, of size `share` (rows,)."""
+        return push(m, *(-_direction(m.body[:, :2]) * share[:, None]).T)
+
     def push(m, x=0.0, y=0.0, yaw=0.0):
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
         return body.robot.ground_force(force)
-
-    def resist(m, share):
-        """A force (rows,) against the direction of motion."""
-        return push(m, *(-_direction(m.body[:, :2]) * share[:, None]).T)
 
     yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
         [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]

@@ -59,13 +59,6 @@ def decide_jointly(
     return decision
 
 
-def _fitted(survey_at, point) -> tuple[Survey, Fit]:
-    """The effects of `point` fitted under the noise at `point`, and the survey at the fit under that noise."""
-    before = survey_at(point)
-    best = fit(before.likelihood, point)
-    return survey_at(best.point, whitening=before.likelihood.whitening), best
-
-
 def _thin(survey_at, decision, tell) -> None:
     """Take effects away that the others make up for, the weakest first, and set the gains of the rest."""
     while True:
@@ -79,3 +72,10 @@ def _thin(survey_at, decision, tell) -> None:
             return
         tell(f"taking {weakest.label} away again")
         decision.end, decision.named = _fitted(survey_at, rests[weakest].point)
+
+
+def _fitted(survey_at, point) -> tuple[Survey, Fit]:
+    """The effects of `point` fitted under the noise at `point`, and the survey at the fit under that noise."""
+    before = survey_at(point)
+    best = fit(before.likelihood, point)
+    return survey_at(best.point, whitening=before.likelihood.whitening), best

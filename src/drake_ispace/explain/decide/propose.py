@@ -36,11 +36,6 @@ class Proposal:
         return self.gain - penalty(self.candidate)
 
 
-def penalty(candidate: Candidate) -> float:
-    """Complexity penalty in deviance: 2 per parameter, and 2 ln 4 for a free choice of wheel."""
-    return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)
-
-
 def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
@@ -62,3 +57,8 @@ def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
     """(effect of the library, -log10 p of its score test), the largest first."""
     ranked = [(survey.screen.candidates[i], survey.minus_log10_p[i]) for i in np.argsort(-survey.minus_log10_p)]
     return [(candidate, value) for candidate, value in ranked if not isinstance(candidate.effect, Generic)]
+
+
+def penalty(candidate: Candidate) -> float:
+    """Complexity penalty in deviance: 2 per parameter, and 2 ln 4 for a free choice of wheel."""
+    return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)

@@ -75,6 +75,19 @@ class Screen:
             best.append(np.maximum(single, self._minus_log10_p_of_all(indices, products)) if several else single)
         return np.array(best)
 
+    def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
+        """Coordinates at which a fit of the candidate to `w` (rows,) should begin: its best probe, scaled to fit."""
+        indices = self._of[candidate]
+        gains = self.gains(w)
+        best = indices[int(np.argmax(gains[indices]))]
+        signature = self.signatures[best]
+        amount = float(self.marginalised[best] @ w / max(self.length[best], _LEAST))
+        share = min(max(amount, -3.0), 3.0)
+        return [
+            min(max(neutral + share * (z - neutral), low), high)
+            for z, neutral, (low, high) in zip(signature.z, candidate.neutral, candidate.bounds, strict=True)
+        ]
+
     def gains(self, w: np.ndarray) -> np.ndarray:
         """(k,) drop in the deviance of `w` (rows,) over the overdispersion, each signature fitted by itself.
 
@@ -116,19 +129,6 @@ class Screen:
     def _amounts(self, indices, w):
         """(len(indices),) how much of each of these signatures, fitted together, explains most of `w`."""
         return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) @ (self.marginalised[indices] @ w)
-
-    def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
-        """Coordinates at which a fit of the candidate to `w` (rows,) should begin: its best probe, scaled to fit."""
-        indices = self._of[candidate]
-        gains = self.gains(w)
-        best = indices[int(np.argmax(gains[indices]))]
-        signature = self.signatures[best]
-        amount = float(self.marginalised[best] @ w / max(self.length[best], _LEAST))
-        share = min(max(amount, -3.0), 3.0)
-        return [
-            min(max(neutral + share * (z - neutral), low), high)
-            for z, neutral, (low, high) in zip(signature.z, candidate.neutral, candidate.bounds, strict=True)
-        ]
 
     def knows(self, candidate: Candidate) -> bool:
         """Whether the candidate has a signature."""
