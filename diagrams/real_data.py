@@ -5,6 +5,7 @@ import json
 import sys
 from pathlib import Path
 
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers import optiodom
 
 
@@ -18,8 +19,18 @@ def asked(description: str) -> argparse.Namespace:
     options = parser.parse_args()
     if not options.data.is_dir():
         parser.exit(2, f"{options.data}: expected the folder of real measurements, there is none\n")
+    sys.excepthook = _refuse
     options.tell = lambda text: None if options.json else print(f"  {text}", file=sys.stderr)
     return options
+
+
+def _refuse(kind, error, trace):
+    """Show bad input as the command line does: one sentence and exit code 2."""
+    if not issubclass(kind, InputError):
+        sys.__excepthook__(kind, error, trace)
+        return
+    print(error, file=sys.stderr)
+    sys.exit(2)
 
 
 def spread(runs: list, count: int | None) -> list:

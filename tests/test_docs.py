@@ -44,7 +44,7 @@ def test_a_command_on_a_page_is_understood(page, line):
     command, bound, _ = app.parse_args(shlex.split(line)[1:], exit_on_error=False, print_error=False)
     names = [bound.arguments.get("name"), *bound.arguments.get("names", ())]
     assert command.__name__.strip("_") == line.split()[1]
-    assert all(name in (*scenario_names(), "camera.yaml", "run/scenario.yaml", "NAME") for name in names if name)
+    assert all(name in (*scenario_names(), "cam.yaml", "run/scenario.yaml", "NAME") for name in names if name)
 
 
 @pytest.mark.parametrize("name", CATALOG)
@@ -101,6 +101,21 @@ def test_a_test_in_the_ledger_exists(path, test):
     if test is not None:
         name = re.escape(test.removesuffix("…")) + (r"\w*" if test.endswith("…") else "")
         assert re.search(rf"^def {name}\(", files[0].read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", TEXT)
+def test_a_file_of_the_project_that_a_page_names_is_there(page):
+    named = re.findall(r"(?<![\w/.])\w+/[\w/]*\w+\.(?:py|c|sh)\b", TEXT[page])
+    below = (ROOT, PACKAGE, HERE, ROOT / "docs")
+    assert [name for name in named if not any((folder / name).is_file() for folder in below)] == []
+
+
+def test_the_targets_of_make_that_pages_name_are_in_the_makefile():
+    lines = [line for _, text in blocks(None) for line in text.splitlines()]
+    lines += [code for text in TEXT.values() for code in re.findall(r"`([^`\n]+)`", text)]
+    named = {line.split()[1] for line in lines if line.startswith("make ")}
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert named and named <= set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
 
 
 @pytest.mark.parametrize("page", TEXT)

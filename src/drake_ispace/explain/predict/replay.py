@@ -160,8 +160,8 @@ def replay_diagram(
 ) -> Diagram:
     """The Diagram with every one of `effects` at its neutral value.
 
-    Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant. Outputs:
-    innovation, of the follower, and view, of the camera.
+    Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant.
+    Outputs: innovation, of the follower, and view, of the camera.
     """
     body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
     part = Part(bench, robot.name)
