@@ -48,7 +48,7 @@ def test_the_threshold_is_where_the_p_value_is_the_false_alarm_rate():
 
 
 @pytest.mark.parametrize("parameters", [1, 2, 9])
-def test_evidence_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
+def test_minus_log10_p_is_that_of_chi_square_and_goes_on_where_its_tail_ends(parameters):
     gains = np.array([0.0, 1.0, 40.0, 900.0])
     exact = -chi2.logsf(gains, parameters) / np.log(10.0)
     assert minus_log10_p_of_gain(gains, parameters) == pytest.approx(exact)
