@@ -21,8 +21,8 @@ def test_a_wider_track_shows_in_the_wheels_not_in_the_accelerometer(explanation)
     assert not {"imu: ax", "imu: ay", "imu: az", "imu: wy"} & set(explanation.gap)
 
 
-def test_the_error_falls_to_that_of_the_refitted_effect(found):
-    gap = found.gap["encoder: wheel 1"]
+def test_the_error_falls_to_that_of_the_refitted_effect(explanation):
+    gap = explanation.gap["encoder: wheel 1"]
     assert gap.before > 1.5 * gap.after and gap.after == pytest.approx(gap.refitted, rel=0.03) and gap.unit == "rad"
     assert gap.closed == pytest.approx(1.0, abs=0.05) and gap.ci90[0] < gap.closed < gap.ci90[1] + 1e-9
     assert explanation.closed > 0.9
