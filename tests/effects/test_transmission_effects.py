@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from passing import passed
 
-from drake_ispace.effects.effect import Body, EffectBlock
+from drake_ispace.effects.effect import Body
 from drake_ispace.effects.transmission import EFFECTS, lead, motor_angle
 from drake_ispace.rates import TICK_S
 
@@ -13,13 +14,9 @@ BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 RAIL = Body("rail", "rail", None, 3)
 
 
-def given(name, torque, wheel_rate, body=RAIL, **values):
+def given(name, torque, wheel_rate, **values):
     """The torque that a block on a bare Context lets through."""
-    block = EffectBlock(BY_NAME[name], body, BY_NAME[name].neutral(body) | values)
-    context = block.CreateDefaultContext()
-    block.GetInputPort("torque").FixValue(context, torque)
-    block.GetInputPort("wheel_rate").FixValue(context, wheel_rate)
-    return block.GetOutputPort("torque").Eval(context)
+    return passed(name, RAIL, torque, {"wheel_rate": wheel_rate}, **values)
 
 
 def test_viscous_friction_grows_with_speed():
