@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from drake_ispace.wiring.catalog import CATALOG
+from measurements import ABSENT, DATA
 
 FOLDER = Path(__file__).parents[1] / "diagrams"
-DATA = FOLDER.parent / ".." / "shared" / "data"
 #: Scripts on real measurements -> their least form; none where discrepancy/test_real_data.py runs it as it is.
 REAL = {
     "optiodom_omni3": ["--runs", "1"], "optiodom_diff": ["--runs", "1"], "regbot_motor": None, "emps_drive": None,
@@ -46,7 +46,7 @@ def test_the_script_prints_pose_and_speed_and_its_picture_is_up_to_date(started,
     assert content(tmp_path / f"{name}.svg") == content(FOLDER / f"{name}.svg")
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the real measurements, ../shared/data, are not here")
+@pytest.mark.skipif(not DATA.is_dir(), reason=ABSENT)
 @pytest.mark.parametrize("name", [name for name, least in REAL.items() if least])
 def test_the_script_on_real_measurements_answers(started, name):
     answer = json.loads(started(name, "--data", str(DATA), "--json", *REAL[name]))

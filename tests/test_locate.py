@@ -1,8 +1,6 @@
 """The commands `locate` and `calibrate`, scene files, and real footage of an overhead camera."""
 
-import os
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,11 +14,9 @@ from drake_ispace.vision.image_localizer import COLOURS, targets
 from drake_ispace.vision.renderer import Renderer
 from drake_ispace.vision.scene import marker_height, robot_box
 from drake_ispace.vision.top_view import trapezoid
+from measurements import DATA
 
-FOOTAGE = (
-    Path(os.environ.get("DRAKE_ISPACE_DATA", Path(__file__).parents[2] / "shared" / "data"))
-    / "overhead/vsss_static.mp4"
-)
+FOOTAGE = DATA / "overhead/vsss_static.mp4"
 #: Read off the frame by eye [pixels].
 ROBOTS = {
     "navy_light_blue": (250, 211), "green_lime": (427, 178), "red_lime": (447, 358), "red_navy": (50, 280),

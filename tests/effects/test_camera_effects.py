@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from passing import passed, with_effects
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.noise import stream
@@ -31,13 +32,6 @@ def block(name, **values):
     return EffectBlock(effect, BODY, effect.neutral(BODY) | values)
 
 
-def reported(name, pose, **values):
-    made = block(name, **values)
-    context = made.CreateDefaultContext()
-    made.GetInputPort("pose").FixValue(context, np.asarray(pose, dtype=float))
-    return made.GetOutputPort("pose").Eval(context)
-
-
 def along(poses, latency_s):
     """What is reported of a robot that goes through `poses`, one a tick; the update of a tick changes nothing in it."""
     made = block("camera_latency", latency_s=latency_s)
@@ -54,9 +48,8 @@ def along(poses, latency_s):
     return np.array(rows)
 
 
-def with_effects(effects, settings=(), seconds=4):
-    listed = [f"omni.effects.{n}.{key}={value}" for n, values in effects.items() for key, value in values.items()]
-    return load_scenario("omni_multirate", [f"seconds={seconds}", *settings, *listed])
+def omni(effects, *settings):
+    return with_effects("omni_multirate", effects, "seconds=4", *settings)
 
 
 def messages(signals, robot="omni"):
@@ -73,20 +66,20 @@ DROPOUTS = NEUTRAL | {"camera_dropouts": {"share": 0.5}}
 
 
 def test_places_as_a_camera_reports_them():
-    assert reported("camera_scale", [1.0, -2.0, 0.5], share=0.1) == pytest.approx([1.1, -2.2, 0.5])
-    assert reported("camera_offset", [1.0, -2.0, 0.5], x_m=0.1, y_m=0.2) == pytest.approx([1.1, -1.8, 0.5])
+    assert passed("camera_scale", BODY, [1.0, -2.0, 0.5], share=0.1) == pytest.approx([1.1, -2.2, 0.5])
+    assert passed("camera_offset", BODY, [1.0, -2.0, 0.5], x_m=0.1, y_m=0.2) == pytest.approx([1.1, -1.8, 0.5])
 
 
 def test_a_camera_that_is_turned_turns_places_and_headings():
     c, s = np.cos(0.4), np.sin(0.4)
-    assert reported("camera_rotation", [1.0, 0.0, 0.5], angle_rad=0.4) == pytest.approx([c, s, 0.9])
-    assert reported("camera_rotation", [0.0, 2.0, -0.5], angle_rad=0.4) == pytest.approx([-2.0 * s, 2.0 * c, -0.1])
+    assert passed("camera_rotation", BODY, [1.0, 0.0, 0.5], angle_rad=0.4) == pytest.approx([c, s, 0.9])
+    assert passed("camera_rotation", BODY, [0.0, 2.0, -0.5], angle_rad=0.4) == pytest.approx([-2.0 * s, 2.0 * c, -0.1])
 
 
 def test_markers_off_the_middle_turn_with_the_robot():
     facing_y = [1.0, 2.0, 0.5 * np.pi]
-    assert reported("marker_offset", facing_y, x_m=0.1, y_m=0.02) == pytest.approx([0.98, 2.1, 0.5 * np.pi])
-    assert reported("marker_offset", [1.0, 2.0, np.pi], x_m=0.1) == pytest.approx([0.9, 2.0, np.pi])
+    assert passed("marker_offset", BODY, facing_y, x_m=0.1, y_m=0.02) == pytest.approx([0.98, 2.1, 0.5 * np.pi])
+    assert passed("marker_offset", BODY, [1.0, 2.0, np.pi], x_m=0.1) == pytest.approx([0.9, 2.0, np.pi])
 
 
 STEADY = np.column_stack([0.001 * np.arange(80.0), -0.002 * np.arange(80.0), 0.01 * np.arange(80.0)])
@@ -124,12 +117,12 @@ def test_a_robot_is_hidden_for_whole_vision_instants():
 
 @pytest.fixture(scope="module")
 def base():
-    return simulate_compiled(with_effects({})).signals
+    return simulate_compiled(omni({})).signals
 
 
 @pytest.fixture(scope="module")
 def at_neutral():
-    return simulate_compiled(with_effects(NEUTRAL)).signals
+    return simulate_compiled(omni(NEUTRAL)).signals
 
 
 def test_at_neutral_every_signal_is_that_of_the_base_model(base, at_neutral):
@@ -138,11 +131,11 @@ def test_at_neutral_every_signal_is_that_of_the_base_model(base, at_neutral):
 
 
 def test_both_engines_agree_on_effects_of_the_camera(at_neutral):
-    assert parity(with_effects(EFFECTS))["max_abs_difference"] == 0.0
+    assert parity(omni(EFFECTS))["max_abs_difference"] == 0.0
 
 
 def test_effects_act_from_the_robot_to_the_message():
-    signals = simulate_compiled(with_effects(EFFECTS | {"camera_dropouts": {"share": 0.0}}, SHARP)).signals
+    signals = simulate_compiled(omni(EFFECTS | {"camera_dropouts": {"share": 0.0}}, *SHARP)).signals
     fixes, poses = messages(signals), signals["omni_pose"]
     assert len(fixes) > 15
     for tick, seen, x, y, phi in fixes[2:]:
@@ -159,7 +152,7 @@ def test_effects_act_from_the_robot_to_the_message():
 
 
 def test_dropouts_are_fixes_in_which_the_robot_is_not_seen(base):
-    signals = simulate_compiled(with_effects(DROPOUTS)).signals
+    signals = simulate_compiled(omni(DROPOUTS)).signals
     assert all(np.isfinite(rows).all() for rows in signals.values())
     fixes, all_seen = messages(signals), messages(base)
     assert np.array_equal(fixes[:, 0], all_seen[:, 0]) and all_seen[:, 1].all()
@@ -168,7 +161,7 @@ def test_dropouts_are_fixes_in_which_the_robot_is_not_seen(base):
 
 
 def test_dropouts_have_a_stream_of_their_own_under_the_seed_of_a_campaign():
-    rollout = compile_diagram(build_diagram(with_effects(DROPOUTS)))
+    rollout = compile_diagram(build_diagram(omni(DROPOUTS)))
     lost = {seed: messages(rollout.run(800, rollout.with_seed(seed)))[:, 1].tolist() for seed in (0, 1)}
     assert lost[0] != lost[1]
     key = [rollout.parameters[rollout.index(f"omni_camera_dropouts.noise_stream[{i}]")] for i in range(2)]
@@ -186,7 +179,7 @@ def test_each_robot_is_seen_through_its_own_effects():
 def test_a_hidden_robot_is_in_no_image():
     settings = ["seconds=0.6", "space.localizer.mode=image", "omni.effects.camera_dropouts.share=0.5"]
     omni = messages(simulate(load_scenario("shared_space", settings)).signals)
-    pattern = [messages(simulate(with_effects(DROPOUTS, seconds=0.6)).signals)[:, 1]]
+    pattern = [messages(simulate(with_effects("omni_multirate", DROPOUTS, "seconds=0.6")).signals)[:, 1]]
     assert np.array_equal([omni[:, 1]], pattern) and 0 < omni[:, 1].sum() < len(omni)
 
 

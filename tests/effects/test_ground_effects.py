@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from passing import passed
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
@@ -30,11 +31,7 @@ PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-10, max
 
 def force(name, body, ports, before=(0.0, 0.0, 0.0), **values):
     """What the block of the effect makes of the ground force `before`, given the robot's `ports`."""
-    block = EffectBlock(library()[name], body, values)
-    context = block.CreateDefaultContext()
-    for port, value in ({"ground_force": before} | ports).items():
-        block.GetInputPort(port).FixValue(context, np.array(value, dtype=float))
-    return block.GetOutputPort("ground_force").Eval(context)
+    return passed(name, body, before, ports, **values)
 
 
 def test_scrub_brakes_the_yaw_alone_and_adds_to_what_is_there():

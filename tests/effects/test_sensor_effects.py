@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from passing import passed, with_effects
 from rail import rail
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.effects.effect import Body, EffectBlock
+from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.effects.places.imu import rotation
 from drake_ispace.robots.library import robots
@@ -25,19 +26,9 @@ OF_IMU = {
 }
 
 
-def passed(name, body, signal, **values):
-    """What the effect makes of one value of its wire."""
-    effect = library()[name]
-    block = EffectBlock(effect, body, effect.neutral(body) | values)
-    context = block.CreateDefaultContext()
-    block.GetInputPort(effect.wire).FixValue(context, np.asarray(signal, dtype=float))
-    return block.GetOutputPort(effect.wire).Eval(context)
-
-
-def with_effects(effects):
-    """The pendulum, which has every sensor, with `effects`."""
-    listed = [f"pendulum.effects.{n}.{key}={v}" for n, values in effects.items() for key, v in values.items()]
-    return load_scenario("pendulum_multirate", ["seconds=2", *listed])
+def pendulum(effects):
+    """A robot that has every sensor."""
+    return with_effects("pendulum_multirate", effects, "seconds=2")
 
 
 # By hand
@@ -108,7 +99,7 @@ def test_a_message_without_the_robot_is_left_alone(fix, offset_s):
 def at_neutral():
     """All effects of these files at once, changing nothing, and a run without them."""
     neutral = {name: library()[name].neutral(PENDULUM) for name in OF_ALL | OF_IMU}
-    return simulate_compiled(with_effects(neutral)).signals, simulate_compiled(with_effects({})).signals
+    return simulate_compiled(pendulum(neutral)).signals, simulate_compiled(pendulum({})).signals
 
 
 def test_at_neutral_every_signal_is_that_of_the_base_model(at_neutral):
@@ -117,12 +108,12 @@ def test_at_neutral_every_signal_is_that_of_the_base_model(at_neutral):
 
 
 def test_both_engines_agree_on_effects_of_encoder_and_imu(at_neutral):
-    assert parity(with_effects(OF_ALL | OF_IMU))["max_abs_difference"] == 0.0
+    assert parity(pendulum(OF_ALL | OF_IMU))["max_abs_difference"] == 0.0
 
 
 def test_the_effects_show_in_what_is_measured(at_neutral):
     neutral, _ = at_neutral
-    signals = simulate_compiled(with_effects(OF_ALL | OF_IMU)).signals
+    signals = simulate_compiled(pendulum(OF_ALL | OF_IMU)).signals
     standing = signals["pendulum_imu"][1, 1:] - neutral["pendulum_imu"][1, 1:]  # the sample of tick 0, upright
     axes = rotation([0.03, 0.0, -0.02]).T
     gravity = 0.98 * 9.81 * axes[1:, 2] - [0.0, 9.81 + 0.1]

@@ -4,23 +4,19 @@ import math
 
 import numpy as np
 import pytest
+from passing import passed
 from rail import rail
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.effects.effect import EffectBlock
 from drake_ispace.effects.places.transmission import EFFECTS, lead, motor_angle
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 RAIL = rail(3)
 
 
-def given(name, torque, wheel_rate, body=RAIL, **values):
+def given(name, torque, wheel_rate, **values):
     """The torque that a block on a bare Context lets through."""
-    block = EffectBlock(BY_NAME[name], body, BY_NAME[name].neutral(body) | values)
-    context = block.CreateDefaultContext()
-    block.GetInputPort("torque").FixValue(context, torque)
-    block.GetInputPort("wheel_rate").FixValue(context, wheel_rate)
-    return block.GetOutputPort("torque").Eval(context)
+    return passed(name, RAIL, torque, {"wheel_rate": wheel_rate}, **values)
 
 
 def test_viscous_friction_grows_with_speed():

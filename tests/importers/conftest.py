@@ -1,8 +1,8 @@
 """Where the measured data lie."""
 
-from pathlib import Path
-
 import pytest
+
+from measurements import ABSENT, DATA
 
 
 @pytest.fixture
@@ -12,7 +12,7 @@ def measured():
 
 
 def _measured(name):
-    path = Path(__file__).parents[3] / "shared" / "data" / name
+    path = DATA / name
     if not path.exists():
-        pytest.skip(f"needs {name} of the measured data in ../shared/data, which is not there")
+        pytest.skip(f"needs {name}: {ABSENT}")
     return path
