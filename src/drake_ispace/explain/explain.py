@@ -1,6 +1,8 @@
 """`explain`: where do simulation and measurement disagree, which effect is missing, and does adding it close the gap?
 
-Four stages, a folder each:
+An effect is a named physical cause that a model may lack, such as Coulomb friction or a late camera (`effects/`); at its
+neutral value it changes nothing. A track is one recorded run, a look-alike an effect that the same runs show in nearly
+the same way. docs/glossary.md has the other words. Four stages, a folder each:
 
 1. predict  The model is driven by the recorded commands and held on the measured motion by a Kalman filter. What the
             model could not predict from the past is the residual. Every effect of the library is in the compiled
@@ -10,11 +12,14 @@ Four stages, a folder each:
             effects at which the deviance, -2 log likelihood, is least.
 3. decide   Is there a disagreement at all, at a false-alarm rate of 1 %? Which effects lower the deviance most, and
             which look-alikes nearly as much? Stage 3 calls stage 2 for every set of effects that it considers.
-4. answer   The sizes with 90 % intervals, the channels that show the disagreement, the scenario with the effects in
-            it, and errors before and after: on held-out runs, and over whole runs in which nothing corrects the model.
+4. answer   The verdict (named, a set of look-alikes, unknown, none), sizes with 90 % intervals, the recorded channels
+            that show the disagreement, a new scenario with the effects in it (where the model is a scenario), and
+            errors before and after: of predictions on held-out runs, and of training and held-out runs predicted as a
+            whole, in which nothing corrects the model. For a scenario also how well its controller explains the
+            recorded torque.
 
-A plant of the user's own may be explained without a filter (`choice="free_run"`): stage 2 then fits free-run
-simulations by least squares, and stage 3 compares sets of effects by cross-validation.
+A plant of the user's own (OwnModel) may be explained without the filter's likelihood (`choice="free_run"`): stage 2 then
+fits free-run simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
 """
 
 import time
@@ -72,7 +77,7 @@ def explain(
     case = prepare(model, runs, held_out, effects)
 
     with ThreadPoolExecutor(_THREADS) as pool:
-        # 2 fit: an effect with its choice of wheel is a candidate, its sizes are coordinates that a fit can move
+        # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)
 
         # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
@@ -82,7 +87,7 @@ def explain(
             decision = _DECIDERS[choice](case.prediction, tried, seed, pool, tell)
 
         # 4 answer
-        tell("localising")
+        tell("finding the channels that show it")
         answer = describe(case, decision)
         if answer.effects and case.scenario is not None:
             add_effects(answer, case, decision)
