@@ -1,8 +1,8 @@
 """`explain`: where do simulation and measurement disagree, which effect is missing, and does adding it close the gap?
 
-An effect is a named physical cause that a model may lack, such as Coulomb friction or a late camera (`effects/`); at its
-neutral value it changes nothing. A track is one recorded run, a look-alike an effect that the same runs show in nearly
-the same way. docs/glossary.md has the other words. Four stages, a folder each:
+An effect is a named physical cause that a model may lack, such as Coulomb friction or a late camera (`effects/`). At
+its neutral value it changes nothing. A track is one recorded run, a look-alike an effect that the same runs show in
+nearly the same way; docs/glossary.md has the other words. Four stages, a folder each:
 
 1. predict  The model is driven by the recorded commands and held on the measured motion by a Kalman filter. What the
             model could not predict from the past is the residual. Every effect of the library is in the compiled
@@ -18,8 +18,8 @@ the same way. docs/glossary.md has the other words. Four stages, a folder each:
             whole, in which nothing corrects the model. For a scenario also how well its controller explains the
             recorded torque.
 
-A plant of the user's own (OwnModel) may be explained without the filter's likelihood (`choice="free_run"`): stage 2 then
-fits free-run simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
+A plant of the user's own (OwnModel) may be explained without the filter's likelihood (`choice="free_run"`): stage 2
+then fits free-run simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
 """
 
 import time
