@@ -167,7 +167,21 @@ def checked_out(revision: str):
 
 
 def git(*arguments) -> str:
-    return subprocess.run(["git", "-C", TREE, *arguments], check=True, capture_output=True, text=True).stdout.strip()
+    """What git prints; Ctrl-C waits for its end, for a checkout that went on would fill a folder that is being removed.
+
+    Raises:
+        subprocess.CalledProcessError: git says no.
+    """
+    words = ["git", "-C", TREE, *arguments]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        out, err = process.communicate()
+    except KeyboardInterrupt:
+        process.communicate()
+        raise
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, words, out, err)
+    return out.strip()
 
 
 async def command(tree: Path, folder: Path, arguments: list[str], turns: asyncio.Semaphore) -> dict:
