@@ -8,8 +8,8 @@ import numpy as np
 
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import Effect
-from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.signatures import Signature
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.signatures import Signature
 from drake_ispace.explain.fit.candidates import Candidate
 
 RUNS, ROWS = 2, 400

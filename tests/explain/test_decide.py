@@ -15,7 +15,7 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.prune import pruned
-from drake_ispace.explain.decide.survey import survey
+from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.likelihood import fit
 
 SHAPES = {"tilt": pattern(3), "drag": pattern(5), "lag": pattern(8), "slip": pattern(13)}

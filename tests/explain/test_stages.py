@@ -8,7 +8,7 @@ from tried import OMNI, candidate
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
 from drake_ispace.explain.decide.detect import detect
-from drake_ispace.explain.decide.screen import minus_log10_p_of_gain
+from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
 
 

@@ -22,8 +22,8 @@ import numpy as np
 from scipy.special import ndtri_exp
 
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.survey import survey
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare

@@ -18,9 +18,9 @@ import numpy as np
 from drake_ispace.explain.answer.explanation import Explanation, Gap
 from drake_ispace.explain.answer.localize import channel_rows
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.survey import BLOCK_ROWS, survey
+from drake_ispace.explain.decide.survey.survey import BLOCK_ROWS, survey
+from drake_ispace.explain.decide.survey.view import without
 from drake_ispace.explain.decide.validate import Choice
-from drake_ispace.explain.decide.view import without
 from drake_ispace.explain.fit.free_run import channel_of, errors, fitted, rms, unit_of
 from drake_ispace.explain.fit.likelihood import fit, merged
 from drake_ispace.explain.predict.case import Case

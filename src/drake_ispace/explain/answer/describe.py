@@ -22,9 +22,9 @@ from drake_ispace.explain.answer.explanation import (
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.decide.decision import Decision, LeftOver
-from drake_ispace.explain.decide.generic import Generic
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.view import without
 from drake_ispace.explain.decide.validate import Choice
-from drake_ispace.explain.decide.view import without
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
 from drake_ispace.explain.fit.likelihood import Fit

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
 from drake_ispace.explain.answer.explanation import Place
-from drake_ispace.explain.decide.generic import Motion, motion_of
-from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.decide.survey.generic import Motion, motion_of
+from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals, wheel_speeds
 
 _RATE = 0.05  # rate of false discoveries among channels

@@ -13,12 +13,12 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.detect import Detection, detect, trials
-from drake_ispace.explain.decide.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import rivals_of
-from drake_ispace.explain.decide.survey import Survey, fit_with_noise, survey, with_memory_marginalised
+from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
+from drake_ispace.explain.decide.survey.survey import Survey, fit_with_noise, survey, with_memory_marginalised
 from drake_ispace.explain.decide.unknown import GenericProposal, believed, better_than
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 
 from drake_ispace.explain.decide.detect import Detection
-from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.decide.screen import Screen
+from drake_ispace.explain.decide.survey.screen import Screen
 
 FALSE_ALARM_RATE = 0.01
 _REPLICATES = 400

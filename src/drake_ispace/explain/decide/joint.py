@@ -12,12 +12,12 @@ from functools import partial
 
 from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.detect import detect, trials
-from drake_ispace.explain.decide.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import proposals_of
 from drake_ispace.explain.decide.prune import without_each
 from drake_ispace.explain.decide.rivals import rivals_of
-from drake_ispace.explain.decide.survey import Survey, survey
+from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
+from drake_ispace.explain.decide.survey.survey import Survey, survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction

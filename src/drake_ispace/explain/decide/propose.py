@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.decide.generic import Generic
-from drake_ispace.explain.decide.screen import minus_log10_p_of_gain
-from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
+from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 

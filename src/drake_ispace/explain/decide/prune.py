@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
-from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
 

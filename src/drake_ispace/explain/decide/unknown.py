@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drake_ispace.explain.decide.decision import MARGIN
-from drake_ispace.explain.decide.generic import Generic
 from drake_ispace.explain.decide.propose import Proposal
-from drake_ispace.explain.decide.survey import Survey
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 
 _LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.explain.decide.view import scales_of
+from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.free_run import Sizes, errors, fitted, rms, unit_of
 from drake_ispace.explain.fit.likelihood import Point, merged

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import gammaln
 from scipy.stats import chi2
 
-from drake_ispace.explain.decide.signatures import Signature
+from drake_ispace.explain.decide.survey.signatures import Signature
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Likelihood
 from drake_ispace.explain.predict.prediction import Residuals

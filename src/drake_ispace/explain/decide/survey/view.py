@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.decide.generic import Generics
-from drake_ispace.explain.decide.signatures import Signature, difference, is_finite, signatures
+from drake_ispace.explain.decide.survey.generic import Generics
+from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.generic import Generics, generic_signatures
-from drake_ispace.explain.decide.screen import Screen
-from drake_ispace.explain.decide.view import View, view_from
+from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
+from drake_ispace.explain.decide.survey.screen import Screen
+from drake_ispace.explain.decide.survey.view import View, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, merged

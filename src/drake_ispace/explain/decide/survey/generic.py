@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
-from drake_ispace.explain.decide.signatures import Signature, difference
+from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, wheel_speeds
