@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).parents[1] / "benchmarks"
+FOLDER = Path(__file__).parents[2] / "benchmarks"
 #: same_answers compares two revisions; test_same_answers.py runs it.
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("[!_]*.py") if path.stem != "same_answers")
 UNDRAWN = {"diagnosis", "rollout_speed"}  # have no picture

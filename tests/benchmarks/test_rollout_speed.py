@@ -14,7 +14,7 @@ from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import build_diagram
 
-FOLDER = Path(__file__).parents[1] / "benchmarks"
+FOLDER = Path(__file__).parents[2] / "benchmarks"
 TICKS = 2000
 #: What a run without it would not show: name -> parameters of the plant away from where they do nothing.
 AWAY = {

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-TREE = Path(__file__).parents[1]
+TREE = Path(__file__).parents[2]
 SCRIPT = TREE / "benchmarks" / "same_answers.py"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(TREE / "src")}
 ANSWER = {
