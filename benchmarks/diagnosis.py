@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
-from drake_ispace.explain.decide import screen, view
+from drake_ispace.explain.decide.survey import screen, view
 from drake_ispace.explain.fit import whitening
 from drake_ispace.explain.predict import replay
 from drake_ispace.hiding import MOTIONS
