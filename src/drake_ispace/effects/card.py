@@ -20,6 +20,7 @@ class Parameter:
         reciprocal: fitted as 1 / value, which is 0 where there is no limit.
         tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
             deviation): a floor is never level to a tenth of a milliradian, and no model exact.
+        sensible: what a robot that drives about may have. A fit may go beyond, but its result is then not named.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Parameter:
     scale: str = ""
     reciprocal: bool = False
     tolerance: float = 0.0
+    sensible: tuple[float, float] = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 An effect is a named physical cause that a model may lack, such as Coulomb friction or a late camera (`effects/`). At
 its neutral value it changes nothing. A track is one recorded run, a look-alike an effect that the same runs show in
-nearly the same way; docs/glossary.md has the other words. Four stages, a folder each:
+nearly the same way; docs/glossary.md has the other words. Five stages, a folder each:
 
 1. predict  The model is driven by the recorded commands and held on the measured motion by a Kalman filter. What the
             model could not predict from the past is the residual. Every effect of the library is in the compiled
@@ -12,11 +12,12 @@ nearly the same way; docs/glossary.md has the other words. Four stages, a folder
             effects at which the deviance, -2 log likelihood, is least.
 3. decide   Is there a disagreement at all, at a false-alarm rate of 1 %? Which effects lower the deviance most, and
             which look-alikes nearly as much? Stage 3 calls stage 2 for every set of effects that it considers.
-4. answer   The verdict (named, a set of look-alikes, unknown, none), sizes with 90 % intervals, the recorded channels
-            that show the disagreement, a new scenario with the effects in it (where the model is a scenario), and
-            errors before and after: of predictions on held-out runs, and of training and held-out runs predicted as a
-            whole, in which nothing corrects the model. For a scenario also how well its controller explains the
-            recorded torque.
+4. prove    The gap as a user would measure it: errors of free-run simulations before and after, on runs to which no
+            size was fitted, beside what sensors and chance leave and what plain least squares finds. And a test of
+            what is left: is it noise of a sound robot?
+5. answer   The verdict (named, a set of look-alikes, incomplete, unknown, none), sizes with 90 % intervals, the
+            recorded channels that show the disagreement, what is left of it, and a new scenario with the effects in it
+            (where the model is a scenario). For a scenario also how well its controller explains the recorded torque.
 
 A plant of the user's own (OwnModel) may be explained without the filter's likelihood (`choice="free_run"`): stage 2
 then fits free-run simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
@@ -29,18 +30,19 @@ from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.effects.effect import Effect
-from drake_ispace.explain.answer.confirm import confirm
 from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.free_run import add_free_runs
 from drake_ispace.explain.answer.new_model import add_effects
+from drake_ispace.explain.answer.verdict import add_proof
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import Runs, prepare
 from drake_ispace.explain.predict.own_model import OwnModel
+from drake_ispace.explain.prove.own_gap import prove_own
+from drake_ispace.explain.prove.prove import prove
 from drake_ispace.scenario import Scenario
 
 _THREADS = 2
@@ -86,16 +88,16 @@ def explain(
         else:
             decision = _DECIDERS[choice](case.prediction, tried, seed, pool, tell)
 
-        # 4 answer
+        # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
+        tell("measuring the gap")
+        proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed, pool)
+
+        # 5 answer
         tell("finding the channels that show it")
         answer = describe(case, decision)
-        if answer.effects and case.scenario is not None:
-            add_effects(answer, case, decision)
-        if answer.effects and case.held_out is not None:
-            tell("confirming on the held-out runs")
-            confirm(answer, case, decision, seed, pool)
-    tell("predicting whole runs without correction")
-    add_free_runs(answer, case, decision)
+    add_proof(answer, case, proof)
+    if answer.effects and case.scenario is not None:
+        add_effects(answer, case, decision)
     if case.scenario is not None:
         tell("checking the controller")
         check_controllers(answer, case)

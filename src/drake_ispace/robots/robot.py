@@ -104,6 +104,8 @@ class Robot(abc.ABC):
         own_dynamics: whether errors grow or swing by themselves, as fast as the plant's numbers say.
         unknown_forces: root mean square, assumed, of what pushes it along the coordinates of `ground`; where velocity
             is commanded, of the accelerations by which it leaves its command [m/s^2, m/s^2, rad/s^2].
+        unknown_slip: random walk of place and heading, assumed, as wheels slip [m/m^(1/2), rad/m^(1/2)].
+        most_unknown, most_slip: how many times unknown_forces and unknown_slip a sound robot may have at most.
         order_size: of the message that the room sends to it besides the fix.
         truth: what a simulated run knows besides the pose.
         markers_may_turn: whether a camera's markers may be mounted at any angle.
@@ -125,6 +127,9 @@ class Robot(abc.ABC):
     has_imu = False
     own_dynamics = False
     unknown_forces: tuple[float, float, float] | None = None
+    unknown_slip = (1e-3, 3e-3)
+    most_unknown = 3.5
+    most_slip = 10.0
     order_size = len(WAY_POINT)
     truth = Truth("velocity", ("vx_w", "vy_w", "wz_w"), ("m/s", "m/s", "rad/s"))
     markers_may_turn = False

@@ -78,6 +78,11 @@ class Rollout:
         self._function(0, ticks, x, d, p, recorded, *logs.values())
         return logs
 
+    def opened(self, ticks: int, inputs: Mapping[str, np.ndarray]):
+        """The machine code, and the inputs (ticks, columns) in the form that it takes; errors as `run`."""
+        check_ticks(ticks)
+        return self._function, self._recorded(inputs, ticks)
+
     @property
     def inputs(self) -> dict[str, int]:
         """Exported inputs of the Diagram -> size."""

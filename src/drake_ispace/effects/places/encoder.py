@@ -30,7 +30,7 @@ class EncoderScale(WheelAngleEffect):
         excitation="acceleration beside driving and turning: a wrong radius also changes what force a torque gives, a "
         "wrong scale of the encoder does not; turning apart from driving, because camera_scale leaves headings alone",
     )
-    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3),)
+    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
     output = scaled
 
     def block_parameters(self, body, values):

@@ -71,7 +71,9 @@ class ConstantSlip(PlantEffect):
 
     def parameters_of(self, body):
         names = [f"ratio{axis}" for axis in _axes(body)]
-        return tuple(Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3) for name in names)
+        return tuple(
+            Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3, sensible=(-0.01, 0.5)) for name in names
+        )
 
     def change(self, robot, plant, values):
         return _slip_with(plant, self.name, "ratio", values)

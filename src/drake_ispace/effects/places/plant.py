@@ -5,13 +5,18 @@ from drake_ispace.effects.effect import PlantEffect
 
 
 class NumberError(PlantEffect):
-    """A number of the plant times (1 + share): the one that `needs` names. low, high: of the share."""
+    """A number of the plant times (1 + share): the one that `needs` names.
+
+    low, high: what a fit may try. sensible: beyond it a fit is not named.
+    """
 
     low, high = -0.3, 0.3
+    sensible = (-0.15, 0.15)
 
     def parameters_of(self, body):
         number = body.robot.numbers[self.needs[0]]
-        return (Parameter("share", "1", 0.0, self.low, self.high, number.probes, tolerance=number.tolerance),)
+        sizes = {"tolerance": number.tolerance, "sensible": self.sensible}
+        return (Parameter("share", "1", 0.0, self.low, self.high, number.probes, **sizes),)
 
     def change(self, robot, plant, values):
         return robot.scaled(plant, self.needs[0], values["share"])
@@ -22,6 +27,7 @@ class MassError(NumberError):
 
     needs = ("mass",)
     low, high = -0.6, 1.5
+    sensible = low, high
     card = Card(
         name="mass_error", title="Mass error", home="plant", equation="m = (1 + share) m_nominal",
         source="payload, battery, cables",
@@ -36,6 +42,7 @@ class InertiaError(NumberError):
 
     needs = ("inertia",)
     low, high = -0.8, 3.0
+    sensible = low, high
     card = Card(
         name="inertia_error", title="Inertia error", home="plant",
         equation="I = (1 + share) I_nominal, omni: yaw, pendulum: I_yy",
@@ -52,6 +59,7 @@ class YawInertiaError(NumberError):
 
     needs = ("yaw_inertia",)
     low, high = -0.8, 3.0
+    sensible = low, high
     card = Card(
         name="yaw_inertia_error", title="Yaw inertia error", home="plant",
         equation="I_zz, I_xx = (1 + share) nominal", source="width and payload of the body; I_xx is assumed anyway",
@@ -116,7 +124,7 @@ class SingleWheelRadiusError(PlantEffect):
         excitation="straight driving along x and y both ways, and turning: a track error shows while turning only; "
         "lost counts leave the forces alone and a weak motor the odometry",
     )
-    parameters = (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
+    parameters = (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3, sensible=(-0.15, 0.15)),)
 
     def change(self, robot, plant, values):
         return robot.worn(plant, values["share"], [int(values["wheel"]) - 1])
@@ -138,7 +146,7 @@ class WheelRadiusErrors(PlantEffect):
 
     def parameters_of(self, body):
         return tuple(
-            Parameter(f"share_{i}", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3)
+            Parameter(f"share_{i}", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3, sensible=(-0.15, 0.15))
             for i in range(1, body.wheels + 1)
         )
 

@@ -27,7 +27,7 @@ from drake_ispace.explain.decide.survey.view import without
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
-from drake_ispace.explain.fit.likelihood import Fit
+from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_interval
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
@@ -62,7 +62,7 @@ def _described(case, decision: Decision) -> Explanation:
     return Explanation(
         verdict, effects,
         DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),
-        places, untestable, unknown=unknown, warnings=warnings + _on_bounds(effects),
+        places, untestable, unknown=unknown, warnings=warnings,
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
 
@@ -75,31 +75,24 @@ def _described_choice(case, choice: Choice) -> Explanation:
     ]
     verdict = "set" if choice.rivals else "named" if effects else "none"
     return Explanation(
-        verdict, effects, None, [], [], validated=validated, warnings=_on_bounds(effects),
+        verdict, effects, None, [], [], validated=validated,
         next_experiment=next_experiment(effects, None, []),
     )
 
 
-def with_free_run(effects: Sequence[NamedEffect], replay: Replay, sizes: Sizes) -> list[NamedEffect]:
-    """The effects with the values that simulate whole runs best beside their estimates.
+def with_least_squares(effects: Sequence[NamedEffect], replay: Replay, point: Point) -> list[NamedEffect]:
+    """The effects with the sizes at which free-run simulations come nearest to the training runs, beside the estimates.
 
-    sizes: fitted to free-run simulations.
+    point: effects and their coordinates.
     """
     values = {
         (candidate.name, parameter.name): _size(replay, candidate, i, z[i])
-        for candidate, z in sizes.point.items() for i, parameter in enumerate(candidate.parameters)
+        for candidate, z in point.items() for i, parameter in enumerate(candidate.parameters)
     }
     return [
         replace(effect, parameters={
-            name: replace(p, free_run=values.get((effect.name, name))) for name, p in effect.parameters.items()
+            name: replace(p, least_squares=values.get((effect.name, name))) for name, p in effect.parameters.items()
         }) for effect in effects
-    ]
-
-
-def _on_bounds(effects):
-    return [
-        f"{name} of {effect.name} sits on its bound" for effect in effects
-        for name, p in effect.parameters.items() if p.on_bound
     ]
 
 
@@ -169,10 +162,11 @@ def _estimate(replay, best: Fit | Sizes, candidate, i, ends) -> Estimate:
 
 
 def _on_bound(best, candidate, i) -> bool:
-    """Whether a coordinate was stopped by what is physically possible."""
+    """Whether a coordinate was stopped by what is physically possible, or is beyond what makes sense."""
     low, high = candidate.bounds[i]
-    z = best.point[candidate][i]
-    return z != candidate.neutral[i] and (z <= low or z >= high)
+    z, (least, most) = best.point[candidate][i], candidate.parameters[i].sensible
+    makes_sense = least <= value_of(candidate.parameters[i], z) <= most
+    return z != candidate.neutral[i] and (z <= low or z >= high or not makes_sense)
 
 
 def _size(replay, candidate, i, z) -> float:

@@ -5,6 +5,10 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from drake_ispace.explain.answer.sentences import in_words, is_place, sentence_of, short
+from drake_ispace.explain.prove.adequacy import Remainder
+from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
+from drake_ispace.explain.prove.proof import PlantParameter
 from drake_ispace.files.places import whole_file
 from drake_ispace.scenario import Scenario
 
@@ -15,15 +19,15 @@ class Estimate:
 
     Attributes:
         estimate, ci90, unit: value, 90 % interval (low, high), and their unit. on_bound: whether the value sits on the
-            bound of what is physically possible. free_run: the value with which free-run simulations come nearest to
-            the training runs; None where there are no such simulations.
+            bound of what is physically possible, or beyond what a robot that drives about may have. least_squares: the
+            value with which free-run simulations come nearest to the training runs; None: not computed.
     """
 
     estimate: float
     ci90: tuple[float, float]
     unit: str
     on_bound: bool = False
-    free_run: float | None = None
+    least_squares: float | None = None
 
 
 @dataclass(frozen=True)
@@ -77,48 +81,6 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Gap:
-    """How much of the gap in a channel the named effects close on held-out runs.
-
-    Attributes:
-        before, after, refitted: root mean square error with the model as given, with the effects in the sizes fitted to
-            the training runs, and with the same effects refitted to the held-out runs. The errors are those of
-            one-step-ahead prediction, less the runs' own offsets (of their IMU, say). Where the effects were chosen by
-            cross-validation, the errors are those of free-run simulation.
-        closed: 1 - (after^2 - refitted^2) / (before^2 - refitted^2). What no size of these effects explains is in
-            `refitted`, and not in the gap. A refit minimises the deviance of all channels together, so that one channel
-            may come out a little better with the sizes of the training runs.
-        ci90: 90 % bootstrap interval of `closed`, over blocks of a second (free-run simulation: over runs).
-        unit: of the errors.
-    """
-
-    before: float
-    after: float
-    refitted: float
-    closed: float
-    ci90: tuple[float, float]
-    unit: str
-
-
-@dataclass(frozen=True)
-class FreeRun:
-    """Root mean square error over whole runs in which nothing corrects the model.
-
-    Attributes:
-        runs: "training", or the kind of held-out runs. channel: "dead-reckoned position" (encoders from the start of
-            each run, against the camera); of a plant of the user's own "simulated wheel angle" or "simulated wheel
-            speed" on the recorded torque, with the sizes of Estimate.free_run. unit: of the errors.
-        before, after: with the model as given, and with the named effects.
-    """
-
-    runs: str
-    channel: str
-    unit: str
-    before: float
-    after: float
-
-
-@dataclass(frozen=True)
 class Validated:
     """A set of effects that was tried by cross-validation.
 
@@ -130,15 +92,6 @@ class Validated:
     effects: list[str]
     error: float
     unit: str
-
-
-@dataclass(frozen=True)
-class PlantParameter:
-    """A free parameter of a user's own plant, as fitted without effects (before) and beside the named ones (after)."""
-
-    name: str
-    before: float
-    after: float
 
 
 @dataclass(frozen=True)
@@ -193,13 +146,13 @@ class Explanation:
     """The answer of `explain`.
 
     Attributes:
-        verdict: "named", "set", "none" or "unknown". effects: those that the model lacks. warnings: what a reader must
-            know first.
+        verdict: "named", "set", "incomplete", "unknown" or "none". effects: those that the model lacks. warnings: what
+            a reader must know first.
         detection: None where effects were chosen by cross-validation. localization: channels, the largest share first.
         untestable: effects that these runs cannot show. unknown: None unless the verdict is "unknown".
-        gap: channel -> Gap on the held-out runs. closed: the share of the gap that is closed over all channels together
-            (of whitened residuals), None where there is no gap.
-        free_run: a row for the training runs and for each kind of held-out runs.
+        gap: a row for every measure on unseen runs and on the training runs. proof: how the unseen runs came about,
+            "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
+            not noise of a sound robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
         next_experiment: a sentence, empty where no question is open.
         model: the scenario with the named effects in it, None where there is none. difference: what differs in it from
@@ -216,9 +169,9 @@ class Explanation:
     detection: DetectionResult | None
     localization: list[Place]
     untestable: list[Untestable]
-    gap: dict[str, Gap] = field(default_factory=dict)
-    closed: float | None = None
-    free_run: list[FreeRun] = field(default_factory=list)
+    gap: list[GapRow] = field(default_factory=list)
+    proof: str = ""
+    remainders: list[Remainder] = field(default_factory=list)
     validated: list[Validated] = field(default_factory=list)
     plant: list[PlantParameter] = field(default_factory=list)
     unknown: Unknown | None = None
@@ -233,6 +186,19 @@ class Explanation:
     held_out: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
+    @property
+    def headline(self) -> GapRow | None:
+        """The row of the gap that says most: the place on unseen runs, over the longest horizon at which it is clear.
+
+        None where the gap is too small to show in metres.
+        """
+        return headline(self.gap)
+
+    @property
+    def closed(self) -> float | None:
+        """The share of the gap that is closed, of the headline; None where the gap is too small."""
+        return None if self.headline is None or not self.effects else self.headline.closed
+
     def to_data(self) -> dict:
         """Plain data, ready for JSON."""
         data = {
@@ -242,7 +208,8 @@ class Explanation:
             "localization": [dataclasses.asdict(place) for place in self.localization],
             "untestable": [dataclasses.asdict(entry) for entry in self.untestable],
             "unknown": None if self.unknown is None else dataclasses.asdict(self.unknown),
-            "gap": {"held_out": {name: dataclasses.asdict(g) for name, g in self.gap.items()}, "closed": self.closed},
+            "headline": None if self.headline is None else dataclasses.asdict(self.headline), "closed": self.closed,
+            "proof": self.proof,
             **{name: [dataclasses.asdict(row) for row in getattr(self, name)] for name in _TABLES},
             "controller": None if self.controller is None else dataclasses.asdict(self.controller),
             "closed_loop": self.closed_loop,
@@ -250,6 +217,16 @@ class Explanation:
             "runs": self.runs, "held_out": self.held_out, "model": self.model_path, "seconds": self.seconds,
         }
         return plain(data)
+
+    def gap_in_words(self) -> list[str]:
+        """The headline, and the places on unseen runs over each horizon."""
+        row, lines = self.headline, []
+        if row is None and self.effects:
+            lines.append("the gap is too small to show in metres" + (f" ({self.proof})" if self.proof else ""))
+        if row is not None:
+            lines.append(in_words(row, self.proof, bool(self.effects)))
+        others = [other for other in self.gap if other.runs == HELD_OUT and is_place(other) and other is not row]
+        return lines + [short(other) for other in others]
 
     def save(self, path: str | Path) -> None:
         """Write the explanation as JSON, whole or not at all.
@@ -268,19 +245,13 @@ class Explanation:
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():
                 low, high = p.ci90
-                best = "" if p.free_run in (None, p.estimate) else f", best free-run simulation at {p.free_run:.4g}"
-                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{best}")
+                plain = "" if p.least_squares is None else f", by free-run least squares {p.least_squares:.4g}"
+                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{plain}")
         if self.unknown is not None:
             unknown = self.unknown
             lines.append(f"  a {unknown.link} that goes with {unknown.driver}; nearest: {unknown.nearest}")
-        for name, gap in self.gap.items():
-            lines.append(
-                f"  held out, {name}: {gap.before:.4g} -> {gap.after:.4g} {gap.unit} (refitted {gap.refitted:.4g}), "
-                f"{100 * gap.closed:.0f} % closed"
-            )
-        lines += [
-            f"  {row.runs}, {row.channel}: {row.before:.4g} -> {row.after:.4g} {row.unit}" for row in self.free_run
-        ]
+        lines += [f"  left: {sentence_of(remainder)}" for remainder in self.remainders[:3]]
+        lines += [f"  {line}" for line in self.gap_in_words()]
         lines += [f"  {row.name}: {row.before:.4g} -> {row.after:.4g}" for row in self.plant]
         for row in self.validated:
             lines.append(f"  cross-validated, {' + '.join(row.effects) or 'no effect'}: {row.error:.4g} {row.unit}")
@@ -293,9 +264,10 @@ class Explanation:
         return "\n".join(lines)
 
 
-_TABLES = ("free_run", "validated", "plant")
+_TABLES = ("gap", "remainders", "validated", "plant")
 _VERDICTS = {
     "named": "The model lacks", "set": "The model lacks one of a set that these runs cannot tell apart",
+    "incomplete": "The model lacks these effects, and something more",
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
 }

@@ -4,9 +4,10 @@ import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
 from drake_ispace.explain.answer.explanation import Place
-from drake_ispace.explain.decide.survey.generic import Motion, motion_of
+from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey
-from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals, wheel_speeds
+from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals
+from drake_ispace.explain.prove.drivers import drivers_of
 
 _RATE = 0.05  # rate of false discoveries among channels
 _LEAST_SHARE = 0.02
@@ -25,7 +26,7 @@ def localize(prediction: Prediction, start: Survey, explained: Residuals) -> lis
     if total <= 0.0:
         return []
     motions = [motion_of(prediction, track) for track in prediction.tracks]
-    drivers = {"motion": [_drivers(m, False) for m in motions], "room": [_drivers(m, True) for m in motions]}
+    drivers = {"motion": [drivers_of(m, False) for m in motions], "room": [drivers_of(m, True) for m in motions]}
     shares = {label: float(drops[labels == label].sum()) / total for label in dict.fromkeys(labels)}
     places = [label for label in shares if shares[label] >= _LEAST_SHARE]
     if not places:
@@ -71,43 +72,9 @@ def onset(start: Survey, explained: Residuals) -> str:
 def channel_rows(prediction: Prediction, at: Survey) -> np.ndarray:
     """(rows,) the channel that each whitened number of a survey belongs to."""
     return np.concatenate([
-        np.tile(np.array(labels_of(prediction, name), dtype=object), noise.rows(run[name]))
+        np.tile(np.array(prediction.labels(name), dtype=object), noise.rows(run[name]))
         for run in at.residuals for name, noise in at.likelihood.whitening.noise.items()
     ])
-
-
-def labels_of(prediction: Prediction, stream: str) -> list[str]:
-    """The channels of a stream, each with its sensor in front, such as "kinect: x"."""
-    def source(name):
-        if stream == "motion":
-            return "encoder" if name.startswith("wheel") else "imu"
-        return "start" if stream == "start" else "kinect"
-
-    return [f"{source(name)}: {name}" for name in prediction.channels[stream]]
-
-
-def _drivers(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
-    """Variable -> (rows, k) functions of it at every tick; vectors along the axes of the room, or else of the body."""
-    velocity = m.body
-    if in_room:
-        c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
-        vx, vy, turning = m.body.T
-        velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
-    wheels = wheel_speeds(m.angles)
-    kernel = np.ones(41) / 41.0
-    smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
-    return {
-        "nothing (constant)": np.ones((len(m.t), 1)),
-        "speed": velocity,
-        "speed squared": velocity * np.abs(velocity),
-        "direction": np.tanh(wheels / (0.05 * np.maximum(np.abs(wheels).max(axis=0), 1e-9))),
-        "acceleration": np.column_stack(smooth),
-        "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
-        "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
-        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / 5.0)]),
-        "load": np.abs(m.command),
-        "command": m.command,
-    }
 
 
 def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], label, explained):
@@ -118,7 +85,7 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
     if label == "kinect: seen" or label.startswith("start"):
         return "every run alike"
-    column = labels_of(prediction, stream).index(label)
+    column = prediction.labels(stream).index(label)
     values, regressors = [], {}
     classes_of = start.likelihood.whitening.classes
     for driven, track, classes, run, after in zip(

@@ -150,3 +150,15 @@ def _check_comparable(case):
                 f"{prediction.tracks[0].name}: nothing to compare, expected encoder and torque (of the pendulum imu "
                 "too) or encoder and kinect, for some seconds"
             )
+
+
+def part_of(prediction: Prediction, runs: slice) -> Prediction:
+    """The same model against some of the runs."""
+    parts = {name: getattr(prediction, name)[runs] for name in ("tracks", "starts", "anchored")}
+    return replace(prediction, **parts)
+
+
+def joined(one: Prediction, other: Prediction) -> Prediction:
+    """The model against the runs of both predictions, those of `one` first."""
+    both = {name: getattr(one, name) + getattr(other, name) for name in ("tracks", "starts", "anchored")}
+    return replace(one, **both)

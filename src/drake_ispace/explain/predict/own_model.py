@@ -191,12 +191,16 @@ class OwnReplay(Replay):
         angles: (n,) wheel angles of the plant's default Context [rad].
         logged: "angle" or "speed", see OwnModel.
         free: name -> the plant's value of each free parameter.
+        unknown_torque: root mean square of unknown torques [N m], assumed. angle_std: standard deviation of an encoder
+            sample [rad].
     """
 
     place: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     angles: np.ndarray = field(default_factory=lambda: np.empty(0))
     logged: str = "angle"
     free: Mapping[str, float] = field(default_factory=dict)
+    unknown_torque: float = 0.0
+    angle_std: float = 0.0
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, n) innovations of the angles, and (0, 3) for a room: there is none.
@@ -216,10 +220,7 @@ class OwnReplay(Replay):
         """
         numbers = self.parameters(values)
         self._set(numbers, f"{self.body.name}_plant", plant or {})
-        size = self.body.wheels
-        for name, length in (("gain", len(self.place) * size), ("feedback", size * len(self.place))):
-            self._set(numbers, f"{self.body.name}_follower", {name: np.zeros(length)})
-        return self._logs(run, run.measured[0], numbers)["angle"][: run.ticks + 1]
+        return self._logs(run, run.measured[0], self.freed(numbers))["angle"][: run.ticks + 1]
 
     def _logs(self, run, angles, numbers):
         """Logs of the rollout from these wheel angles (n,) [rad] at t = 0."""
@@ -284,6 +285,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     return OwnReplay(
         body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
         angles=angles, logged=model.logged, free={name: model.parameters[name] for name in model.free},
+        unknown_torque=_unknown_torque(model, tracks), angle_std=float(np.sqrt(_angle_variance(tracks))),
     )
 
 
@@ -312,15 +314,20 @@ def _filter(model, tracks, factors, linear) -> Filter:
     """The follower's filter; factors: on the spectral density of unknown torques, and on the encoder's variance."""
     a, b, c = linear
     n = model.wheels
-    torque = np.sqrt(np.mean(np.vstack([t.command[: t.ticks] for t in tracks]) ** 2)) or 1.0
-    rms = _UNKNOWN_SHARE * torque if model.unknown_torque is None else model.unknown_torque
-    process = b @ (2.0 * rms**2 * CORRELATION_S * factors[0] * np.eye(n)) @ b.T
+    process = b @ (2.0 * _unknown_torque(model, tracks) ** 2 * CORRELATION_S * factors[0] * np.eye(n)) @ b.T
     sensors = np.full(n, _angle_variance(tracks) * factors[1])
     mobility = c @ a @ b
     effort = mobility.T @ mobility / BANDWIDTH_RAD_S**4
     value = solve_continuous_are(a, b, c.T @ c + 1e-12 * np.eye(len(a)), effort)
     feedback = np.linalg.solve(effort, b.T @ value)
     return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n))
+
+
+def _unknown_torque(model, tracks) -> float:
+    """Root mean square of unknown torques [N m]."""
+    if model.unknown_torque is not None:
+        return model.unknown_torque
+    return _UNKNOWN_SHARE * float(np.sqrt(np.mean(np.vstack([t.command[: t.ticks] for t in tracks]) ** 2)) or 1.0)
 
 
 def _angle_variance(tracks):

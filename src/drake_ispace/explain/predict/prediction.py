@@ -42,6 +42,10 @@ _IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz
 #: Its sign and size change as the robot turns, so that no stationary noise can stand for it.
 _NOT_PREDICTED = "wx"
 _LATE_TICKS = 3  # within which an accelerometer shows a jump of the torque
+_UNITS = {
+    "wheel": "rad", "ax": "m/s^2", "ay": "m/s^2", "az": "m/s^2", "wx": "rad/s", "wy": "rad/s", "wz": "rad/s", "x": "m",
+    "y": "m", "heading": "rad", "seen": "1",
+}
 _TILT_S = 0.5  # over which the tilt, as gravity shows it, is averaged
 
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
@@ -66,6 +70,20 @@ class Prediction:
     anchored: list[bool]
     channels: dict[str, list[str]]
     columns: list[int]
+
+    def labels(self, stream: str) -> list[str]:
+        """The channels of a stream, each with its sensor in front, such as "kinect: x"."""
+        def source(name):
+            if stream == "motion":
+                return "encoder" if name.startswith("wheel") else "imu"
+            return "start" if stream == "start" else "kinect"
+
+        return [f"{source(name)}: {name}" for name in self.channels[stream]]
+
+    @staticmethod
+    def unit(label: str) -> str:
+        """The unit of a channel called as in `labels`."""
+        return _UNITS[label.split()[1]]
 
     def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
         """The residuals of every run with these effects in the model."""
@@ -214,15 +232,18 @@ class Prediction:
         }
 
 
-def predict(replay: Replay, tracks: Sequence[Track]) -> Prediction:
-    """Set a model against runs, each starting at its first way point, or where the camera first saw the robot."""
+def predict(replay: Replay, tracks: Sequence[Track], tune: bool = True) -> Prediction:
+    """Set a model against runs, each starting at its first way point, or where the camera first saw the robot.
+
+    tune: whether the gains of the room view are chosen anew where the robot is driven by velocity.
+    """
     starts, anchored = [], []
     for track in tracks:
         start, is_known = _start(track)
         starts.append(np.concatenate([start, track.measured[0, : replay.body.wheels]]))
         anchored.append(is_known)
     robot, wheels = replay.body.robot, replay.body.wheels
-    if robot.driven == COMMAND:
+    if robot.driven == COMMAND and tune:
         replay = tuned(replay, tracks, starts)
     names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if robot.has_imu else [])
     # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: residuals

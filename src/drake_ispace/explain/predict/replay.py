@@ -104,15 +104,35 @@ class Replay:
 
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
+        state = self.state(start)
+        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=self.inputs(run))
+        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
+
+    def state(self, start: np.ndarray) -> np.ndarray:
+        """The rollout's continuous state at rest; start: (3 + n,) pose and wheel angles."""
         state = self.rollout.continuous_state.copy()
         state[:3] = start[:3]
         first = self.body.robot.first_wheel
         state[first : first + self.body.wheels] = start[3:]
+        return state
+
+    def inputs(self, run: Track) -> dict[str, np.ndarray]:
+        """The rollout's inputs: name -> (rows, size)."""
         inputs = {"command": self._command(run), "measured": run.measured, "sighting": run.sightings}
         if self.body.robot.driven == TORQUE:
             inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
-        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
-        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
+        return inputs
+
+    def freed(self, numbers: np.ndarray) -> np.ndarray:
+        """A copy of the run-time numbers with which nothing corrects the model: free-run simulation."""
+        changed, follower = numbers.copy(), f"{self.body.name}_follower"
+        for name in ("gain", "feedback"):
+            self._set(changed, follower, {name: np.zeros(getattr(self.others[0], name).size)})
+        return changed
+
+    def clock_offset_s(self, numbers: np.ndarray) -> float:
+        """By how much the camera's clock is taken to be behind [s]."""
+        return float(numbers[self.rollout.index(f"{self.body.name}_view.offset_s")])
 
     def _command(self, run):
         """(rows, m) the recorded command; the measured wheels' velocity where it was not recorded."""
@@ -161,7 +181,7 @@ def replay_diagram(
     """The Diagram with every one of `effects` at its neutral value.
 
     Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant.
-    Outputs: innovation, of the follower, and view, of the camera.
+    Outputs: innovation, of the follower, view, of the camera, and pose, what the camera would report.
     """
     body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
     part = Part(bench, robot.name)
@@ -193,7 +213,10 @@ def replay_diagram(
     if robot.driven == TORQUE:
         inputs["force"] = "ground.command"
     bench.let_in(**{name: part.block(port) for name, port in inputs.items()})
-    bench.show(innovation=part.block("follower.innovation"), view=part.block("view.innovation"))
+    view = part.block("view")
+    bench.show(
+        innovation=part.block("follower.innovation"), view=f"{view}.innovation", pose=bench.source(f"{view}.pose")
+    )
     return bench.build(part.block("replay"))
 
 

@@ -1,0 +1,57 @@
+"""The gap and what is left of it, in sentences a user can act on."""
+
+from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
+from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
+
+_OVER = {RUN: "over whole runs", "step": "at the next sample"}
+_BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command"}
+
+
+def in_words(row: GapRow, proof: str, has_effects: bool) -> str:
+    """The headline: errors before and after on unseen runs, and the share closed."""
+    where = f"{proof or 'unseen runs'}{f', {row.kind}' if row.kind else ''}"
+    what = f"{row.channel} {_BY.get(row.driven_by, '')} {over(row.horizon)}".replace("  ", " ")
+    if not has_effects:
+        return f"{where}: {what} is off by {amount(row.before, row.unit)}"
+    return (
+        f"{where}: {what} was off by {amount(row.before, row.unit)}, is off by {amount(row.after, row.unit)}: "
+        f"{100.0 * row.closed:.0f} % of the gap closed"
+    )
+
+
+def short(row: GapRow) -> str:
+    """A row of the gap on one line."""
+    kind = f", {row.kind}" if row.kind else ""
+    floor = [f"{name} {amount(value, row.unit)}" for name, value in (
+        ("sensors", row.sensors), ("chance", row.chance), ("least squares", row.least_squares)) if value is not None]
+    errors = [amount(row.before, row.unit)] + ([amount(row.after, row.unit)] if row.after != row.before else [])
+    measure = f"{row.metric} {row.horizon}{kind}, {row.channel} ({row.driven_by})"
+    return f"{measure}: {' -> '.join(errors)}" + (f" ({', '.join(floor)})" if floor else "")
+
+
+def is_place(row: GapRow) -> bool:
+    """Whether a row is of a position, or of the wheels of a plant without a place."""
+    return row.metric != PREDICTION and row.channel != "heading"
+
+
+def sentence_of(remainder: Remainder) -> str:
+    """What is left, on which channel and runs, how large, with what it goes, and since when."""
+    runs = f"; most in {', '.join(remainder.runs)}" if remainder.runs else ""
+    goes = "with nothing measured" if remainder.driver == NOTHING else f"with {remainder.driver}"
+    size = amount(remainder.size, remainder.unit)
+    return (
+        f"{remainder.channel}: {size} {over(remainder.horizon)}, goes {goes}, {remainder.since} ({remainder.because})"
+        f"{runs}"
+    ).replace(" ,", ",")
+
+
+def over(horizon: str) -> str:
+    """A horizon in words."""
+    return _OVER.get(horizon, f"over {horizon.removesuffix('s')} s" if horizon else "")
+
+
+def amount(value: float, unit: str) -> str:
+    """A number with its unit; metres below one as millimetres."""
+    if unit == "m" and abs(value) < 1.0:
+        return f"{1e3 * value:.3g} mm"
+    return f"{value:.3g} {unit}"

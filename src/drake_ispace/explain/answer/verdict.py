@@ -1,0 +1,46 @@
+"""The verdict: whether the named effects suffice."""
+
+from collections.abc import Sequence
+
+from drake_ispace.explain.answer.describe import with_least_squares
+from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
+from drake_ispace.explain.prove.proof import Proof
+
+
+def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
+    """Add the gap and what is left of it to the answer, and correct the verdict by them."""
+    answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
+    if proof.least_squares is not None:
+        answer.effects = with_least_squares(answer.effects, case.replay, proof.least_squares)
+    _judge(answer)
+
+
+def _judge(answer: Explanation) -> None:
+    """Correct the verdict.
+
+    Effects that do not suffice make it "incomplete"; a model that lacks nothing known but leaves more than noise makes
+    it "unknown". An effect at a size that makes no sense, or that makes a channel of unseen runs worse, is not named.
+    """
+    beyond = [
+        f"{name} of {effect.name} is {p.estimate:.3g} {p.unit}, which is on a bound or beyond what makes sense"
+        for effect in answer.effects for name, p in effect.parameters.items() if p.on_bound
+    ]
+    worse = [] if not answer.effects else [
+        f"{row.channel} ({row.driven_by}, {row.horizon}) got worse on unseen runs: {row.before:.3g} -> {row.after:.3g} "
+        f"{row.unit}" for row in made_worse(answer.gap)
+    ]
+    answer.warnings = beyond + worse + answer.warnings
+    if answer.verdict in ("named", "set") and (beyond or worse or answer.remainders):
+        answer.verdict = "incomplete"
+    elif answer.verdict == "none" and answer.remainders:
+        answer.verdict = "unknown"
+
+
+def made_worse(rows: Sequence[GapRow]) -> list[GapRow]:
+    """Rows of unseen runs whose squared error grew by more than what sensors and chance leave of it."""
+    return [
+        row for row in rows if row.runs == HELD_OUT and row.sensors is not None and row.chance is not None
+        and row.after**2 - row.before**2 > row.sensors**2 + row.chance**2
+    ]

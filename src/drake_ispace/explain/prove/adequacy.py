@@ -1,0 +1,267 @@
+"""Does an answer suffice? What it leaves, on runs to which nothing was fitted, must be noise of a sound robot.
+
+It is not noise where
+
+- forces from outside would have to be stronger than is plausible,
+- an error is larger than sensors and plausible process noise together can make it,
+- a measured variable predicts it in runs from which the prediction was not learned, or
+- it differs between wheels that are alike.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.decide.survey.generic import motion_of
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.replay import Values
+from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
+from drake_ispace.explain.prove.free_run import (
+    HORIZONS_S,
+    PREDICTION,
+    STEP,
+    WHEELS,
+    Errors,
+    Measure,
+    Simulation,
+    Windows,
+    rms,
+)
+from drake_ispace.explain.prove.noise import FORCES, ProcessNoise
+from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
+
+_PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
+_TOO_LARGE = 2.0  # times what sensors and plausible process noise leave
+_UNLIKE = 1.25  # times the error of the wheels that are like it
+_CERTAIN = 3.0  # standard errors by which a wheel must differ
+_FOLDS = 4  # into which the only run is cut
+NOTHING = "nothing measured"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What is left of the gap and is not noise of a sound robot.
+
+    Attributes:
+        channel: sensor and quantity, "position" or "heading", or "force" and its coordinate.
+        driver: measured variable that it goes with, or "nothing measured".
+        size, unit: root mean square over the horizon. horizon: such as "0.2s". ratio: how many times as large as it
+            may be. since: in words. runs: those in which it is largest. because: the test that it fails, in words.
+    """
+
+    channel: str
+    driver: str
+    size: float
+    unit: str
+    horizon: str
+    ratio: float
+    since: str
+    runs: list[str]
+    because: str
+
+
+@dataclass(frozen=True)
+class _Series:
+    """Errors of one run in time: t (k,) [s], errors (k, d), drivers name -> (k, c)."""
+
+    t: np.ndarray
+    errors: np.ndarray
+    drivers: Mapping[str, np.ndarray]
+
+
+def remainders(
+    prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values], after: Sequence[Errors],
+    noise: ProcessNoise, sensors: Mapping[Measure, float], chance: Mapping[Measure, float],
+) -> list[Remainder]:
+    """What the answer leaves, the worst first; nothing where it suffices.
+
+    Args:
+        prediction: model and runs. windows, values, after: of each run, the effects in the model and its errors.
+        noise: that the errors need. sensors, chance: measure -> root mean square that noise may leave.
+    """
+    motion = [_sensed(prediction, i, w, e) for i, (w, e) in enumerate(zip(windows, after, strict=True))]
+    rooms = [_places(prediction, i, v) for i, v in enumerate(values)]
+    names = [track.name for track in prediction.tracks]
+    found = [*_too_noisy(noise, names), *_too_large(after, sensors, chance, names)]
+    for series in (motion, rooms):
+        for m in {m: None for run in series for m in run}:
+            own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
+            if remainder := _predicted(m, own, sensors):
+                found.append(remainder)
+    found += _unlike(motion, names)
+    return sorted(found, key=lambda remainder: -remainder.ratio)
+
+
+def _too_noisy(noise, names):
+    return [
+        Remainder(
+            source, NOTHING, strength, "times the assumed force", "", strength / noise.limits[source],
+            "from the start of a run", names, "no plausible noise is as strong",
+        ) for source, strength in noise.needed.items() if source in FORCES and strength > noise.limits[source]
+    ]
+
+
+def _too_large(after, sensors, chance, names):
+    """Where an error is larger than it may be: of the next samples, and of dead reckoning."""
+    found = []
+    for m in sorted({m for run in after for m in run}):
+        if (m.metric == PREDICTION) != (m.horizon == STEP) or (m.metric != PREDICTION and m.driven_by != WHEELS):
+            continue
+        sizes = [rms([run[m]]) for run in after if m in run]
+        floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
+        size = rms([run[m] for run in after if m in run])
+        if size > _TOO_LARGE * max(floor, 1e-300):
+            found.append(Remainder(
+                m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
+                _worst(sizes, names), f"sensors and plausible process noise leave {floor:.2g} {m.unit}",
+            ))
+    return found
+
+
+def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], sensors) -> Remainder | None:
+    """The variable that predicts most of an error in runs from which this was not learned.
+
+    None where it is a small part of the error, or smaller than what the sensors alone leave: pixels and counts repeat
+    themselves with the place.
+    """
+    names, series = zip(*runs, strict=True)
+    shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
+    driver = max(shares, key=shares.get)
+    size = rms([run.errors for run in series]) * float(np.sqrt(max(shares[driver], 0.0)))
+    if shares[driver] < _PREDICTED or size < sensors.get(_as_pooled(m), 0.0):
+        return None
+    return Remainder(
+        m.channel, driver, size, m.unit, m.horizon, shares[driver] / _PREDICTED, _since(series),
+        _worst([rms([run.errors]) for run in series], names),
+        f"{100 * shares[driver]:.0f} % of the squared error over {m.horizon} goes with {driver}",
+    )
+
+
+def _as_pooled(m):
+    """The measure of the gap that is of the same errors."""
+    if m.metric == PREDICTION:
+        return m
+    return Measure(m.metric, m.horizon, "heading" if m.unit == "rad" else "position", m.unit, m.driven_by)
+
+
+def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Share of the squared errors that a variable predicts in runs from which this was not learned.
+
+    runs: (functions of the variable (k, c), errors (k, d)) of each. Each is left out in turn; a single run is cut.
+    """
+    parts = [part for part in runs if len(part[0])]
+    if len(parts) == 1:
+        parts = list(zip(*(np.array_split(column, _FOLDS) for column in parts[0]), strict=True))
+    if not parts:
+        return 0.0
+    scale = np.maximum(np.sqrt(np.mean(np.vstack([x for x, _ in parts]) ** 2, axis=0)), 1e-12)
+    parts = [(x / scale, y) for x, y in parts]
+    normals = [(x.T @ x, x.T @ y) for x, y in parts]
+    total, products = sum(a for a, _ in normals), sum(b for _, b in normals)
+    left = 0.0
+    for (x, y), (own, product) in zip(parts, normals, strict=True):
+        amounts = np.linalg.lstsq(total - own, products - product, rcond=1e-9)[0]
+        left += np.sum((y - x @ amounts) ** 2)
+    return 1.0 - float(left) / max(float(sum(np.sum(y**2) for _, y in parts)), 1e-300)
+
+
+def _unlike(motion, names):
+    """Wheels whose errors are larger than those of the wheels that are like them."""
+    wheels = [m for m in motion[0] if m.channel.startswith("encoder")] if motion else []
+    if len(wheels) < 3:  # of two wheels nobody knows which one is wrong; a variable must tell
+        return []
+    blocks = []
+    for run in motion:
+        squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
+        blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
+    blocks = np.array(blocks)
+    found = []
+    for k, m in enumerate(wheels):
+        others = np.sqrt(np.median(np.delete(blocks.mean(axis=0), k)))
+        ratios = 0.5 * np.log(blocks[:, k] / np.median(np.delete(blocks, k, axis=1), axis=1))
+        certain = ratios.mean() > _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios))
+        size = float(np.sqrt(blocks[:, k].mean()))
+        if certain and size > _UNLIKE * others:
+            found.append(Remainder(
+                m.channel, "this wheel", size, m.unit, m.horizon, size / others / _UNLIKE, "from the start of a run",
+                names, f"the error is {size / others:.2f} times that of the wheels that are like it",
+            ))
+    return found
+
+
+def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, _Series]:
+    """Errors of wheels and IMU over the shortest horizon; the IMU's without their mean, which a sound IMU may have."""
+    m = motion_of(prediction, prediction.tracks[i])
+    drivers = drivers_of(m, False) | {"wheel angle": of_wheel_angle(m)}
+    middle = windows.dense + windows.lengths[windows.shortest] // 2
+    drivers = {name: rows[middle] for name, rows in drivers.items()}
+    series = {}
+    for measure, rows in after.items():
+        if (measure.metric, measure.horizon) == (PREDICTION, windows.shortest):
+            offset = rows.mean(axis=0) if measure.channel.startswith("imu") else 0.0
+            series[measure] = _Series(middle * TICK_S, rows - offset, drivers)
+    return series
+
+
+def _places(prediction: Prediction, i: int, values: Values) -> dict[Measure, _Series]:
+    """Errors of dead reckoning over each horizon, in the axes of the body and of the room."""
+    track = prediction.tracks[i]
+    if not {"encoder", "kinect"} <= prediction.replay.feeds or len(track.fix_t) < 2:
+        return {}
+    reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned[1:]
+    series = {}
+    for horizon in HORIZONS_S:
+        rows = pairs(track.fix_t, horizon, 0.0)
+        if not len(rows):
+            continue
+        begin, end = (track.poses[column] for column in rows.T)
+        in_body = relative_errors(tuple(reckoned[column] for column in rows.T), (begin, end))
+        c, s = np.cos(end[:, 2]), np.sin(end[:, 2])  # errors are seen from the measured pose at the end
+        in_room = np.column_stack([c * in_body[:, 0] - s * in_body[:, 1], s * in_body[:, 0] + c * in_body[:, 1]])
+        along, across = _of_motion(track, rows, begin, end), _of_place(prediction, track, rows, begin, end)
+        label, t = f"{horizon:g}s", track.fix_t[rows[:, 1]]
+        for channel, unit, errors, drivers in (
+            ("kinect: along the body", "m", in_body[:, :2], along), ("kinect: along the room", "m", in_room, across),
+            ("kinect: heading", "rad", in_body[:, 2:], along | across),
+        ):
+            series[Measure("RPE", label, channel, unit, WHEELS)] = _Series(t, errors, drivers)
+    return series
+
+
+def _of_motion(track: Track, rows, begin, end):
+    """Functions of the motion in a window, along the axes of the body."""
+    way = relative(end, begin)  # as seen from the end
+    return {"speed": way, "direction": np.sign(way) * np.abs(way).mean(axis=0), "distance": np.abs(way)}
+
+
+def _of_place(prediction, track: Track, rows, begin, end):
+    """Functions of the place at both ends of a window, along the axes of the room."""
+    velocity = motion_of(prediction, track).body[track.fix_ticks]
+    c, s = np.cos(track.poses[:, 2]), np.sin(track.poses[:, 2])
+    velocity = np.column_stack([c * velocity[:, 0] - s * velocity[:, 1], s * velocity[:, 0] + c * velocity[:, 1]])
+
+    def terms(pose):
+        x, y = pose[:, 0], pose[:, 1]
+        return np.column_stack([x, y, x * x, x * y, y * y])
+
+    return {"place": terms(end) - terms(begin), "change of speed": velocity[rows[:, 1]] - velocity[rows[:, 0]]}
+
+
+def _worst(sizes, names):
+    """The runs whose error is at least that of all, the largest first."""
+    order = np.argsort(sizes)[::-1]
+    return [names[k] for k in order if sizes[k] >= np.sqrt(np.mean(np.square(sizes)))][:3] or names[:1]
+
+
+def _since(runs):
+    """Since when the squared error is there, in words."""
+    t = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
+    squares = np.concatenate([np.sum(run.errors**2, axis=1) for run in runs])
+    shares = np.histogram(t, bins=10, range=(0.0, 1.0), weights=squares)[0]
+    late = np.cumsum(shares) / max(shares.sum(), 1e-300)
+    if late[2] < 0.05:
+        return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
+    return "mostly in the first third of a run" if late[2] > 0.6 else "from the start of a run"

@@ -1,0 +1,37 @@
+"""Measured variables that an error may go with: functions of the recorded motion, at every tick."""
+
+import numpy as np
+
+from drake_ispace.explain.decide.survey.generic import Motion
+from drake_ispace.explain.predict.prediction import wheel_speeds
+
+CONSTANT = "nothing (constant)"
+
+
+def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
+    """Variable -> (rows, k) functions of it at every tick; vectors along the axes of the room, or else of the body."""
+    velocity = m.body
+    if in_room:
+        c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
+        vx, vy, turning = m.body.T
+        velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
+    wheels = wheel_speeds(m.angles)
+    kernel = np.ones(41) / 41.0
+    smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
+    return {
+        CONSTANT: np.ones((len(m.t), 1)),
+        "speed": velocity,
+        "speed squared": velocity * np.abs(velocity),
+        "direction": np.tanh(wheels / (0.05 * np.maximum(np.abs(wheels).max(axis=0), 1e-9))),
+        "acceleration": np.column_stack(smooth),
+        "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
+        "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
+        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / 5.0)]),
+        "load": np.abs(m.command),
+        "command": m.command,
+    }
+
+
+def of_wheel_angle(m: Motion) -> np.ndarray:
+    """(rows, 2 n) cosine and sine of every wheel's angle."""
+    return np.hstack([np.cos(m.angles), np.sin(m.angles)])

@@ -1,0 +1,211 @@
+"""Free-run simulations of the model along recorded runs, and their errors.
+
+Two ways lead from what was recorded to a place. The measured wheels turn the model: dead reckoning. Or the recorded
+command (torque, or velocity of the body) drives the model and nothing corrects it: a filter holds the model on the
+measured motion up to the start of a window, and lets go there. Windows begin at measured poses.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.replay import Replay, Values
+from drake_ispace.explain.predict.room_view import LEAD_TICKS
+from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.paths import absolute_errors, aligned, compose, pairs, relative, relative_errors
+from drake_ispace.rollout.segments import Segments, State
+
+ATE, RPE, PREDICTION = "ATE", "RPE", "prediction"
+RUN, STEP, WHEELS = "run", "step", "wheels"
+_SETTLING_TICKS = 60  # of the filter
+FIRST_S = 1.0  # of a run, from which its start pose is estimated
+SPACING_S, DENSE_S = 1.0, 0.2  # between the starts of windows
+HORIZONS_S = (1.0, 5.0)  # of places
+_SENSED_S = (0.2, 1.0, 5.0)  # of wheels and IMU
+_FALLING_S = (0.05, 0.1, 0.2)  # the same of a robot that falls by itself, which multiplies an error tenfold in 0.1 s
+
+
+@dataclass(frozen=True, order=True)
+class Measure:
+    """What is compared.
+
+    Attributes:
+        metric: "ATE", "RPE" or "prediction". horizon: "run", "5s", "1s", ... channel: "position", "heading" or a
+            sensor's, such as "encoder: wheel 1". unit: of the errors. driven_by: "wheels", "torque" or "command".
+    """
+
+    metric: str
+    horizon: str
+    channel: str
+    unit: str
+    driven_by: str
+
+
+#: Measure -> (k, d) errors of one run, the model as seen from the measurement; d is 2 for positions, else 1.
+Errors = dict[Measure, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Where the free runs of one run begin, and which fixes they are compared with.
+
+    Attributes:
+        starts: (k,) ticks, ascending, a second apart. dense: (q,) ticks, DENSE_S apart, for the shortest horizon.
+        lengths: name of a horizon -> ticks. fixes: name of a horizon -> (m, 3) number of the window, and of the fixes
+            at its begin and its end; empty where no place can be predicted.
+        start: (3,) pose from which whole runs begin, estimated from the fixes of the first second. first: tick at which
+            a whole run is let go; None: the robot cannot run free as long.
+    """
+
+    starts: np.ndarray
+    dense: np.ndarray
+    lengths: Mapping[str, int]
+    fixes: Mapping[str, np.ndarray]
+    start: np.ndarray
+    first: int | None
+
+    @property
+    def shortest(self) -> str:
+        """Name of the shortest horizon."""
+        return min(self.lengths, key=self.lengths.get)
+
+
+def windows_of(prediction: Prediction, i: int) -> Windows:
+    """The windows of run `i`; its start pose is that of the model as given, dead-reckoned over the first second."""
+    track, robot = prediction.tracks[i], prediction.replay.body.robot
+    lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
+    end = track.ticks - min(lengths.values())
+    starts, dense = (np.arange(ticks_in(FIRST_S), end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
+    if len(track.fix_t) < 2:
+        return Windows(starts, dense, lengths, {}, prediction.starts[i][:3], None)
+    reckoned = Simulation(prediction.replay, track, prediction.starts[i], {}).reckoned
+    first = track.fix_t <= track.fix_t[0] + FIRST_S
+    start = aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
+    if robot.own_dynamics:
+        return Windows(starts, dense, lengths, {}, start, None)
+    begins = pairs(track.fix_t, min(HORIZONS_S), SPACING_S)[:, 0]
+    begins = begins[track.fix_t[begins] >= FIRST_S]
+    fixes = {}
+    for seconds in HORIZONS_S:
+        ends = dict(pairs(track.fix_t, seconds, 0.0).tolist())
+        rows = [(k, fix, ends[fix]) for k, fix in enumerate(begins.tolist()) if fix in ends]
+        fixes[_name(seconds)] = np.array(rows, int).reshape(-1, 3)
+    return Windows(track.fix_ticks[begins], dense, lengths, fixes, start, ticks_in(FIRST_S))
+
+
+def _name(seconds):
+    return f"{seconds:g}s"
+
+
+class Simulation:
+    """The model with some effects along one run.
+
+    Args:
+        replay: compiled. track: the run. start: (3 + n,) pose and wheel angles at t = 0. values: effects.
+        stops: (k,) ascending ticks whose states are kept, for free runs from there.
+
+    Attributes:
+        poses: (rows, 3) what the camera would report at every tick, if the measured wheels drove the model.
+        reckoned: (1 + k, 3) of them at t = 0 and at every fix. innovations: (rows, p) of the filter at every tick.
+    """
+
+    def __init__(self, replay: Replay, track: Track, start: np.ndarray, values: Values, stops=()):
+        self._held = replay.parameters(values)
+        self._free = replay.freed(self._held)
+        self._late_s = replay.clock_offset_s(self._held)
+        self._last = track.ticks + LEAD_TICKS - 1
+        self._states: dict[int, State] = {}
+        self._segments = Segments(replay.rollout, self._last + 1, replay.inputs(track))
+        state, at = (replay.state(start), replay.rollout.discrete_state.copy()), 0
+        for stop in sorted({*map(int, stops), self._last}):
+            logs = self._segments.run(at, stop, state, self._held)
+            self._states[stop], at = tuple(part.copy() for part in state), stop
+        self.poses, self.innovations = logs["pose"].copy(), logs["innovation"][1:].copy()
+        self.reckoned = np.vstack([self.poses[:1], self.at(track.fix_t)])
+
+    def at(self, times_s: np.ndarray, since: int | None = None, logs: Mapping[str, np.ndarray] | None = None):
+        """(k, 3) what the camera would report of captures at these times [s]; from the tick `since` on of a free run.
+
+        logs: of the free run.
+        """
+        poses = self.poses
+        if logs is not None:
+            poses = np.vstack([poses[:since], logs["pose"][since:]])
+        k = np.clip((times_s - self._late_s) / TICK_S, 0.0, len(poses) - 2.0)
+        low = k.astype(int)
+        return poses[low] + (k - low)[:, None] * (poses[low + 1] - poses[low])
+
+    def free(self, start: int, length: int) -> Mapping[str, np.ndarray]:
+        """Logs of the free run of `length` ticks from the tick `start`, one of the stops."""
+        state = tuple(part.copy() for part in self._states[start])
+        return self._segments.run(start, min(start + length, self._last), state, self._free)
+
+
+def errors(prediction: Prediction, i: int, windows: Windows, values: Values) -> Errors:
+    """Errors of run `i` of the model with the effects of `values`; a measure without any window has no entry."""
+    track, replay = prediction.tracks[i], prediction.replay
+    driven, found = replay.body.robot.driven, {}
+    stops = [*windows.starts, *windows.dense, *([] if windows.first is None else [windows.first])]
+    simulation = Simulation(replay, track, prediction.starts[i], values, stops)
+    if {"encoder", "kinect"} <= replay.feeds and len(track.fix_t) > 1:
+        _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulation.reckoned))
+        for seconds in HORIZONS_S:
+            rows = pairs(track.fix_t, seconds, SPACING_S).T
+            modelled, measured = (tuple(poses[row] for row in rows) for poses in (simulation.reckoned[1:], track.poses))
+            _add_poses(found, RPE, _name(seconds), WHEELS, relative_errors(modelled, measured))
+    if {"encoder", driven} <= replay.feeds:
+        _add_windows(found, prediction, track, windows, simulation)
+        if windows.first is not None:
+            logs = simulation.free(windows.first, track.ticks)
+            path = np.vstack([simulation.poses[:1], simulation.at(track.fix_t, windows.first, logs)])
+            _add_poses(found, ATE, RUN, driven, _whole(windows, track, path))
+    for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
+        innovations = simulation.innovations[_SETTLING_TICKS : track.ticks, column, None]
+        found[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
+    return found
+
+
+def _add_windows(found, prediction, track, windows, simulation):
+    """Add errors at the end of every window: of places where there are fixes, and of the sensors that are predicted."""
+    driven = prediction.replay.body.robot.driven
+    longest = max(windows.lengths.values()) + LEAD_TICKS
+    places = {name: [] for name in windows.fixes}
+    sensed = {name: [] for name in windows.lengths}
+    short = windows.lengths[windows.shortest]
+    for start in windows.dense.tolist():
+        logs = simulation.free(start, short + 1)
+        sensed[windows.shortest].append(logs["innovation"][start + short + 1, prediction.columns].copy())
+    for k, start in enumerate(windows.starts.tolist()):
+        logs = simulation.free(start, longest)
+        for name, length in windows.lengths.items():
+            if length > short and start + length < track.ticks:  # the innovation of a tick stands in the row after it
+                sensed[name].append(logs["innovation"][start + length + 1, prediction.columns].copy())
+        for name, rows in windows.fixes.items():
+            for _, a, b in rows[rows[:, 0] == k]:
+                ends = simulation.at(track.fix_t[[a, b]], start, logs)
+                places[name].append(relative_errors((ends[:1], ends[1:]), (track.poses[[a]], track.poses[[b]])))
+    for name, parts in places.items():
+        _add_poses(found, RPE, name, driven, np.vstack(parts) if parts else np.empty((0, 3)))
+    for name, parts in sensed.items():
+        for column, channel in zip(np.array(parts).T, prediction.labels("motion"), strict=False):
+            found[Measure(PREDICTION, name, channel, prediction.unit(channel), driven)] = -column[:, None]
+
+
+def _whole(windows, track, path):
+    """(k, 3) absolute errors of a path that begins at the estimated start; path: (1 + k, 3) at t = 0 and the fixes."""
+    return absolute_errors(compose(windows.start, relative(path[0], path[1:])), track.poses)
+
+
+def _add_poses(found, metric, horizon, driven_by, differences):
+    if len(differences):
+        found[Measure(metric, horizon, "position", "m", driven_by)] = differences[:, :2]
+        found[Measure(metric, horizon, "heading", "rad", driven_by)] = differences[:, 2:]
+
+
+def rms(runs) -> float:
+    """Root mean square length of errors (k, d), all runs pooled; NaN where there is none."""
+    pooled = [np.sum(part**2, axis=1) for part in runs]
+    return float(np.sqrt(np.mean(np.concatenate(pooled)))) if sum(map(len, pooled)) else float("nan")

@@ -1,0 +1,76 @@
+"""The same effects, fitted by plain least squares of free-run simulations: a yardstick for the sizes of the answer.
+
+It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.prove.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
+
+_MOST_TRIALS = 12  # evaluations
+_FAR = 1e3  # times what noise leaves: the error of a model that runs away
+_STEP = 0.05  # of the finite differences, in natural sizes
+
+
+def plain_fit(
+    prediction: Prediction, windows: Sequence[Windows], point: Point, sizes: Mapping[Candidate, Sequence[float]],
+    floors: Mapping[Measure, float], pool: ThreadPoolExecutor | None = None,
+) -> Point:
+    """The point with the effects of `point` at which the squared errors of free runs are least.
+
+    Args:
+        prediction: of the runs to fit. windows: of each run. sizes: natural size of each coordinate. floors: measure ->
+            what noise leaves; every error counts in units of it.
+    """
+    order = [(candidate, i) for candidate in point for i in range(len(candidate.parameters))]
+    size = np.array([max(sizes[c][i], abs(point[c][i] - c.neutral[i])) for c, i in order])  # only scales
+    low, high = (np.array([candidate.bounds[i][end] for candidate, i in order]) / size for end in (0, 1))
+    start = np.array([candidate.neutral[i] for candidate, i in order]) / size
+    start = np.clip(start, low + _STEP, high - _STEP)  # least squares wants a start inside of the bounds
+
+    def at(z):
+        moved = {candidate: list(values) for candidate, values in point.items()}
+        for (candidate, i), value in zip(order, z * size, strict=True):
+            moved[candidate][i] = float(value)
+        return moved
+
+    def residuals(z, horizons):
+        values = merged(at(z))
+
+        def of_run(i):
+            parts = errors(prediction, i, windows[i], values)
+            return np.concatenate([
+                np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
+                for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons[i]
+                and (m.metric != ATE or m.driven_by == WHEELS)
+            ])
+
+        return np.concatenate(list((pool.map if pool else map)(of_run, range(len(windows)))))
+
+    # over long horizons a heading may be wrong by turns; from the sizes that suit short ones on it is not
+    short = [{w.shortest} for w in windows]
+    whole = [{w.shortest, RUN, *w.fixes} for w in windows]
+    for horizons in (short, whole) if start.size else ():
+        if residuals(start, horizons).size:
+            start = least_squares(
+                residuals, start, bounds=(low, high), max_nfev=_MOST_TRIALS, args=(horizons,),
+                jac=lambda z, horizons: _slopes(lambda other: residuals(other, horizons), z, high),
+            ).x
+    return at(start)
+
+
+def _slopes(residuals, z, high):
+    """(rows, k) slopes of the residuals, by differences that stay within the bounds."""
+    at, columns = residuals(z), []
+    for i in range(len(z)):
+        moved = z.copy()
+        moved[i] += _STEP if z[i] + _STEP <= high[i] else -_STEP
+        columns.append((residuals(moved) - at) / (moved[i] - z[i]))
+    return np.column_stack(columns)

@@ -1,0 +1,84 @@
+"""Sizes that were not fitted to the run that they are judged on, where no run is held out.
+
+Each run is left out in turn. A single run is cut into blocks, which take the place of runs. At the best fit the
+deviance is nearly quadratic, so that one Gauss-Newton step without the rows of a run gives the sizes without it.
+"""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.fit.likelihood import Point
+from drake_ispace.explain.predict.prediction import Prediction, predict
+from drake_ispace.explain.predict.room_view import LEAD_TICKS
+from drake_ispace.explain.predict.tracks import Track
+
+_MOST_BLOCKS, _LEAST_S = 4, 5.0  # of a single run, and how long each is at least
+
+
+def points_without(decision: Decision, groups: np.ndarray) -> list[Point]:
+    """For every group of whitened numbers the sizes of the named effects without it.
+
+    groups: (rows,) the group of each whitened number, from 0 on; -1: in none.
+    """
+    likelihood, best = decision.end.likelihood, decision.named
+    slopes = likelihood.slopes(best.point, best.order, best.w)
+    marginalised = likelihood.marginalised(slopes)
+    normal, gradient = slopes @ marginalised.T, marginalised @ best.w
+    points = []
+    for group in range(int(groups.max()) + 1):
+        rows = groups == group
+        own = slopes[:, rows] @ marginalised[:, rows].T, marginalised[:, rows] @ best.w[rows]
+        step = -np.linalg.lstsq(normal - own[0], gradient - own[1], rcond=None)[0]
+        point = {candidate: list(z) for candidate, z in best.point.items()}
+        for (candidate, i), change in zip(best.order, step, strict=True):
+            low, high = candidate.bounds[i]
+            point[candidate][i] = min(max(point[candidate][i] + change * likelihood.sizes[candidate][i], low), high)
+        points.append(point)
+    return points
+
+
+def groups_of(decision: Decision, blocks: int) -> np.ndarray:
+    """(rows,) the run of each whitened number; of a single run the block in time, of `blocks` equal ones."""
+    groups, start = [], decision.end
+    for i, run in enumerate(start.residuals):
+        for name, noise in start.likelihood.whitening.noise.items():
+            rows, columns = noise.rows(run[name]), run[name].shape[1]
+            by_time = np.repeat(np.arange(rows) * blocks // max(rows, 1), columns)
+            groups.append(by_time if len(start.residuals) == 1 else np.full(rows * columns, i))
+    return np.concatenate(groups)
+
+
+def blocks_in(prediction: Prediction) -> int:
+    """Into how many blocks a single run is cut."""
+    return max(min(_MOST_BLOCKS, int(prediction.tracks[0].ticks * TICK_S / _LEAST_S)), 1)
+
+
+def cut(prediction: Prediction, blocks: int) -> Prediction:
+    """The model against equal blocks of the only run."""
+    track = prediction.tracks[0]
+    edges = np.linspace(0, track.ticks, blocks + 1).astype(int)
+    parts = [_part(track, first, last) for first, last in itertools.pairwise(edges)]
+    return predict(prediction.replay, parts, tune=False)
+
+
+def _part(track: Track, first: int, last: int) -> Track:
+    rows = slice(first, last + LEAD_TICKS)
+    kept = (track.fix_ticks >= first) & (track.fix_ticks < last)
+    return replace(
+        track, name=f"{track.name} from {first * TICK_S:.0f} s", ticks=last - first, command=track.command[rows],
+        measured=track.measured[rows], sightings=_seen(track, rows, kept, first),
+        fix_ticks=track.fix_ticks[kept] - first, fix_t=track.fix_t[kept] - first * TICK_S,
+        missed=np.empty(0), aim=track.aim if first == 0 else None,
+        force=None if track.force is None else track.force[rows],
+    )
+
+
+def _seen(track, rows, kept, first):
+    sightings = np.zeros_like(track.sightings[rows])
+    at = track.fix_rows[kept]
+    sightings[at - first] = track.sightings[at]
+    return sightings

@@ -1,0 +1,248 @@
+"""What noise leaves of the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
+
+Noise of known size is added to the recorded runs anew, and the spread of the errors is what noise of that size leaves.
+Sensor noise is what counts, pixels and densities of the scenario say, or what fixes show of a robot at rest. Process
+noise has physical forms: forces from outside along each coordinate, and a random walk of the place (translation, turn)
+with the way, as wheels slip. How strong each is follows from short horizons. What adds up over long horizons as noise
+of that form does not is then no noise; and a strength beyond the limits of the robot is not plausible.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.signal import lfilter
+
+from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.filters import CORRELATION_S
+from drake_ispace.explain.predict.prediction import Prediction, wheel_speeds
+from drake_ispace.explain.predict.replay import Values
+from drake_ispace.explain.predict.room_view import SIGHTING
+from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.free_run import (
+    PREDICTION,
+    RPE,
+    WHEELS,
+    Errors,
+    Measure,
+    Windows,
+    errors,
+    rms,
+    windows_of,
+)
+from drake_ispace.explain.prove.paths import chained, relative
+from drake_ispace.robots.robot import COMMAND
+from drake_ispace.scenario import Scenario
+
+_DRAWS = 4
+_LEAST_RESTING = 10  # fixes of a robot at rest, from which on they say what the camera's noise is
+_REST_RAD_S = 0.01  # speed below which every wheel is at rest
+_DRIVE_S = 0.5  # correlation time of a drive that leaves its command
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of one sample: fix (3,) [m, m, rad], and outputs (p,) [rad, m/s^2, rad/s]."""
+
+    fix: np.ndarray
+    outputs: np.ndarray
+
+
+@dataclass(frozen=True)
+class ProcessNoise:
+    """Strengths of process noise.
+
+    Attributes:
+        needed: source -> strength that the runs need, in units of the robot's assumed noise. "force 1" to "force 3"
+            are rms forces along the coordinates of the plant's ground force (where velocity is commanded: velocities
+            along the axes of the body), "slip" and "turn" the random walk of place and heading.
+        limits: source -> the largest plausible strength.
+    """
+
+    needed: dict[str, float]
+    limits: dict[str, float]
+
+    @property
+    def plausible(self) -> dict[str, float]:
+        """Source -> strength that is needed, or the largest plausible one if that is less."""
+        return {name: min(strength, self.limits[name]) for name, strength in self.needed.items()}
+
+
+def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
+    """The noise of the camera, the encoders and the IMU."""
+    settings, localizer = getattr(scenario, prediction.replay.body.name), scenario.space.localizer
+    variance = localizer.noise_std_pixels**2 + (1.0 / 12.0 if localizer.whole_pixels else 0.0)
+    marker = np.array(localizer.pixel_m) * np.sqrt(variance)
+    stated = np.array([*marker / np.sqrt(2.0), np.sqrt(2.0) * marker.mean() / localizer.marker_spacing_m])
+    count = 2.0 * np.pi / settings.encoder.counts_per_turn if settings.encoder.counts_per_turn else 0.0
+    outputs = [count / np.sqrt(12.0)] * prediction.replay.body.wheels
+    if prediction.replay.body.robot.has_imu:
+        imu = settings.imu
+        outputs += [d / np.sqrt(TICK_S) for d in [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3]
+    resting = _resting_fix_noise(prediction)
+    return SensorNoise(stated if resting is None else resting, np.array(outputs))
+
+
+def _resting_fix_noise(prediction):
+    """(3,) standard deviations of the fixes of a robot at rest.
+
+    None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
+    """
+    wheels, parts = prediction.replay.body.wheels, []
+    for track in prediction.tracks:
+        if "encoder" not in track.has:
+            continue
+        at_rest = np.abs(wheel_speeds(track.measured[: track.ticks + 1, :wheels])).max(axis=1) < _REST_RAD_S
+        seen = at_rest[np.minimum(track.fix_ticks, track.ticks)]
+        for stretch in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen)) + 1):
+            if len(stretch) > 2 and seen[stretch[0]]:
+                poses = track.poses[stretch[1:-1]]  # the robot may still move at the ends
+                poses[:, 2] = np.unwrap(poses[:, 2])
+                parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
+    deviations = np.vstack(parts) if parts else np.empty((0, 3))
+    distinct = len(np.unique(np.round(deviations, 9), axis=0))
+    if len(deviations) < _LEAST_RESTING or distinct < 0.9 * len(deviations):
+        return None
+    return np.sqrt(np.mean(deviations**2, axis=0))
+
+
+SENSORS, FORCES = "sensors", ("force 1", "force 2", "force 3")
+#: For each run Measure -> (k, d) changes of errors by noise, all draws pooled.
+Spread = list[Errors]
+
+
+class Spreads:
+    """How far errors spread under noise that is added to the runs anew.
+
+    Args:
+        prediction: model and runs. windows: of each run. values: effects in the model, of each run. unperturbed: errors
+            of each run. noise: of the sensors. seed: of the draws. pool: threads that simulations may use.
+    """
+
+    def __init__(
+        self, prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values],
+        unperturbed: Sequence[Errors], noise: SensorNoise, seed: int, pool: ThreadPoolExecutor | None = None,
+    ):
+        self._prediction, self._windows, self._values, self._noise = prediction, windows, values, noise
+        self._errors, self._seed, self._pool = unperturbed, seed, pool
+
+    def of_sensors(self) -> Spread:
+        """The spread under sensor noise."""
+        return self._spread(self._with_sensor_noise, SENSORS)
+
+    def of_process(self) -> dict[str, Spread]:
+        """Source -> spread under the robot's assumed process noise from this source alone."""
+        replay, sources = self._prediction.replay, {}
+        robot = replay.body.robot
+        if "encoder" in replay.feeds and robot.unknown_forces is not None:
+            for axis in np.flatnonzero(robot.unknown_forces):
+                sources[FORCES[axis]] = lambda track, g, axis=axis: replay.pushed(track, self._forces(track, axis, g))
+        if {"encoder", "kinect"} <= replay.feeds:
+            sources["slip"] = lambda track, g: self._walked(track, np.array([1.0, 1.0, 0.0]), g)
+            sources["turn"] = lambda track, g: self._walked(track, np.array([0.0, 0.0, 1.0]), g)
+        return {source: self._spread(perturbed, source) for source, perturbed in sources.items()}
+
+    def _spread(self, perturbed, source):
+        jobs = [(i, draw) for i in range(len(self._windows)) for draw in range(_DRAWS)]
+        key = sum(map(ord, str(source)))
+
+        def one(job):
+            i, draw = job
+            track = perturbed(self._prediction.tracks[i], np.random.default_rng([self._seed, key, i, draw]))
+            tracks = [*self._prediction.tracks]
+            tracks[i] = track
+            moved = replace(self._prediction, tracks=tracks)
+            windows = self._windows[i]
+            if source == SENSORS:  # the start is estimated from noisy fixes
+                windows = replace(windows, start=windows_of(moved, i).start)
+            again = errors(moved, i, windows, self._values[i])
+            return {m: again[m] - e for m, e in self._errors[i].items() if m in again and again[m].shape == e.shape}
+
+        differences: Spread = [{} for _ in self._windows]
+        for (i, _), difference in zip(jobs, (self._pool.map if self._pool else map)(one, jobs), strict=True):
+            for measure, part in difference.items():
+                part = np.nan_to_num(wrap(part) if measure.channel == "heading" else part)
+                known = differences[i].get(measure)
+                differences[i][measure] = part if known is None else np.vstack([known, part])
+        return differences
+
+    def _with_sensor_noise(self, track: Track, generator) -> Track:
+        measured = track.measured + generator.standard_normal(track.measured.shape) * self._noise.outputs
+        sightings = track.sightings.copy()
+        sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += (
+            generator.standard_normal((len(track.fix_rows), 3)) * self._noise.fix
+        )
+        return replace(track, measured=measured, sightings=sightings)
+
+    def _forces(self, track, axis, generator):
+        robot = self._prediction.replay.body.robot
+        force, size = np.zeros((len(track.command), 3)), robot.unknown_forces[axis]
+        if robot.driven == COMMAND:  # the drive's acceleration leaves its command, and is called back
+            keep = np.exp(-TICK_S / _DRIVE_S)
+            size *= np.sqrt(CORRELATION_S * _DRIVE_S)
+        else:
+            keep = np.exp(-TICK_S / CORRELATION_S)
+        white = generator.standard_normal(len(force)) * np.sqrt(1.0 - keep**2)
+        force[:, axis] = size * lfilter([1.0], [1.0, -keep], white)
+        return force
+
+    def _walked(self, track, which, generator):
+        """The run with a random walk of the place, along the axes in `which` (3,), in the camera's fixes."""
+        if len(track.fix_t) < 2:
+            return track
+        size, poses = np.array(self._prediction.replay.body.robot.unknown_slip)[[0, 0, 1]] * which, track.poses
+        steps = relative(poses[:-1], poses[1:])
+        way = np.hypot(steps[:, 0], steps[:, 1])
+        noise = generator.standard_normal((len(steps), 3)) * np.sqrt(way)[:, None] * size
+        sightings = track.sightings.copy()
+        sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] = chained(poses[0], steps + noise)
+        return replace(track, sightings=sightings)
+
+
+def process_noise(
+    prediction: Prediction, horizon: str, after: Sequence[Errors], sensors: Spread, unit: Mapping[str, Spread],
+) -> ProcessNoise:
+    """The strengths that errors need beyond sensor noise.
+
+    Those of the forces follow from the covariance of all wheels and rates at the shortest horizon of the windows, those
+    of slip from dead reckoning over 1 s.
+
+    Args:
+        horizon: name of the shortest horizon. after: errors of each run. sensors: spread under sensor noise. unit:
+            source -> spread under the robot's assumed process noise.
+    """
+    needed, robot = {}, prediction.replay.body.robot
+    pooled, noise = pooled_of(after), pooled_of(sensors)
+    parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
+    for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
+        own = Measure(RPE, "1s", channel, unit_of, WHEELS)
+        if source in unit and own in pooled:
+            extra = max(rms([pooled[own]]) ** 2 - rms([noise[own]]) ** 2, 0.0)
+            needed[source] = float(np.sqrt(extra) / max(rms([parts_of[source][own]]), 1e-300))
+    forces = [source for source in FORCES if source in unit]
+    shown = [
+        m for m in pooled if (m.metric, m.horizon) == (PREDICTION, horizon) and not m.channel.startswith("imu: a")
+    ]
+    if forces and shown:
+        of_noise = _covariance(noise, shown)
+        parts = [_covariance(parts_of[source], shown) for source in forces]
+        scale = 1.0 / np.sqrt(np.diag(of_noise + sum(parts)))
+        extra, *parts = [(c * np.outer(scale, scale)).ravel() for c in (_covariance(pooled, shown) - of_noise, *parts)]
+        strengths = np.sqrt(nnls(np.column_stack(parts), extra)[0])
+        needed |= dict(zip(forces, map(float, strengths), strict=True))
+    limits = {source: robot.most_unknown if source in FORCES else robot.most_slip for source in needed}
+    return ProcessNoise(needed, limits)
+
+
+def pooled_of(runs: Sequence[Errors]) -> Errors:
+    """Measure -> (k, d) errors of all runs."""
+    return {m: np.vstack([run[m] for run in runs if m in run]) for m in {m for run in runs for m in run}}
+
+
+def _covariance(errors, measures):
+    """(k, k) mean products of the errors of these measures, constants included."""
+    rows = np.column_stack([errors[m][:, 0] for m in measures])
+    return rows.T @ rows / len(rows)

@@ -1,0 +1,71 @@
+"""The gap of a user's own plant: free-run simulations of whole runs on the recorded torque."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.validate import Choice
+from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, unit_of
+from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.predict.filters import CORRELATION_S
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
+from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.proof import PlantParameter, Proof
+
+_DRAWS = 4
+
+
+def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
+    """Measure the gap.
+
+    Where the plant has free parameters they are fitted without any effect for the column "before". seed: of the draws
+    of noise and of the bootstrap.
+    """
+    base, answer, plain = _sizes(case, decision)
+    parts = [
+        (HELD_OUT, kind if len(case.kinds) > 1 else "", case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
+    ]
+    rows = []
+    for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
+        columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
+        noise = _noise(case.prediction, tracks, answer, columns[1], seed)
+        rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
+    plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
+    return Proof("held-out runs" if parts else "", rows, [], None, plain.point or None, plant)
+
+
+def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
+    """Sizes of the model as given, of the answer, and of plain least squares."""
+    if isinstance(decision, Choice):
+        return decision.base, decision.sizes, decision.sizes
+    tracks, point = case.prediction.tracks, {} if decision.named is None else decision.named.point
+    base = fitted(case.replay, tracks, {})
+    plain = fitted(case.replay, tracks, point) if point else base
+    return base, Sizes(point, plain.plant), plain
+
+
+def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
+    measure = Measure(ATE, RUN, channel_of(replay), unit_of(replay), "torque")
+    return [{measure: errors(replay, track, merged(sizes.point), sizes.plant)} for track in tracks]
+
+
+def _noise(
+    prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
+) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
+    """What the encoder's samples, and unknown torques as strong as the model assumes, leave of the errors."""
+    replay, (measure,) = prediction.replay, after[0]
+    keep, pushed = np.exp(-TICK_S / CORRELATION_S), []
+    for i, track in enumerate(tracks):
+        for draw in range(_DRAWS):
+            white = np.random.default_rng([seed, 4, i, draw]).standard_normal(track.command.shape)
+            torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
+            moved = errors(replay, replace(track, command=track.command + torque), merged(sizes.point), sizes.plant)
+            pushed.append(moved - after[i][measure])
+    std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
+    return {measure: float(std * np.sqrt(after[0][measure].shape[1]))}, {measure: rms(pushed)}

@@ -1,0 +1,37 @@
+"""What proving an answer brings."""
+
+from dataclasses import dataclass, field
+
+from drake_ispace.explain.fit.likelihood import Point
+from drake_ispace.explain.prove.adequacy import Remainder
+from drake_ispace.explain.prove.gap import GapRow
+from drake_ispace.explain.prove.noise import ProcessNoise
+
+
+@dataclass(frozen=True)
+class PlantParameter:
+    """A free parameter of a user's own plant, as fitted without effects (before) and beside the named ones (after)."""
+
+    name: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Proof:
+    """How far an answer goes.
+
+    Attributes:
+        by: how the rows "held_out" came about: "held-out runs", "leave-one-run-out" or "blocks of the run"; empty:
+            there are none.
+        rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
+        noise: process noise that the unseen runs need; None: not computed. least_squares: sizes that free-run least
+            squares finds; None where no effect is named. plant: free parameters of a plant of the user's own.
+    """
+
+    by: str
+    rows: list[GapRow]
+    remainders: list[Remainder]
+    noise: ProcessNoise | None
+    least_squares: Point | None
+    plant: list[PlantParameter] = field(default_factory=list)

@@ -1,0 +1,115 @@
+"""The proof of an answer: the gap on training and on unseen runs, and what is left there that is not noise."""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.predict.case import Case, joined
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.replay import Values
+from drake_ispace.explain.prove.adequacy import Remainder, remainders
+from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, windows_of
+from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.least_squares import plain_fit
+from drake_ispace.explain.prove.left_out import blocks_in, cut, groups_of, points_without
+from drake_ispace.explain.prove.noise import (
+    ProcessNoise,
+    SensorNoise,
+    Spread,
+    Spreads,
+    pooled_of,
+    process_noise,
+    sensor_noise,
+)
+from drake_ispace.explain.prove.proof import Proof
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """Runs under the answer: of each run windows, effects, errors, and their changes by noise."""
+
+    prediction: Prediction
+    windows: list[Windows]
+    values: list[Values]
+    before: list[Errors]
+    after: list[Errors]
+    sensors: Spread
+    process: dict[str, Spread]
+    noise: ProcessNoise
+
+    def part(self, runs: slice) -> tuple[dict[Measure, float], dict[Measure, float]]:
+        """Measure -> root mean square of what sensors, and what chance, leave of some of the runs."""
+        sensors = {m: rms([e]) for m, e in pooled_of(self.sensors[runs]).items()}
+        squares = dict.fromkeys(sensors, 0.0)
+        for source, strength in self.noise.plausible.items():
+            for m, e in pooled_of(self.process[source][runs]).items():
+                squares[m] += (strength * rms([e])) ** 2
+        return sensors, {m: float(np.sqrt(square)) for m, square in squares.items()}
+
+    def columns(self, runs: slice, plain: Point | None, after: Sequence[Errors] | None = None) -> Columns:
+        """The columns of the gap of some of the runs; after: other errors than those of the runs' own sizes."""
+        fitted = None if plain is None else [
+            errors(self.prediction, i, self.windows[i], merged(plain)) for i in range(len(self.windows))[runs]
+        ]
+        return Columns(self.before[runs], self.after[runs] if after is None else after, fitted, *self.part(runs))
+
+
+def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | None = None) -> Proof:
+    """Measure the gap, and test whether the answer suffices.
+
+    seed: of the draws of noise and of the bootstrap.
+    """
+    point = {} if decision.named is None else decision.named.point
+    training, n = case.prediction, len(case.prediction.tracks)
+    sensors = sensor_noise(case.scenario, training)
+    blocks, by = blocks_in(training), "leave-one-run-out"
+    left_out = training
+    if n == 1:
+        left_out, by = cut(training, blocks), "blocks of the run"
+    values = [{}] * len(left_out.tracks)
+    if point:
+        values = [merged(other) for other in points_without(decision, groups_of(decision, blocks))]
+    kinds, every = {"": slice(0, len(values))}, left_out
+    if case.held_out is not None:
+        by, start, every = "held-out runs", len(values), joined(left_out, case.held_out)
+        values = values + [merged(point)] * len(case.held_out.tracks)
+        kinds = {kind: slice(start + runs.start, start + runs.stop) for kind, runs in case.kinds.items()}
+    judged = _judged(every, values, sensors, seed, pool)
+    fitted_to = judged if left_out is training else _judged(training, [merged(point)], sensors, seed, pool)
+    plain = None
+    if point:
+        noise, chance = fitted_to.part(slice(0, n))
+        floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
+        plain = plain_fit(training, fitted_to.windows[:n], point, decision.end.likelihood.sizes, floors, pool)
+    rows = []
+    for kind, runs in kinds.items():
+        rows += rows_of(judged.columns(runs, plain), HELD_OUT, kind if len(kinds) > 1 else "", seed)
+    after = [errors(training, i, fitted_to.windows[i], merged(point)) for i in range(n)]
+    rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
+    every_run = slice(0, len(values))
+    left = remainders(every, judged.windows, values, judged.after, judged.noise, *judged.part(every_run))
+    return Proof(by, rows, _distinct(left), judged.noise, plain)
+
+
+def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int, pool) -> _Judged:
+    windows = [windows_of(prediction, i) for i in range(len(prediction.tracks))]
+    before, after = (
+        [errors(prediction, i, w, v) for i, (w, v) in enumerate(zip(windows, each, strict=True))]
+        for each in ([{}] * len(windows), values)
+    )
+    spreads = Spreads(prediction, windows, values, after, sensors, seed, pool)
+    by_sensors, by_process = spreads.of_sensors(), spreads.of_process()
+    noise = process_noise(prediction, windows[0].shortest, after, by_sensors, by_process)
+    return _Judged(prediction, windows, list(values), before, after, by_sensors, by_process, noise)
+
+
+def _distinct(left: list[Remainder]) -> list[Remainder]:
+    """The worst Remainder of every channel."""
+    worst: dict[str, Remainder] = {}
+    for remainder in sorted(left, key=lambda r: -r.ratio):
+        worst.setdefault(remainder.channel, remainder)
+    return list(worst.values())
