@@ -14,9 +14,8 @@ from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import Effect
 from drake_ispace.effects.wires import TorqueEffect
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.free_run import simulation
 from drake_ispace.explain.fit.candidates import candidates
-from drake_ispace.explain.fit.free_run import fitted
+from drake_ispace.explain.fit.free_run import error_of, fitted, measured, rms
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.files.importers import emps
@@ -91,12 +90,13 @@ def steps(model: OwnModel, run: Recording, answer: Explanation, effects: list[Ef
     named = {effect.name: effect for effect in sorted(answer.effects, key=lambda effect: -effect.share)}
     case = prepare(model, [run], effects=effects)
     tried = {candidate.name: candidate for candidate in candidates(case.replay.effects, case.replay.body)}
-    point, found = {}, [{"effect": "none", "relative_error": answer.free_run[1].before}]
-    for name, effect in named.items():
-        point[tried[name]] = [parameter.estimate for parameter in effect.parameters.values()]
-        tracks, best = case.prediction.tracks, fitted(case.replay, case.prediction.tracks, point)
-        _, relative = simulation(name, case.replay, tracks, best, best)
-        found.append({"effect": name, "relative_error": relative.after})
+    tracks, point, found = case.prediction.tracks, {}, []
+    size = rms(measured(case.replay, tracks[0]))
+    for name, effect in {"none": None, **named}.items():
+        if effect is not None:
+            point[tried[name]] = [parameter.estimate for parameter in effect.parameters.values()]
+        error = error_of(case.replay, tracks, fitted(case.replay, tracks, point))
+        found.append({"effect": name, "relative_error": error / size})
     return found
 
 

@@ -6,19 +6,26 @@ from drake_ispace.explain.answer.explanation import (
     DetectionResult,
     Estimate,
     Explanation,
-    Gap,
     NamedEffect,
     Place,
     Unknown,
     Untestable,
 )
+from drake_ispace.explain.prove.adequacy import Remainder
+from drake_ispace.explain.prove.gap import GapRow
 from drake_ispace.scenario import Scenario, difference
 
 FOUND = DetectionResult(1e-9, 3.0, 0.01, 9.0)
-GAPS = {
-    "encoder: wheel 1": Gap(0.02, 0.0151, 0.015, 0.98, (0.95, 1.0), "rad"),
-    "kinect: x": Gap(0.004, 0.0016, 0.0015, 0.97, (-1e12, 1.0), "m"),
-}
+GAP = [
+    GapRow("held_out", "RPE", "5s", "position", "m", "torque", 0.3, 0.04, 0.015, 0.03, 0.039, 0.98, (0.95, 1.0)),
+    GapRow("held_out", "ATE", "run", "position", "m", "wheels", 0.006, 0.006, 0.005, 0.002, 0.006, None, None),
+    GapRow("held_out", "prediction", "0.2s", "encoder: wheel 1", "rad", "torque", 0.3, 0.05, 0.02, 0.03, 0.05, 0.97,
+           (-1e12, 1.0)),
+    GapRow("training", "RPE", "5s", "position", "m", "torque", 0.31, 0.04, 0.015, 0.03, 0.04, 0.97, None),
+]
+LEFT = Remainder(
+    "encoder: wheel 2", "speed", 0.07, "rad", "0.2s", 1.8, "from the start of a run", ["c"], "41 % goes with speed",
+)
 
 
 def named(model: Scenario, **changes) -> Explanation:
@@ -31,7 +38,7 @@ def named(model: Scenario, **changes) -> Explanation:
     values = {
         "verdict": "named", "effects": [effect], "detection": FOUND, "untestable": [],
         "localization": [Place("encoder: wheel 1", 0.7, "direction"), Place("kinect: x", 0.3, "place")],
-        "gap": GAPS, "closed": 0.98, "model": scenario, "difference": difference(scenario), "runs": ["a", "b"],
+        "gap": GAP, "proof": "held-out runs", "model": scenario, "difference": difference(scenario), "runs": ["a", "b"],
         "held_out": ["c"], "seconds": 20.0,
     }
     return Explanation(**{**values, **changes})
@@ -46,6 +53,11 @@ def one_of_a_set(model: Scenario) -> Explanation:
     return named(
         model, verdict="set", effects=[effect], warnings=["kinect: x got worse <b>"], next_experiment="reverse slowly",
     )
+
+
+def incomplete(model: Scenario) -> Explanation:
+    """Coulomb friction, and something that goes with the speed of a wheel."""
+    return named(model, verdict="incomplete", remainders=[LEFT])
 
 
 def nothing() -> Explanation:

@@ -11,13 +11,15 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.places.transmission import ViscousFriction
-from drake_ispace.explain.answer.free_run import dead_reckoned, dead_reckoning
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.free_run import error_of, fitted
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_model import OwnModel
+from drake_ispace.explain.prove.free_run import ATE, Measure, Simulation, errors, rms, windows_of
+from drake_ispace.explain.prove.paths import absolute_errors, aligned, chained, compose
 from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.plants.wheels import omni4
 
 LAG_S, VISCOUS, COULOMB = 0.08, 0.03, 0.2
 
@@ -123,7 +125,7 @@ def test_validation_names_both_where_both_are_missing():
 def test_validation_finds_nothing_in_a_motor_that_lacks_nothing():
     runs = [step(volts, viscous=0.0, noise=0.05, seed=i) for i, volts in enumerate((1.0, 2.0, 3.0, -1.5))]
     answer = di.explain(motor(), runs, [step(2.5, viscous=0.0)], FRICTIONS, choice="free_run")
-    assert answer.verdict == "none" and answer.effects == [] and answer.gap == {}
+    assert answer.verdict == "none" and answer.effects == [] and answer.closed is None
 
 
 class Twin(ViscousFriction):
@@ -166,13 +168,50 @@ def wide():
     return prepare("omni_multirate", [run], effects=[di.effects()["wheel_radius_error"]]).prediction, hidden
 
 
+def dead_reckoned(prediction, values):
+    """Measure -> root mean square error of the first run."""
+    return {m: rms([e]) for m, e in errors(prediction, 0, windows_of(prediction, 0), values).items() if m.metric == ATE}
+
+
+def by_hand(track, radius_m):
+    """Root mean square distance between camera and plain odometry of four wheels, both begun at the first second."""
+    geometry = omni4(radius_m, 0.36)
+    steps = np.diff(track.measured[: track.ticks + 1], axis=0) @ geometry.forward.T
+    path = chained(np.zeros(3), steps)
+    seen = path[track.fix_ticks]
+    first = track.fix_t <= track.fix_t[0] + 1.0
+    off = absolute_errors(compose(aligned(seen[first], track.poses[first]), seen), track.poses)
+    return np.sqrt(np.mean(off[:, 0] ** 2 + off[:, 1] ** 2))
+
+
 def test_dead_reckoning_is_off_by_what_the_wheels_are(wide):
     prediction, hidden = wide
-    before, after = dead_reckoned(prediction, {}), dead_reckoned(prediction, hidden)
-    assert after < 0.5 * before
+    position = Measure("ATE", "run", "position", "m", "wheels")
+    before, after = dead_reckoned(prediction, {})[position], dead_reckoned(prediction, hidden)[position]
+    (track,) = prediction.tracks
+    assert before == pytest.approx(by_hand(track, 0.024), rel=0.1)
+    assert after == pytest.approx(by_hand(track, 1.03 * 0.024), abs=2e-3) and after < 0.5 * before
+
+
+def test_unknown_forces_do_not_move_dead_reckoning(wide):
+    prediction, _ = wide
+    pushed = replace(prediction, tracks=[
+        prediction.replay.pushed(track, np.full((len(track.command), 3), 0.5)) for track in prediction.tracks
+    ])
+    position = Measure("ATE", "run", "position", "m", "wheels")
+    assert dead_reckoned(pushed, {})[position] == pytest.approx(dead_reckoned(prediction, {})[position], rel=0.05)
 
 
 def test_without_a_camera_nothing_is_dead_reckoned(wide):
     prediction, _ = wide
     blind = replace(prediction, replay=replace(prediction.replay, feeds=frozenset({"encoder", "torque"})))
-    assert dead_reckoning("training", blind, {}) == []
+    assert not any(m.driven_by == "wheels" for m in dead_reckoned(blind, {}))
+
+
+def test_a_free_run_begins_where_the_model_is_held(wide):
+    prediction, hidden = wide
+    (track,) = prediction.tracks
+    simulation = Simulation(prediction.replay, track, prediction.starts[0], hidden, [400])
+    logs = simulation.free(400, 200)
+    assert np.allclose(logs["pose"][400], simulation.poses[400])
+    assert not np.allclose(logs["pose"][600], simulation.poses[600], atol=1e-6)

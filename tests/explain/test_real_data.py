@@ -27,7 +27,7 @@ def names(found):
 
 def smaller(found, runs):
     """By what share whole runs of that kind came out better."""
-    row = next(row for row in found["free_run"] if row["runs"] == runs)
+    row = next(r for r in found["gap"] if (r["kind"], r["metric"], r["channel"]) == (runs, "ATE", "position"))
     return 1.0 - row["after"] / row["before"]
 
 
@@ -37,7 +37,7 @@ def test_emps_names_all_three_terms_and_simulates_within_3_percent():
         assert {"viscous_friction", "coulomb_friction", "force_offset"} == set(names(part)[0])
     errors = [step["relative_error"] for step in found["steps"]]
     assert len(errors) == 4 and errors[1] > 0.3 and errors[-1] < 0.03
-    (held_out,) = (row for row in found["half"]["free_run"] if row["runs"] == "second half" and row["unit"] == "1")
+    (held_out,) = (row for row in found["half"]["gap"] if row["kind"] == "second half" and row["unit"] == "1")
     assert held_out["before"] > 10.0 and held_out["after"] < 0.05
 
 

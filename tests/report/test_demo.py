@@ -53,7 +53,8 @@ def write_quickly(folder, seed, tell):
     (folder / "explained.html").write_text("<p>the answer</p>")
     shown = {
         "hidden": ["floor_tilt: slope_x_rad = 0.03"], "found": ["floor_tilt: slope_x_rad = 0.0301 (0.029 to 0.031)"],
-        "closed": 0.987, "path": {"run": "square", "before_m": 0.0331, "after_m": 0.0033},
+        "gap": "33 mm before, 3 mm after: 99 % closed",
+        "path": {"run": "square", "before_m": 0.0331, "after_m": 0.0033},
         "pictures": ["explained_path.png"], "seconds": 61.0,
     }
     return shown, {"hidden": {}, "explanation": {}, "path": None, "seed": seed}
@@ -119,7 +120,9 @@ def test_the_first_thing_shown_is_the_hidden_effect_and_what_was_found(page, dat
     assert page.pictures[0] == "explained_path.png" and page.text.index("disagree") < page.text.index("omni robot on a")
     said = [row[0] for row in page.rows if len(row) == 1]
     assert said == [
-        "floor_tilt: slope_x_rad = 0.03", "floor_tilt: slope_x_rad = 0.0301 (0.029 to 0.031)", "99 %",
+        "floor_tilt: slope_x_rad = 0.03",
+        "floor_tilt: slope_x_rad = 0.0301 (0.029 to 0.031)",
+        "33 mm before, 3 mm after: 99 % closed",
         "33.1 mm before, 3.3 mm after",
     ]
     assert data["explained"]["seed"] == 3

@@ -40,7 +40,7 @@ def written(model, runs, tmp_path_factory):
     place = tmp_path_factory.mktemp("pages")
     found = {
         "named": answers.named(model), "set": answers.one_of_a_set(model), "none": answers.nothing(),
-        "unknown": answers.unknown(),
+        "unknown": answers.unknown(), "incomplete": answers.incomplete(model),
     }
     for name, explanation in found.items():
         write_explanation(explanation, model, runs[:1], runs[1:], place / name)
@@ -54,11 +54,12 @@ def text_of(folder):
 def test_each_verdict_has_the_files_that_it_can_have(written):
     more = {"model.yaml", "after.svg", "residuals.png"}
     for name, folder in written.items():
-        assert set(os.listdir(folder)) == DATA | {"path.png"} | (more if name in ("named", "set") else set())
+        named = name in ("named", "set", "incomplete")
+        assert set(os.listdir(folder)) == DATA | {"path.png"} | (more if named else set())
     assert set(os.listdir(written["none"].parent)) == set(written)  # nothing beside
 
 
-@pytest.mark.parametrize("verdict", ["named", "set", "none", "unknown"])
+@pytest.mark.parametrize("verdict", ["named", "set", "none", "unknown", "incomplete"])
 def test_a_page_needs_no_other_file(written, verdict):
     page = text_of(written[verdict])
     sources = re.findall(r'src="([^"]*)"', page)
@@ -71,14 +72,14 @@ def test_a_page_needs_no_other_file(written, verdict):
 def test_the_page_tells_effect_interval_and_gap(written):
     page = text_of(written["named"])
     assert "<h1>The model lacks coulomb friction</h1>" in page
-    assert "0.0097 to 0.0103" in page and "98 %</strong> of the gap" in page and "below -100 to 100 %" in page
-    assert page.index("What is missing") < page.index("Where it shows") < page.index("The gap on held-out runs")
-    assert page.index("The gap on held-out runs") < page.index("The new scenario")
+    assert "0.0097 to 0.0103" in page and "98 % of the gap closed." in page and "below -100 to 100 %" in page
+    assert page.index("What is missing") < page.index("Where it shows") < page.index("<h2>The gap")
+    assert page.index("<h2>The gap") < page.index("The new scenario")
 
 
 def test_a_set_names_its_rivals_and_warnings_come_first(written):
     page = text_of(written["set"])
-    assert "<code>stribeck_friction</code>" in page and "slow reversals" in page and "on its bound" in page
+    assert "<code>stribeck_friction</code>" in page and "slow reversals" in page and "on a bound" in page
     assert "got worse &lt;b&gt;" in page and page.index("got worse") < page.index("What is missing")
     assert "reverse slowly" in page
 
@@ -87,6 +88,19 @@ def test_no_effect_and_an_unknown_one_say_so(written):
     assert "nothing beyond noise (p = 0.4)" in text_of(written["none"]) and "gyro_bias" in text_of(written["none"])
     page = text_of(written["unknown"])
     assert "a force that goes with place" in page and "from 3.1 s on" in page and "12.5 standard deviations" in page
+
+
+def test_an_incomplete_answer_says_what_is_left_and_marks_its_model(written):
+    page, model = text_of(written["incomplete"]), (written["incomplete"] / "model.yaml").read_text()
+    assert "coulomb friction, and something more</h1>" in page and "41 % goes with speed" in page
+    assert model.startswith("# incomplete: has coulomb_friction") and load_scenario(
+        str(written["incomplete"] / "model.yaml")).omni.effects == FRICTION
+
+
+def test_no_percentage_where_the_gap_is_too_small(model, tmp_path, runs):
+    small = answers.named(model, gap=answers.GAP[1:2])
+    write_explanation(small, model, runs[:1], runs[1:], tmp_path / "page")
+    assert "too small to show in metres" in text_of(tmp_path / "page") and "% of the gap" not in str(small)
 
 
 def test_the_new_model_is_a_few_lines_that_load(written, model):
@@ -143,7 +157,7 @@ def test_the_true_effect_brings_the_simulation_to_the_measurement(model, runs):
         assert rms[1] < 0.7 * rms[0]
 
 
-def test_a_reference_that_cannot_be_followed_gives_no_path(model, runs, tmp_path):
+def test_a_reference_that_cannot_be_followed_gives_a_dead_reckoned_path(model, runs, tmp_path):
     turning = runs[0].channels["reference"]
     turning = replace(turning, values=turning.values + np.linspace(0, 3, len(turning.t))[:, None] * [0, 0, 1])
     recording = replace(runs[0], channels={**runs[0].channels, "reference": turning})
@@ -151,4 +165,5 @@ def test_a_reference_that_cannot_be_followed_gives_no_path(model, runs, tmp_path
     without = {name: channel for name, channel in runs[0].channels.items() if name != "reference"}
     recording = replace(runs[0], channels=without)
     write_explanation(answers.named(model), model, [recording], [], tmp_path / "out")
-    assert "path.png" not in os.listdir(tmp_path / "out") and "Simulation beside" not in text_of(tmp_path / "out")
+    assert "path.png" in os.listdir(tmp_path / "out")
+    assert "dead-reckoned by the measured wheels" in text_of(tmp_path / "out")

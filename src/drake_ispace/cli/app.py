@@ -322,6 +322,8 @@ def demo(
         return
     print_metrics(data["runs"])
     print(f"open {page}")
+    for line in data["explained"].get("lines", ()):
+        print(line)
 
 
 register_explain_commands(app)

@@ -11,19 +11,23 @@ from pydrake.systems.framework import Diagram
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.sentences import amount, gap_sentence, over
+from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
 from drake_ispace.files.yaml_guard import dump_yaml
 from drake_ispace.report.closed_loop import closed_loop
+from drake_ispace.report.dead_reckoning import reckoned
 from drake_ispace.report.drawing import draw
-from drake_ispace.report.explain_plots import plot_path, plot_residuals
+from drake_ispace.report.explain_plots import plot_gap, plot_path
 from drake_ispace.report.pages import render, write_text
 from drake_ispace.scenario import Scenario, difference
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 MARK = "explanation.json"
 _TITLES = {
-    "named": "The model lacks {}", "set": "The model lacks one of a few effects that these runs cannot tell apart",
+    "named": "The model lacks {}", "incomplete": "The model lacks {}, and something more",
+    "set": "The model lacks one of a few effects that these runs cannot tell apart",
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
 }
@@ -36,8 +40,8 @@ def write_explanation(
 ) -> Explanation:
     """Write the folder `out`: explanation.json, index.html and its pictures.
 
-    There are also model.yaml and after.svg where effects are named, residuals.png where there is a gap on held-out
-    runs, and path.png where the reference of a run can be followed again.
+    There are also model.yaml and after.svg where effects are named, residuals.png where there are unseen runs, and
+    path.png where a camera saw the robot.
 
     Args:
         model: as it was given. runs, held_out: those that the explanation was made with. tell: called with the name of
@@ -63,7 +67,7 @@ def write_files(
     """Write the files of `write_explanation` straight into `folder`, which exists.
 
     Returns:
-        The distances of `write_path`, None where no reference can be followed again.
+        The distances of `write_path`.
 
     Raises:
         InputError: the folder cannot be written.
@@ -71,12 +75,12 @@ def write_files(
     robot = robot_of(model, [*runs, *held_out])
     tell("drawing")
     pictures = draw_diagrams(explanation, model, robot, folder)
-    if explanation.gap:
-        plot_residuals(explanation.gap, folder / "residuals.png")
+    if shown := [row for row in explanation.gap if row.runs == HELD_OUT]:
+        plot_gap(shown, folder / "residuals.png")
     tell("simulating the closed loop")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
     if explanation.model is not None:
-        write_text(folder / "model.yaml", dump_yaml(explanation.difference))
+        write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
     explanation.save(folder / MARK)
     write_text(folder / "index.html", page(explanation, model, pictures, path, folder))
     return path
@@ -113,21 +117,40 @@ def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder:
 def write_path(
     explanation: Explanation, model: Scenario, robot: str, runs: Sequence[Recording], out: Path
 ) -> dict | None:
-    """Plot the first of `runs` whose reference the model's own controller can follow again.
+    """Plot the measured path beside that of the model, as given and with the effects.
+
+    The model follows the reference of the first run for which that can be done; where there is none, the first run is
+    dead-reckoned.
 
     Returns:
-        {"run", "before_m", "after_m"}: name of the run, and root mean square distances [m] to the measured positions;
-        None where there is no such run.
+        {"run", "before_m", "after_m", "closed_loop"}: name of the run, root mean square distances [m] to the measured
+        positions, and whether the model followed the reference. None where nothing was seen.
     """
     for recording in runs:
         before = closed_loop(model, robot, recording)
-        if before is None:
-            continue
-        after = None if explanation.model is None else closed_loop(explanation.model, robot, recording)
-        distances = plot_path(recording, before, after, out)
-        name = recording.path.name if recording.path is not None else "a run"
-        return {"run": name, "before_m": distances[0], "after_m": distances[1]}
+        if before is not None:
+            after = None if explanation.model is None else closed_loop(explanation.model, robot, recording)
+            return _path(recording, before, after, True, out)
+    for recording in runs:
+        before = reckoned(model, recording)
+        if before is not None:
+            after = None if explanation.model is None else reckoned(explanation.model, recording)
+            return _path(recording, before, after, False, out)
     return None
+
+
+def _path(recording, before, after, is_closed_loop, out):
+    distances = plot_path(recording, before, after, out)
+    name = recording.path.name if recording.path is not None else "a run"
+    return {"run": name, "before_m": distances[0], "after_m": distances[1], "closed_loop": is_closed_loop}
+
+
+def _mark(explanation):
+    """The first line of the model.yaml of an incomplete answer."""
+    if explanation.verdict != "incomplete":
+        return ""
+    names = ", ".join(effect.name for effect in explanation.effects)
+    return f"# incomplete: has {names}, but something more is missing; see index.html beside this file\n"
 
 
 def page(
@@ -135,13 +158,44 @@ def page(
 ) -> str:
     """The HTML page, with the pictures in it that lie in `folder`."""
     names = " and ".join(effect.name.replace("_", " ") for effect in explanation.effects)
+    cells = {which: [_cells(row) for row in explanation.gap if row.runs == which] for which in (HELD_OUT, TRAINING)}
     return render(
         "explain.html.j2", title=_TITLES[explanation.verdict].format(names), e=explanation, path=path,
         cards={name: library()[name].card for name in _mentioned(explanation) if name in library()},
         lines=changed_lines(model, explanation), blocks=[(title, embedded(folder / name)) for name, title in pictures],
-        residuals=embedded(folder / "residuals.png") if explanation.gap else None,
+        lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),
+        residuals=embedded(folder / "residuals.png") if cells[HELD_OUT] else None,
         path_picture=embedded(folder / "path.png") if path is not None else None, diagram=model.diagram,
     )
+
+
+def _sentence(explanation):
+    """The first of the sentences on the gap, as a sentence."""
+    text = gap_sentence(explanation.headline, explanation.proof, bool(explanation.effects))
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _cells(row: GapRow) -> dict[str, str]:
+    """A row of the gap as text."""
+    def share(value):
+        return "below -100" if value < -1.0 else f"{100.0 * value:.0f}"
+
+    numbers = {name: getattr(row, name) for name in ("before", "after", "sensors", "chance", "least_squares")}
+    cells = {name: "–" if value is None else amount(value, row.unit) for name, value in numbers.items()}
+    interval = "–" if row.ci90 is None else f"{share(row.ci90[0])} to {share(row.ci90[1])} %"
+    return cells | {
+        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}", "horizon": row.horizon,
+        "driven_by": row.driven_by, "closed": "–" if row.closed is None else f"{share(row.closed)} %",
+        "interval": interval,
+    }
+
+
+def _left(explanation):
+    """What is left, as text."""
+    return [
+        {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
+         "since": r.since, "because": r.because, "runs": ", ".join(r.runs)} for r in explanation.remainders
+    ]
 
 
 def changed_lines(model: Scenario, explanation: Explanation) -> list[tuple[str, str]]:

@@ -1,56 +1,75 @@
 """Plots of an Explanation: prediction errors and the driven path, with the model as given and with the effects."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.explain.answer.explanation import Gap
+from drake_ispace.explain.answer.sentences import amount
+from drake_ispace.explain.prove.free_run import PREDICTION, STEP
+from drake_ispace.explain.prove.gap import GapRow, seconds
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.report.plots import plt, save
 
 BEFORE, AFTER, MEASURED = "#c0392b", "#27ae60", "#2980b9"
 
 
-def plot_residuals(gaps: dict[str, Gap], out: Path) -> None:
-    """Plot, for each channel, the root mean square prediction error on held-out runs, before and after.
+def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
+    """Plot the errors on unseen runs before and after, over what sensors and chance leave, which is 1 on the axis.
 
-    Both are divided by the error of the same effects refitted to the held-out runs, which is 1 on the axis.
-
-    Args:
-        gaps: channel -> Gap.
+    Places over every horizon, and each sensor at its shortest one.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    figure, axis = plt.subplots(figsize=(9.5, 1.3 + 0.42 * len(gaps)), layout="constrained")
-    rows = np.arange(len(gaps))[::-1]
-    refitted = np.array([max(gap.refitted, 1e-300) for gap in gaps.values()])
-    before = np.array([gap.before for gap in gaps.values()]) / refitted
-    after = np.array([gap.after for gap in gaps.values()]) / refitted
-    axis.axvline(1.0, color="0.5", lw=1.2, ls="--", label="effects refitted to these runs")
-    axis.hlines(rows, np.minimum(before, after), np.maximum(before, after), color="0.75", lw=3, zorder=1)
-    axis.plot(before, rows, "o", color=BEFORE, ms=8, label="model as given")
-    axis.plot(after, rows, "o", color=AFTER, ms=8, label="with the effect")
-    if before.max() > 8.0:
-        axis.set_xscale("log")
+    rows = _drawn(rows)
+    figure, axis = plt.subplots(figsize=(10.5, 1.3 + 0.36 * len(rows)), layout="constrained")
+    heights = np.arange(len(rows))[::-1]
+    floors = np.array([max(float(np.hypot(row.sensors, row.chance)), 1e-300) for row in rows])
+    before, after = (np.array([getattr(row, name) for row in rows]) / floors for name in ("before", "after"))
+    axis.axvline(1.0, color="0.5", lw=1.2, ls="--", label="what noise leaves")
+    axis.hlines(heights, np.minimum(before, after), np.maximum(before, after), color="0.75", lw=3, zorder=1)
+    axis.plot(before, heights, "o", color=BEFORE, ms=8, label="model as given")
+    axis.plot(after, heights, "o", color=AFTER, ms=6, label="with the effect")
+    axis.set_xscale("log")
+    axis.xaxis.set_major_formatter(plt.matplotlib.ticker.FormatStrFormatter("%g"))
     axis.margins(x=0.12)
-    for row, gap in zip(rows, gaps.values(), strict=True):
-        text = f"{_short(gap.before)} → {_short(gap.after)} {gap.unit},  {100 * gap.closed:.0f} % closed"
-        axis.text(1.02, row, text, transform=axis.get_yaxis_transform(), va="center", fontsize=8.5)
-    axis.set_yticks(rows, [name.replace("$", r"\$") for name in gaps])
-    axis.set(xlabel="rms one-step-ahead prediction error on held-out runs, over that of the refitted effects")
-    axis.set_ylim(-0.6, len(gaps) - 0.4)
+    for height, row in zip(heights, rows, strict=True):
+        closed = "" if row.closed is None else f",  {100 * row.closed:.0f} % closed"
+        text = f"{amount(row.before, row.unit)} → {amount(row.after, row.unit)}{closed}"
+        axis.text(1.02, height, text, transform=axis.get_yaxis_transform(), va="center", fontsize=8.5)
+    axis.set_yticks(heights, [_label(row) for row in rows])
+    axis.set(xlabel="rms error on unseen runs, over what sensors and chance leave", ylim=(-0.6, len(rows) - 0.4))
     axis.grid(alpha=0.3, axis="x")
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=3, fontsize=9, frameon=False)
     save(figure, out)
 
 
+def _drawn(rows):
+    """Rows with a known level of noise; of a sensor only that of the shortest horizon but the next sample."""
+    shortest = {}
+    for row in rows:
+        if row.metric == PREDICTION and row.horizon != STEP:
+            known = shortest.setdefault((row.channel, row.kind), row)
+            if seconds(row.horizon) < seconds(known.horizon):
+                shortest[row.channel, row.kind] = row
+    return [
+        row for row in rows if row.sensors is not None and row.chance is not None
+        and (row.metric != PREDICTION or any(row is other for other in shortest.values()))
+    ]
+
+
+def _label(row):
+    driven = f" ({row.driven_by})" if row.metric != PREDICTION else ""
+    return f"{row.channel}{driven}, {row.horizon}{f', {row.kind}' if row.kind else ''}".replace("$", r"\$")
+
+
 def plot_path(recording: Recording, before: Channel, after: Channel | None, out: Path) -> tuple[float, float | None]:
-    """Plot what the camera saw and what it would have seen of the model in closed loop, on the floor and over time.
+    """Plot what the camera saw and what it would have seen of the model, on the floor and over time.
 
     Args:
-        recording: measured, with the channels "reference" and "kinect". before, after: channel "kinect" of the model as
-            given, and of the model with the effects (None: there are none).
+        recording: measured, with the channel "kinect". before, after: channel "kinect" of the model as given, and of
+            the model with the effects (None: there are none).
 
     Returns:
         Root mean square distance [m] to the measured positions of the model as given, and with the effects.
@@ -58,11 +77,12 @@ def plot_path(recording: Recording, before: Channel, after: Channel | None, out:
     Raises:
         InputError: the folder cannot be written.
     """
-    seen, reference = recording.channels["kinect"], recording.channels["reference"]
+    seen, reference = recording.channels["kinect"], recording.channels.get("reference")
     figure, (floor, time) = plt.subplots(
         1, 2, figsize=(12.5, 5.4), layout="constrained", gridspec_kw={"width_ratios": [1.15, 1.0]}
     )
-    floor.plot(reference.values[:, 0], reference.values[:, 1], "--", color="0.4", lw=1.0, label="reference")
+    if reference is not None:
+        floor.plot(reference.values[:, 0], reference.values[:, 1], "--", color="0.4", lw=1.0, label="reference")
     floor.plot(seen.values[:, 0], seen.values[:, 1], ".", color=MEASURED, ms=5, label="measured")
     rms_m = []
     for channel, colour, label in ((before, BEFORE, "model as given"), (after, AFTER, "with the effect")):
@@ -92,7 +112,3 @@ def distances(seen: Channel, simulated: Channel) -> tuple[np.ndarray, np.ndarray
     t = seen.t[seen.t <= simulated.t[-1] + 1e-6]
     at = np.column_stack([np.interp(t, simulated.t, simulated.values[:, i]) for i in range(2)])
     return t, np.linalg.norm(seen.values[: len(t), :2] - at, axis=1)
-
-
-def _short(value):
-    return f"{value:.3g}"

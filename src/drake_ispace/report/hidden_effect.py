@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.sentences import gap_sentence
 from drake_ispace.explain.explain import explain
 from drake_ispace.hiding import hide
 from drake_ispace.report.explain_page import write_files
@@ -38,8 +39,8 @@ def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = l
         seed: of all noise in the data. tell: called with the name of each step.
 
     Returns:
-        What the page shows: "hidden" and "found" in words, "closed", "path", "seconds" and the names of its "pictures";
-        and the numbers for its data.
+        What the page shows: "hidden", "found" and the "gap" in words, "path", "seconds" and the names of its
+        "pictures"; and the numbers for its data, with the three "lines" for the terminal.
 
     Raises:
         InputError: the folder cannot be written.
@@ -57,10 +58,12 @@ def write_hidden_effect(folder: Path, seed: int, tell: Callable[[str], None] = l
         for file, name in {**pictures, "index.html": "explained.html"}.items():
             shutil.move(Path(beside) / file, folder / name)
     shown = {
-        "hidden": _words(HIDDEN), "found": found_words(explanation), "closed": explanation.closed, "path": path,
+        "hidden": _words(HIDDEN), "found": found_words(explanation), "path": path,
+        "gap": gap_sentence(explanation.headline, "the unseen run", True),
         "pictures": list(pictures.values()), "seconds": explanation.seconds,
     }
-    return shown, {"hidden": HIDDEN, "explanation": explanation.to_data(), "path": path}
+    lines = [f"hidden: {'; '.join(shown['hidden'])}", f"found: {'; '.join(shown['found'])}", f"gap: {shown['gap']}"]
+    return shown, {"hidden": HIDDEN, "explanation": explanation.to_data(), "path": path, "lines": lines}
 
 
 def found_words(explanation: Explanation) -> list[str]:

@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drake_ispace.explain.answer.sentences import in_words, is_place, sentence_of, short
+from drake_ispace.explain.answer.sentences import gap_sentence, is_place, sentence_of, short
 from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
 from drake_ispace.explain.prove.proof import PlantParameter
@@ -220,11 +220,8 @@ class Explanation:
 
     def gap_in_words(self) -> list[str]:
         """The headline, and the places on unseen runs over each horizon."""
-        row, lines = self.headline, []
-        if row is None and self.effects:
-            lines.append("the gap is too small to show in metres" + (f" ({self.proof})" if self.proof else ""))
-        if row is not None:
-            lines.append(in_words(row, self.proof, bool(self.effects)))
+        row = self.headline
+        lines = [line for line in [gap_sentence(row, self.proof, bool(self.effects))] if line]
         others = [other for other in self.gap if other.runs == HELD_OUT and is_place(other) and other is not row]
         return lines + [short(other) for other in others]
 

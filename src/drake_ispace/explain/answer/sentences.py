@@ -1,5 +1,7 @@
 """The gap and what is left of it, in sentences a user can act on."""
 
+import math
+
 from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
 
@@ -7,16 +9,20 @@ _OVER = {RUN: "over whole runs", "step": "at the next sample"}
 _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command"}
 
 
-def in_words(row: GapRow, proof: str, has_effects: bool) -> str:
-    """The headline: errors before and after on unseen runs, and the share closed."""
+def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
+    """The headline: errors before and after on unseen runs, and the share closed; empty where there is nothing to say.
+
+    row: None where the gap is too small.
+    """
+    if row is None:
+        return "the gap is too small to show in metres" if has_effects else ""
     where = f"{proof or 'unseen runs'}{f', {row.kind}' if row.kind else ''}"
     what = f"{row.channel} {_BY.get(row.driven_by, '')} {over(row.horizon)}".replace("  ", " ")
     if not has_effects:
         return f"{where}: {what} is off by {amount(row.before, row.unit)}"
-    return (
-        f"{where}: {what} was off by {amount(row.before, row.unit)}, is off by {amount(row.after, row.unit)}: "
-        f"{100.0 * row.closed:.0f} % of the gap closed"
-    )
+    before, after, noise = (amount(x, row.unit) for x in (row.before, row.after, math.hypot(row.sensors, row.chance)))
+    share = f"{100.0 * row.closed:.0f} % of the gap closed"
+    return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}: {share}"
 
 
 def short(row: GapRow) -> str:

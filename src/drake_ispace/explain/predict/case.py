@@ -19,6 +19,8 @@ from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import entry_of
 
+UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
+
 Run = Recording | str | Path
 Runs = Run | Sequence[Run] | Mapping[str, Run]
 
@@ -71,7 +73,7 @@ def prepare(
         InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
     """
     scenario = None if isinstance(model, OwnModel) else as_scenario(model)
-    training, kinds = _listed(runs), held_out if isinstance(held_out, Mapping) else {"held out": held_out}
+    training, kinds = _listed(runs), held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
     if not training:
         raise InputError("explain: there is no run, expected at least one")
     n, others = len(training), {kind: _listed(some) for kind, some in kinds.items()}

@@ -129,6 +129,12 @@ def innovation(xd, measured, out):
     copy(xd[out.shape[0] : 2 * out.shape[0]], out)
 
 
+@kernel
+def error(xd, measured, out):
+    """e."""
+    copy(xd[: out.shape[0]], out)
+
+
 def numbers_of(filter: Filter) -> dict[str, np.ndarray]:
     """The parameters of a Follower: the filter's matrices, flattened."""
     return {name: np.ravel(getattr(filter, name)) for name in ("a", "b", "c", "d", "gain", "feedback", "weight")}
@@ -147,10 +153,11 @@ class Follower(Block):
         output_ports:
         - push
         - innovation
+        - error
 
     measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): what acts on the plant, force of
     the ground, wheel torque of a user's own plant, or body velocity where that is commanded; the output has the
-    correction added. innovation (p,): nu of this tick, in the units of the outputs.
+    correction added. innovation (p,), error (p,): nu and e of this tick, in the units of the outputs.
 
     Args:
         filter: matrices of the error system.
@@ -160,7 +167,7 @@ class Follower(Block):
         p, m, n = len(filter.c), filter.b.shape[1], len(filter.a)
         super().__init__(Spec(
             inputs={"measured": p, "modelled": p, "push": m},
-            outputs={"push": Output(m, corrected), "innovation": Output(p, innovation)},
+            outputs={"push": Output(m, corrected), "innovation": Output(p, innovation), "error": Output(p, error)},
             parameters=numbers_of(filter),
             discrete_state=np.zeros(2 * p + n + 2 * m),
             updates=(Update(compare, Phase.SENSE), Update(estimate, Phase.COMPUTE)),

@@ -181,7 +181,7 @@ def replay_diagram(
     """The Diagram with every one of `effects` at its neutral value.
 
     Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant.
-    Outputs: innovation, of the follower, view, of the camera, and pose, what the camera would report.
+    Outputs: innovation and error, of the follower, view, of the camera, and pose, what the camera would report.
     """
     body, settings, bench = body_of(scenario, robot), getattr(scenario, robot.name), Bench()
     part = Part(bench, robot.name)
@@ -215,7 +215,8 @@ def replay_diagram(
     bench.let_in(**{name: part.block(port) for name, port in inputs.items()})
     view = part.block("view")
     bench.show(
-        innovation=part.block("follower.innovation"), view=f"{view}.innovation", pose=bench.source(f"{view}.pose")
+        innovation=part.block("follower.innovation"), error=part.block("follower.error"), view=f"{view}.innovation",
+        pose=bench.source(f"{view}.pose"),
     )
     return bench.build(part.block("replay"))
 

@@ -10,12 +10,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.paths import absolute_errors, aligned, compose, pairs, relative, relative_errors
+from drake_ispace.explain.prove.paths import (
+    absolute_errors,
+    aligned,
+    chained,
+    compose,
+    pairs,
+    relative,
+    relative_errors,
+)
 from drake_ispace.rollout.segments import Segments, State
 
 ATE, RPE, PREDICTION = "ATE", "RPE", "prediction"
@@ -108,12 +117,14 @@ class Simulation:
         stops: (k,) ascending ticks whose states are kept, for free runs from there.
 
     Attributes:
-        poses: (rows, 3) what the camera would report at every tick, if the measured wheels drove the model.
-        reckoned: (1 + k, 3) of them at t = 0 and at every fix. innovations: (rows, p) of the filter at every tick.
+        poses: (rows, 3) what the camera would report at every tick of the model that is held on the motion.
+        reckoned: (1 + k, 3) the same at t = 0 and at every fix, dead-reckoned: the model's wheels turn as the measured
+            ones.
+        innovations: (rows, p) of the filter at every tick.
     """
 
     def __init__(self, replay: Replay, track: Track, start: np.ndarray, values: Values, stops=()):
-        self._held = replay.parameters(values)
+        self._replay, self._held = replay, replay.parameters(values)
         self._free = replay.freed(self._held)
         self._late_s = replay.clock_offset_s(self._held)
         self._last = track.ticks + LEAD_TICKS - 1
@@ -124,19 +135,34 @@ class Simulation:
             logs = self._segments.run(at, stop, state, self._held)
             self._states[stop], at = tuple(part.copy() for part in state), stop
         self.poses, self.innovations = logs["pose"].copy(), logs["innovation"][1:].copy()
-        self.reckoned = np.vstack([self.poses[:1], self.at(track.fix_t)])
+        self._exact = self._on_measured_wheels(logs["error"][1:])
+        self.reckoned = np.vstack([self._exact[:1], self._at(track.fix_t, self._exact)])
 
-    def at(self, times_s: np.ndarray, since: int | None = None, logs: Mapping[str, np.ndarray] | None = None):
-        """(k, 3) what the camera would report of captures at these times [s]; from the tick `since` on of a free run.
+    def _on_measured_wheels(self, lags):
+        """(rows, 3) the poses, if the wheels did not lag behind the measured ones by `lags` (rows - 1, p) [rad]."""
+        body = self._replay.body
+        behind = np.vstack([np.zeros(3), lags[:, : body.wheels] @ body.plant.geometry.forward.T])
+        return chained(self.poses[0], relative(self.poses[:-1], self.poses[1:]) + np.diff(behind, axis=0))
+
+    def ends(self, times_s: np.ndarray, since: int, logs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """(k, 3) what the camera would report at these times [s], the model running free from the tick `since` on.
 
         logs: of the free run.
         """
-        poses = self.poses
-        if logs is not None:
-            poses = np.vstack([poses[:since], logs["pose"][since:]])
+        return self._at(times_s, np.vstack([self.poses[:since], logs["pose"][since:]]))
+
+    def whole(self, times_s: np.ndarray, since: int, logs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """(1 + k, 3) the same at t = 0 and at these times; before the tick `since` the model is dead-reckoned."""
+        free = compose(self._exact[since], relative(self.poses[since], logs["pose"][since:]))
+        path = np.vstack([self._exact[:since], free])
+        return np.vstack([path[:1], self._at(times_s, path)])
+
+    def _at(self, times_s, poses):
         k = np.clip((times_s - self._late_s) / TICK_S, 0.0, len(poses) - 2.0)
         low = k.astype(int)
-        return poses[low] + (k - low)[:, None] * (poses[low + 1] - poses[low])
+        step = poses[low + 1] - poses[low]
+        step[:, 2] = wrap(step[:, 2])
+        return poses[low] + (k - low)[:, None] * step
 
     def free(self, start: int, length: int) -> Mapping[str, np.ndarray]:
         """Logs of the free run of `length` ticks from the tick `start`, one of the stops."""
@@ -160,7 +186,7 @@ def errors(prediction: Prediction, i: int, windows: Windows, values: Values) -> 
         _add_windows(found, prediction, track, windows, simulation)
         if windows.first is not None:
             logs = simulation.free(windows.first, track.ticks)
-            path = np.vstack([simulation.poses[:1], simulation.at(track.fix_t, windows.first, logs)])
+            path = simulation.whole(track.fix_t, windows.first, logs)
             _add_poses(found, ATE, RUN, driven, _whole(windows, track, path))
     for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
         innovations = simulation.innovations[_SETTLING_TICKS : track.ticks, column, None]
@@ -185,7 +211,7 @@ def _add_windows(found, prediction, track, windows, simulation):
                 sensed[name].append(logs["innovation"][start + length + 1, prediction.columns].copy())
         for name, rows in windows.fixes.items():
             for _, a, b in rows[rows[:, 0] == k]:
-                ends = simulation.at(track.fix_t[[a, b]], start, logs)
+                ends = simulation.ends(track.fix_t[[a, b]], start, logs)
                 places[name].append(relative_errors((ends[:1], ends[1:]), (track.poses[[a]], track.poses[[b]])))
     for name, parts in places.items():
         _add_poses(found, RPE, name, driven, np.vstack(parts) if parts else np.empty((0, 3)))

@@ -81,7 +81,7 @@ def headline(rows: Sequence[GapRow]) -> GapRow | None:
     def clearness(row):
         return seconds(row.horizon), row.before / _floor(row.sensors, row.chance)
 
-    places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading"]
+    places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading" and row.unit != "1"]
     return max((row for row in places if row.runs == HELD_OUT and row.closed is not None), key=clearness, default=None)
 
 

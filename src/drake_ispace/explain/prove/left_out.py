@@ -54,7 +54,7 @@ def groups_of(decision: Decision, blocks: int) -> np.ndarray:
 
 def blocks_in(prediction: Prediction) -> int:
     """Into how many blocks a single run is cut."""
-    return max(min(_MOST_BLOCKS, int(prediction.tracks[0].ticks * TICK_S / _LEAST_S)), 1)
+    return max(min(_MOST_BLOCKS, round(prediction.tracks[0].ticks * TICK_S / _LEAST_S)), 1)
 
 
 def cut(prediction: Prediction, blocks: int) -> Prediction:

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import Choice
-from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, unit_of
+from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, unit_of
 from drake_ispace.explain.fit.likelihood import merged
-from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.predict.case import UNNAMED, Case
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
@@ -29,7 +29,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     """
     base, answer, plain = _sizes(case, decision)
     parts = [
-        (HELD_OUT, kind if len(case.kinds) > 1 else "", case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
+        (HELD_OUT, "" if kind == UNNAMED else kind, case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
     ]
     rows = []
     for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
@@ -51,21 +51,28 @@ def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
 
 
 def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
-    measure = Measure(ATE, RUN, channel_of(replay), unit_of(replay), "torque")
-    return [{measure: errors(replay, track, merged(sizes.point), sizes.plant)} for track in tracks]
+    """Errors of each run, in the unit of what was logged and as a share of its root mean square over the runs."""
+    channel, unit = channel_of(replay), unit_of(replay)
+    absolute = Measure(ATE, RUN, channel, unit, "torque")
+    relative = Measure(ATE, RUN, f"{channel}, relative", "1", "torque")
+    size = max(rms([measured(replay, track) for track in tracks]), 1e-300)
+    found = [errors(replay, track, merged(sizes.point), sizes.plant) for track in tracks]
+    return [{absolute: one, relative: one / size} for one in found]
 
 
 def _noise(
     prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
 ) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
     """What the encoder's samples, and unknown torques as strong as the model assumes, leave of the errors."""
-    replay, (measure,) = prediction.replay, after[0]
+    replay, (absolute, relative) = prediction.replay, after[0]
     keep, pushed = np.exp(-TICK_S / CORRELATION_S), []
     for i, track in enumerate(tracks):
         for draw in range(_DRAWS):
             white = np.random.default_rng([seed, 4, i, draw]).standard_normal(track.command.shape)
             torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
             moved = errors(replay, replace(track, command=track.command + torque), merged(sizes.point), sizes.plant)
-            pushed.append(moved - after[i][measure])
+            pushed.append(moved - after[i][absolute])
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
-    return {measure: float(std * np.sqrt(after[0][measure].shape[1]))}, {measure: rms(pushed)}
+    size = rms([after[0][absolute]]) / max(rms([after[0][relative]]), 1e-300)
+    sensors, chance = float(std * np.sqrt(after[0][absolute].shape[1])), rms(pushed)
+    return {absolute: sensors, relative: sensors / size}, {absolute: chance, relative: chance / size}

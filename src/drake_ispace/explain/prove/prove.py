@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.case import Case, joined
+from drake_ispace.explain.predict.case import UNNAMED, Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.adequacy import Remainder, remainders
@@ -73,7 +73,9 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
     values = [{}] * len(left_out.tracks)
     if point:
         values = [merged(other) for other in points_without(decision, groups_of(decision, blocks))]
-    kinds, every = {"": slice(0, len(values))}, left_out
+    kinds, every = {UNNAMED: slice(0, len(values))}, left_out
+    if len(values) == 1:  # too short to be cut
+        kinds, by, values = {}, "", [merged(point)]
     if case.held_out is not None:
         by, start, every = "held-out runs", len(values), joined(left_out, case.held_out)
         values = values + [merged(point)] * len(case.held_out.tracks)
@@ -87,7 +89,7 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
         plain = plain_fit(training, fitted_to.windows[:n], point, decision.end.likelihood.sizes, floors, pool)
     rows = []
     for kind, runs in kinds.items():
-        rows += rows_of(judged.columns(runs, plain), HELD_OUT, kind if len(kinds) > 1 else "", seed)
+        rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     every_run = slice(0, len(values))

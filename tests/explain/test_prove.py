@@ -1,0 +1,82 @@
+"""An answer is proven on runs that its sizes were not fitted to."""
+
+import pytest
+
+import drake_ispace as di
+from drake_ispace.explain.explain import explain
+from drake_ispace.hiding import hide
+from drake_ispace.scenario import load_scenario
+
+LARGE = {"wheel_radius_error": {"share": 0.04}}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return hide("omni_multirate", "omni", LARGE, ["square", "circle", "figure_eight"], 5, 10.0)
+
+
+@pytest.fixture(scope="module")
+def effects():
+    return [di.effects()[name] for name in ("wheel_radius_error", "viscous_friction", "camera_latency")]
+
+
+@pytest.fixture(scope="module")
+def proven(runs, effects):
+    *training, held_out = runs.values()
+    return explain("omni_multirate", training, [held_out], effects)
+
+
+def row_of(answer, **wanted):
+    (row,) = (row for row in answer.gap if all(getattr(row, name) == value for name, value in wanted.items()))
+    return row
+
+
+def test_the_size_is_also_found_by_plain_least_squares(proven):
+    (effect,) = proven.effects
+    assert effect.name == "wheel_radius_error" and proven.verdict == "named" and proven.remainders == []
+    size = effect.parameters["share"]
+    assert size.estimate == pytest.approx(0.04, rel=0.1) and size.least_squares == pytest.approx(0.04, rel=0.15)
+
+
+def test_larger_wheels_dead_reckon_a_longer_path(proven):
+    row = row_of(proven, runs="held_out", metric="ATE", channel="position", driven_by="wheels")
+    assert row.before > 3.0 * row.after and row.closed > 0.95 and row.unit == "m"
+    assert proven.proof == "held-out runs" and proven.headline == row
+
+
+def test_every_channel_has_a_row(proven):
+    channels = {row.channel for row in proven.gap if row.runs == "held_out"}
+    assert channels == {"position", "heading", *(f"encoder: wheel {i}" for i in range(1, 5))}
+
+
+def test_what_noise_leaves_is_what_the_right_answer_leaves(proven):
+    for row in proven.gap:
+        if row.metric != "prediction" and row.driven_by == "wheels":
+            assert row.after < 2.0 * (row.sensors**2 + row.chance**2) ** 0.5
+
+
+def test_without_a_held_out_run_each_run_is_left_out_in_turn(runs, effects):
+    answer = explain("omni_multirate", list(runs.values()), effects=effects)
+    row = row_of(answer, runs="held_out", metric="ATE", channel="position", driven_by="wheels")
+    assert answer.proof == "leave-one-run-out" and row.closed > 0.9 and answer.verdict == "named"
+
+
+def test_a_single_run_is_cut_into_blocks(runs, effects):
+    answer = explain("omni_multirate", runs["figure_eight"], effects=effects)
+    assert answer.proof == "blocks of the run" and any(row.runs == "held_out" for row in answer.gap)
+
+
+def test_what_the_library_lacks_makes_the_answer_incomplete_or_unknown(effects):
+    """Two things are hidden, and only one of them may be named."""
+    both = LARGE | {"coulomb_friction": {"torque_n_m": 0.02}}
+    *training, held_out = hide("omni_multirate", "omni", both, ["square", "circle", "figure_eight"], 5, 10.0).values()
+    answer = explain("omni_multirate", training, [held_out], [effects[0]])
+    assert answer.verdict in ("incomplete", "unknown") and answer.remainders
+    assert any("encoder" in left.channel or "force" in left.channel for left in answer.remainders)
+
+
+def test_a_sound_robot_leaves_nothing():
+    scenario = load_scenario("omni_multirate")
+    *training, held_out = hide(scenario, "omni", {}, ["square", "circle", "figure_eight"], 5, 10.0).values()
+    answer = explain(scenario, training, [held_out])
+    assert answer.verdict == "none" and answer.remainders == [] and answer.closed is None
