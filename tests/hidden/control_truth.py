@@ -42,7 +42,8 @@ def wrapped(angle):
 def read_encoder(tick, angle, encoder, e, raw, counts, out):
     """Angles (n) [rad] that the counters show for wheel angles `angle` (n); raw, counts (n): integers as floats."""
     for i in range(angle.shape[0]):
-        now = np.floor(e.encoder_gain * angle[i] / encoder.step_rad + encoder.phase[i])
+        shown = angle[i] + (e.eccentric_rad * np.sin(angle[i]) if i == 0 else 0.0)
+        now = np.floor(e.encoder_gain * shown / encoder.step_rad + encoder.phase[i])
         change = now - raw[i]
         raw[i] = now
         if e.lost[i] > 0.0:

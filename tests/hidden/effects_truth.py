@@ -84,6 +84,11 @@ UNKNOWN = {
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
     "cogging": "N m",  # A sin(COGS theta_i)
     "cable_pull": "N/m",  # spring to CABLE_M
+    "one_wheel_friction": "N m",  # Coulomb friction of the first wheel
+    "motor_offset": "N m",  # constant torque of the second motor
+    "forward_friction": "N m",  # Coulomb friction of wheels that turn forwards
+    "wheel_drag": "N m s^2/rad^2",  # -k |w| w on every wheel
+    "eccentric_encoder": "rad",  # A sin(theta) on the first encoder
 }
 
 
@@ -118,6 +123,11 @@ class Effects(NamedTuple):
     warm_gain: float
     cogging_n_m: float
     cable_n_m: float
+    one_wheel_n_m: float
+    offset_n_m: float
+    forward_n_m: float
+    wheel_drag: float
+    eccentric_rad: float
 
 
 def complete(robot: str, effects: dict) -> dict[str, dict[str, float]]:
@@ -185,6 +195,11 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         warm_gain=sizes["motor_warm_up_gain"],
         cogging_n_m=sizes["cogging"],
         cable_n_m=sizes["cable_pull"],
+        one_wheel_n_m=sizes["one_wheel_friction"],
+        offset_n_m=sizes["motor_offset"],
+        forward_n_m=sizes["forward_friction"],
+        wheel_drag=sizes["wheel_drag"],
+        eccentric_rad=sizes["eccentric_encoder"],
     )
 
 
@@ -237,13 +252,20 @@ def motor_torque(held, time_s, step_s, tick_s, e, lagged, gap, out):
 
 
 @njit(cache=True)
-def wheel_torque(torque, rate, angle, time_s, base_coulomb, base_viscous, steepest, e):
+def wheel_torque(wheel, torque, rate, angle, time_s, base_coulomb, base_viscous, steepest, e):
     """What is left [N m] of a motor's `torque` behind friction and cogging, at wheel `rate` [rad/s], `angle` [rad].
 
     steepest [N m s/rad]: slope of dry friction that the integration step allows.
     """
     dry = base_coulomb + e.coulomb + e.bump * np.exp(-((rate / e.bump_rad_s) ** 2))
     dry = dry + e.load_share * abs(torque) + e.warm_n_m * np.exp(-time_s / WARM_S)
+    if wheel == 0:
+        dry += e.one_wheel_n_m
+    if wheel == 1:
+        torque += e.offset_n_m
+    if rate > 0.0:
+        dry += e.forward_n_m
+    torque -= e.wheel_drag * abs(rate) * rate
     width = max(0.02, abs(dry) / steepest)
     ripple = e.cogging_n_m * np.sin(COGS * angle)
     return torque - dry * soft_sign(rate, width) - (base_viscous + e.viscous) * rate + ripple

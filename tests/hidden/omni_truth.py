@@ -113,7 +113,7 @@ def rates(time_s, z, torque, push, wander, body, e, out):
     fx = fy = 0.0
     for i in range(4):
         rate = body.g[i, 0] * vx + body.g[i, 1] * vy + body.g[i, 2] * wz
-        net = wheel_torque(torque[i], rate, z[THETA + i], time_s, body.coulomb, body.viscous, body.steepest, e)
+        net = wheel_torque(i, torque[i], rate, z[THETA + i], time_s, body.coulomb, body.viscous, body.steepest, e)
         qx, qy, qz = qx + body.g[i, 0] * net, qy + body.g[i, 1] * net, qz + body.g[i, 2] * net
         fx, fy = fx + body.g[i, 0] * torque[i], fy + body.g[i, 1] * torque[i]
         out[THETA + i] = rate

@@ -174,7 +174,7 @@ def rates(time_s, z, torque, push, wander, body, e, out):
     drive_n = 0.0
     for i in range(2):
         rate = body.g[i, 0] * z[V] + body.g[i, 1] * z[TURN] - z[NOD]
-        net = wheel_torque(torque[i], rate, z[THETA + i], time_s, body.coulomb, body.viscous, body.steepest, e)
+        net = wheel_torque(i, torque[i], rate, z[THETA + i], time_s, body.coulomb, body.viscous, body.steepest, e)
         effort[0] += body.g[i, 0] * net
         effort[1] += body.g[i, 1] * net
         effort[2] -= net

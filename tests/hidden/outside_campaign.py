@@ -1,0 +1,94 @@
+"""What `explain` says of sound robots, and of robots with an effect that no library names.
+
+    python -m hidden.outside_campaign --sound 18 --outside 60      (in the folder tests)
+
+prints a line a case as it ends, then the shares. A sound robot must not be called incomplete or unknown. A robot with an
+effect that is clearly visible (its residual twice that of the sound robot of the same seed) must not be called sound, and
+a named effect must not be said to close 90 % of the gap.
+"""
+
+import argparse
+import time
+
+import numpy as np
+
+from drake_ispace.explain.explain import explain
+from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.prove.free_run import ATE, PREDICTION, STEP, errors, rms, windows_of
+from hidden.generator import RobotLost, generate
+from hidden.motions import MOTIONS
+from hidden.outside import cases, runs_of
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sound", type=int, default=18, help="number of sound sets of runs")
+    parser.add_argument("--outside", type=int, default=60, help="number of cases outside the library")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    options = parser.parse_args()
+    told = [sound(k) for k in range(options.first, options.first + options.sound)]
+    if told:
+        wrong = sum(verdict not in ("none",) for verdict in told)
+        unsound = sum(verdict in ("incomplete", "unknown") for verdict in told)
+        print(f"sound: {len(told)} sets, {wrong} not 'none', {unsound} incomplete or unknown")
+    chosen = cases()[options.first : options.first + options.outside]
+    rows = [row for row in (outside(k, case) for k, case in enumerate(chosen, options.first)) if row]
+    if rows:
+        visible = [row for row in rows if row["ratio"] >= 2.0]
+        missed = [row for row in visible if row["verdict"] == "none"]
+        proud = [row for row in rows if row["verdict"] in ("named", "set") and (row["closed"] or 0.0) >= 0.9]
+        print(f"outside: {len(rows)} cases, {len(visible)} clearly visible, {len(missed)} of these called sound")
+        print(f"named with at least 90 % closed: {len(proud)} of {len(rows)}")
+        print(f"unknown or incomplete: {sum(row['verdict'] in ('unknown', 'incomplete') for row in rows)} of {len(rows)}")
+
+
+def sound(k: int) -> str:
+    """The verdict on a sound robot; process noise 0.3, 1 and 2 in turn, the two robots in turn."""
+    robot, level = ("omni", "pendulum")[k % 2], (0.3, 1.0, 2.0)[k // 2 % 3]
+    motions = np.random.default_rng(k).permutation(MOTIONS)[:4]
+    runs = [generate(robot, str(m), {}, 20.0, 9000 + 10 * k + i, process_noise=level) for i, m in enumerate(motions)]
+    started = time.perf_counter()
+    answer = explain(f"{robot}_multirate", runs[:-1], runs[-1:])
+    print(f"sound {k:3d} {robot:8s} noise {level:3.1f}: {said(answer)} ({time.perf_counter() - started:.0f} s)", flush=True)
+    return answer.verdict
+
+
+def outside(k: int, case: dict) -> dict | None:
+    """What is said of a case; None where the robot is lost."""
+    try:
+        runs, healthy = runs_of(case), runs_of(case, sound=True)
+    except RobotLost:
+        print(f"case {k:3d} {case['robot']} {case['effect']}: the robot is lost", flush=True)
+        return None
+    ratio = visibility(f"{case['robot']}_multirate", runs, healthy)
+    answer = explain(f"{case['robot']}_multirate", runs[:-1], runs[-1:])
+    print(
+        f"case {k:3d} {case['robot']:8s} {case['effect']:18s} {case['size']:<8g} residual x {ratio:4.1f}: {said(answer)}"
+        f" [{case['channel']}, {case['driver']}]", flush=True,
+    )
+    return {"verdict": answer.verdict, "closed": answer.closed, "ratio": ratio}
+
+
+def visibility(model: str, runs, healthy) -> float:
+    """The largest ratio, over next samples and dead reckoning, of the errors of these runs to those of healthy ones."""
+    sizes = []
+    for some in (runs, healthy):
+        prediction = prepare(model, some).prediction
+        each = [errors(prediction, i, windows_of(prediction, i), {}) for i in range(len(some))]
+        sizes.append({
+            m: rms([e[m] for e in each if m in e]) for m in each[0]
+            if (m.metric == PREDICTION and m.horizon == STEP) or (m.metric == ATE and m.driven_by == "wheels")
+        })
+    return max(sizes[0][m] / max(sizes[1][m], 1e-300) for m in sizes[0])
+
+
+def said(answer) -> str:
+    """The answer on one line."""
+    names = "+".join(effect.name for effect in answer.effects)
+    closed = "" if answer.closed is None else f" {100 * answer.closed:.0f} %"
+    left = "; ".join(f"{r.channel} ~ {r.driver}" for r in answer.remainders[:2])
+    return f"{answer.verdict} {names}{closed}" + (f" left: {left}" if left else "")
+
+
+if __name__ == "__main__":
+    main()
