@@ -21,7 +21,7 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     if not has_effects:
         return f"{where}: {what} is off by {amount(row.before, row.unit)}"
     before, after, noise = (amount(x, row.unit) for x in (row.before, row.after, math.hypot(row.sensors, row.chance)))
-    share = f"{100.0 * row.closed:.0f} % of the gap closed"
+    share = f"{100.0 * row.closed + 0.0:.0f} % of the gap closed".replace("-0 %", "0 %")
     return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}: {share}"
 
 

@@ -30,7 +30,7 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
-from drake_ispace.explain.prove.noise import FORCES, ProcessNoise
+from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
@@ -100,7 +100,7 @@ def _too_noisy(noise, names):
         Remainder(
             source, NOTHING, strength, "times the assumed force", "", strength / noise.limits[source],
             "from the start of a run", names, "no plausible noise is as strong",
-        ) for source, strength in noise.needed.items() if source in FORCES and strength > noise.limits[source]
+        ) for source, strength in noise.needed.items() if source not in WALKS and strength > noise.limits[source]
     ]
 
 
