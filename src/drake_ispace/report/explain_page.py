@@ -79,6 +79,9 @@ def write_files(
         plot_gap(shown, folder / "residuals.png")
     tell("simulating the closed loop")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
+    if path is not None and path["closed_loop"]:
+        of_unseen = any(path["run"] == name_of(recording) for recording in held_out)
+        explanation.gap.append(_closed_loop_row(path, HELD_OUT if of_unseen else TRAINING))
     if explanation.model is not None:
         write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
     explanation.save(folder / MARK)
@@ -141,8 +144,20 @@ def write_path(
 
 def _path(recording, before, after, is_closed_loop, out):
     distances = plot_path(recording, before, after, out)
-    name = recording.path.name if recording.path is not None else "a run"
-    return {"run": name, "before_m": distances[0], "after_m": distances[1], "closed_loop": is_closed_loop}
+    return {"run": name_of(recording), "before_m": distances[0], "after_m": distances[1], "closed_loop": is_closed_loop}
+
+
+def name_of(recording: Recording) -> str:
+    """The name of a recording on the page."""
+    return recording.path.name if recording.path is not None else "a run"
+
+
+def _closed_loop_row(path, runs) -> GapRow:
+    """The row of the gap for the model in closed loop along the reference."""
+    after = path["before_m"] if path["after_m"] is None else path["after_m"]
+    return GapRow(
+        runs, "ATE", "run", "position", "m", "reference", path["before_m"], after, None, None, None, None, None
+    )
 
 
 def _mark(explanation):
@@ -191,7 +206,7 @@ def _cells(row: GapRow) -> dict[str, str]:
 
 
 def _left(explanation):
-    """What is left, as text."""
+    """The Remainders as text."""
     return [
         {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
          "since": r.since, "because": r.because, "runs": ", ".join(r.runs)} for r in explanation.remainders

@@ -1,4 +1,4 @@
-"""What `explain` returns: a tree of plain dataclasses that prints itself and saves itself as JSON."""
+"""The answer of `explain`: a tree of plain dataclasses that prints itself and saves itself as JSON."""
 
 import dataclasses
 import json

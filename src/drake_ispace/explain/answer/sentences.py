@@ -6,7 +6,8 @@ from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
 
 _OVER = {RUN: "over whole runs", "step": "at the next sample"}
-_BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command"}
+_BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",
+       "reference": "in closed loop along the reference"}
 
 
 def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
@@ -41,7 +42,7 @@ def is_place(row: GapRow) -> bool:
 
 
 def sentence_of(remainder: Remainder) -> str:
-    """What is left, on which channel and runs, how large, with what it goes, and since when."""
+    """A sentence on a Remainder: channel, size, what it goes with, since when, and in which runs."""
     runs = f"; most in {', '.join(remainder.runs)}" if remainder.runs else ""
     goes = "with nothing measured" if remainder.driver == NOTHING else f"with {remainder.driver}"
     size = amount(remainder.size, remainder.unit)

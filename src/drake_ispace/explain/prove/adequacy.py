@@ -43,7 +43,7 @@ NOTHING = "nothing measured"
 
 @dataclass(frozen=True)
 class Remainder:
-    """What is left of the gap and is not noise of a sound robot.
+    """A part of the gap that the answer leaves and that is not noise of a sound robot.
 
     Attributes:
         channel: sensor and quantity, "position" or "heading", or "force" and its coordinate.
@@ -76,7 +76,7 @@ def remainders(
     prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values], after: Sequence[Errors],
     noise: ProcessNoise, sensors: Mapping[Measure, float], chance: Mapping[Measure, float],
 ) -> list[Remainder]:
-    """What the answer leaves, the worst first; nothing where it suffices.
+    """The Remainders of an answer, the worst first; none where it suffices.
 
     Args:
         prediction: model and runs. windows, values, after: of each run, the effects in the model and its errors.

@@ -1,4 +1,4 @@
-"""The same effects, fitted by plain least squares of free-run simulations: a yardstick for the sizes of the answer.
+"""Plain least squares of free-run simulations: a yardstick for the sizes of the answer.
 
 It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter.
 """

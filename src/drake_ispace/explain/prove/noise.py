@@ -1,4 +1,4 @@
-"""What noise leaves of the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
+"""Noise in the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
 
 Noise of known size is added to the recorded runs anew, and the spread of the errors is what noise of that size leaves.
 Sensor noise is what counts, pixels and densities of the scenario say, or what fixes show of a robot at rest. Process

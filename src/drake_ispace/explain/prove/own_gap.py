@@ -63,7 +63,7 @@ def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
 def _noise(
     prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
 ) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
-    """What the encoder's samples, and unknown torques as strong as the model assumes, leave of the errors."""
+    """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves."""
     replay, (absolute, relative) = prediction.replay, after[0]
     keep, pushed = np.exp(-TICK_S / CORRELATION_S), []
     for i, track in enumerate(tracks):
