@@ -179,7 +179,7 @@ def page(
         cards={name: library()[name].card for name in _mentioned(explanation) if name in library()},
         lines=changed_lines(model, explanation), blocks=[(title, embedded(folder / name)) for name, title in pictures],
         lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),
-        residuals=embedded(folder / "residuals.png") if cells[HELD_OUT] else None,
+        residuals=embedded(folder / "residuals.png") if (folder / "residuals.png").is_file() else None,
         path_picture=embedded(folder / "path.png") if path is not None else None, diagram=model.diagram,
     )
 
