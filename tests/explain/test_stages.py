@@ -1,5 +1,8 @@
 """Small parts of the stages of `explain`, by numbers that a reader can check."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -10,6 +13,8 @@ from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
 from drake_ispace.explain.decide.detect import detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
+
+ROOM = Path(__file__).parents[2] / "src" / "drake_ispace" / "explain"
 
 
 def test_a_limit_is_fitted_as_its_reciprocal():
@@ -62,3 +67,12 @@ def test_an_explanation_without_effects_says_so_and_is_plain_data():
     data = answer.to_data()
     assert data["verdict"] == "none" and data["gap"] == [] and data["closed"] is None
     assert type(data["detection"]["minus_log10_p"]) is float and "lacks nothing that these runs" in str(answer)
+
+
+def test_a_stage_uses_only_stages_before_it():
+    stages = ["predict", "fit", "decide", "prove", "answer"]
+    for file in ROOM.rglob("*.py"):
+        own = file.relative_to(ROOM).parts[0]
+        used = re.findall(r"from drake_ispace\.explain\.(\w+)", file.read_text(encoding="utf-8"))
+        if own in stages:
+            assert all(stages.index(stage) <= stages.index(own) for stage in used), file

@@ -1,0 +1,63 @@
+"""What an answer leaves: process noise as strong as it is, and variables that predict what is left."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.prove.adequacy import predicted_share
+from drake_ispace.explain.prove.free_run import errors, windows_of
+from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
+from hidden.generator import generate
+
+RANDOM = np.random.default_rng(3)
+
+
+def needed(robot, level):
+    """Source -> strength of the process noise in two sound runs."""
+    motions = ("square", "eight")
+    runs = [generate(robot, motion, {}, 12.0, 40 + i, process_noise=level) for i, motion in enumerate(motions)]
+    case = prepare(f"{robot}_multirate", runs)
+    prediction = case.prediction
+    windows = [windows_of(prediction, i) for i in range(2)]
+    after = [errors(prediction, i, w, {}) for i, w in enumerate(windows)]
+    spreads = Spreads(prediction, windows, [{}, {}], after, sensor_noise(case.scenario, prediction), 0)
+    return process_noise(prediction, windows[0].shortest, after, spreads.of_sensors(), spreads.of_process())
+
+
+@pytest.mark.parametrize("robot", ["omni", "pendulum"])
+@pytest.mark.parametrize("level", [0.3, 1.0, 2.0])
+def test_process_noise_of_a_sound_robot_is_measured_and_plausible(robot, level):
+    """The generator's forces are coloured otherwise than those assumed, so that the two forms share them."""
+    noise = needed(robot, level)
+    each = [np.hypot(noise.needed[slow], noise.needed[fast]) for slow, fast in zip(FORCES, JOLTS, strict=True)]
+    assert 0.5 * level < np.median(each) < 2.0 * level
+    assert all(noise.needed[source] < noise.limits[source] for source in (*FORCES, *JOLTS))
+
+
+def runs_of(slopes, noise=1.0, rows=200):
+    """Runs in which an error goes with a variable, each with a slope of its own."""
+    runs = []
+    for slope in slopes:
+        x = RANDOM.standard_normal((rows, 1))
+        runs.append((x, slope * x + noise * RANDOM.standard_normal((rows, 1))))
+    return runs
+
+
+def test_the_share_that_a_variable_predicts_is_that_of_its_variance():
+    assert predicted_share(runs_of([1.0, 1.0, 1.0])) == pytest.approx(0.5, abs=0.06)
+
+
+def test_noise_is_not_predicted():
+    assert predicted_share(runs_of([0.0, 0.0, 0.0])) < 0.02
+
+
+def test_what_is_different_in_every_run_is_not_predicted():
+    assert predicted_share(runs_of([1.0, -1.0])) < 0.0
+
+
+def test_a_single_run_is_cut():
+    assert predicted_share(runs_of([1.0])) == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_variable_that_never_changes_predicts_nothing():
+    assert predicted_share([(np.zeros((50, 2)), RANDOM.standard_normal((50, 1))) for _ in range(3)]) <= 0.0

@@ -1,0 +1,45 @@
+"""Effects that no library names: never called sound where they show, and said where they show."""
+
+import pytest
+
+from drake_ispace.effects.library import library
+from drake_ispace.explain.explain import explain
+from hidden.outside import TYPICAL, cases, draw, recorded
+from hidden.outside_campaign import outside
+
+FEW = ["coulomb_friction", "viscous_friction", "weak_motor", "floor_tilt"]
+
+
+def told(robot, effect, size, seconds=12.0):
+    motions = ("square", "eight", "circle")
+    runs = [recorded(robot, motion, effect, size, 70 + i, seconds) for i, motion in enumerate(motions)]
+    return explain(f"{robot}_multirate", runs[:2], runs[2:], [library()[name] for name in FEW])
+
+
+def test_the_cases_are_those_that_were_drawn():
+    assert cases() == draw()
+
+
+def test_each_case_says_where_it_must_show():
+    assert {(case["robot"], case["effect"]) for case in cases()} == set(TYPICAL)
+    assert all(case["channel"] and case["driver"] for case in cases())
+
+
+@pytest.mark.parametrize("effect, size, channel, driver", [
+    ("motor_offset", 0.012, "encoder: wheel 2", "constant"), ("mirrored_room", 1.0, "kinect: heading", "speed"),
+])
+def test_an_effect_outside_of_the_library_is_not_called_sound(effect, size, channel, driver):
+    answer = told("omni", effect, size)
+    assert answer.verdict in ("incomplete", "unknown") and answer.remainders
+    assert any(r.channel == channel for r in answer.remainders), answer.remainders
+
+
+def test_a_sound_robot_is_called_sound():
+    assert told("omni", None, 0.0).verdict == "none"
+
+
+@pytest.mark.hidden
+@pytest.mark.parametrize("k", range(60))
+def test_an_effect_that_shows_is_never_called_sound(k):
+    row = outside(k, cases()[k])
+    assert row is None or row["ratio"] < 2.0 or row["verdict"] != "none"
