@@ -1,1 +1,1 @@
-"""What the robots measure on themselves, every tick."""
+"""The robots' own sensors, sampled every tick, and the tilt filter."""
