@@ -34,6 +34,7 @@ PRINTED_INPUT = (-1.73, 101.46, 35.39)
 
 @kernel
 def accelerations(tilt, torque, state_terms, input_terms):
+    """Return (s_ddot [m/s^2], phi_ddot, theta_ddot [rad/s^2]) of (3.40)-(3.43)."""
     both = torque[0] + torque[1]
     return (
         state_terms[0] * tilt + input_terms[0] * both,

@@ -132,6 +132,7 @@ def wheel_angle(xc, out):
 
 @kernel
 def wheel_rate(xc, wheels, out):
+    """Write the wheel speeds theta_dot = G R(phi)' v (n) [rad/s]; wheels: G (n, 3), row by row."""
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
     wx, wy = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY]
     for i in range(out.shape[0]):

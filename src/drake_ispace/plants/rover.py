@@ -83,6 +83,7 @@ def pose(xc, out):
 
 @kernel
 def world_velocity(xc, velocity, projection, out):
+    """Write the wheel-consistent velocity in W: R(phi) J' G v; projection: J' G (3, 3), row by row."""
     vx = projection[0] * velocity[0] + projection[1] * velocity[1] + projection[2] * velocity[2]
     vy = projection[3] * velocity[0] + projection[4] * velocity[1] + projection[5] * velocity[2]
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])

@@ -72,7 +72,7 @@ def lyapunov_matrix(a: np.ndarray, b: np.ndarray, gain: np.ndarray, q) -> np.nda
     return solve_continuous_lyapunov(closed.T, -np.diag(q))
 
 
-TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: stamp of the last sample, c_cu, c_v, x'P x
+TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: tick of the last sample, c_cu, c_v, x'P x
 
 
 @kernel
@@ -119,6 +119,7 @@ def adapt(xd, encoder, error, tilt, velocity, p, pb, rates, limits, threshold, d
 
 @kernel
 def compensated(xd, torque, encoder, dead_band_rad_s, speed_scale_rad_s, out):
+    """Write the torques [N m] plus the friction expected with the present coefficients."""
     for i in range(2):
         rate = encoder[WHEEL_PAIR.omega_r + i]
         moving = rate if abs(rate) > dead_band_rad_s else 0.0

@@ -45,6 +45,7 @@ _SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # scales of the regressors, so that P
 
 @kernel
 def learn(out, first, second, forgetting, trace_limit):
+    """Update Theta and the root of P inside x_d (`out`) with the innovations of s'' and theta''."""
     innovation = np.array([first, second])
     update(
         out[REG : REG + 4], innovation, forgetting, trace_limit, out[THETA : THETA + 8], out[ROOT : ROOT + 16],
@@ -54,6 +55,7 @@ def learn(out, first, second, forgetting, trace_limit):
 
 @kernel
 def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band_rad_s, sizes, out):
+    """Filter regressor and accelerations and update Theta; a sample whose tick is already stored changes nothing."""
     copy(xd, out)
     if encoder[WHEEL_PAIR.tick] == xd[TICK]:
         return
@@ -84,6 +86,7 @@ def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_b
 
 @kernel
 def parameters(xd, sizes, out):
+    """Write Theta (4, 2) row by row, for the regressors without scaling."""
     for i in range(4):
         for j in range(2):
             out[2 * i + j] = xd[THETA + 2 * i + j] / sizes[i]

@@ -40,6 +40,7 @@ def step(xd, state, way_point, start, out):
 
 @kernel
 def feedback(xd, f, k_i, sign, out):
+    """Write the same torque sign (K_i omega - F x) [N m] for both wheels."""
     u = k_i * xd[INTEGRAL]
     for i in range(4):
         u -= f[i] * xd[MEASURED + i]

@@ -9,6 +9,7 @@ from drake_ispace.blocks.messages import ERROR, PATH, POSE, WAY_POINT
 
 @kernel
 def straight(path, way_point, start, out):
+    """Write s_e [m], phi_h [rad] and the way point's speed [m/s] along the line through `start` (x, y, phi in W)."""
     c, s = np.cos(start[POSE.phi]), np.sin(start[POSE.phi])
     out[:] = 0.0
     if way_point[WAY_POINT.tick] >= 0.0:

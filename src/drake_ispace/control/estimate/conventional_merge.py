@@ -15,6 +15,7 @@ TICK, SEEN_TICK, USED = 0, 1, 2  # x_d: ticks of the last odometry and of the la
 
 @kernel
 def step(xd, odometry, fix, out):
+    """Store odometry's pose, or the room's if a new fix has arrived; a known odometry tick changes nothing."""
     copy(xd, out)
     if odometry[ESTIMATE.tick] == xd[TICK]:
         return

@@ -50,6 +50,7 @@ def estimated(xd, path, out):
 
 @kernel
 def held(error, out):
+    """Write s_e, phi_h and speed of the measured tracking error."""
     out[ERROR.s_e], out[ERROR.phi_h] = error[TRACKING_ERROR.s_e], error[TRACKING_ERROR.phi_h]
     out[ERROR.speed] = error[TRACKING_ERROR.speed]
 

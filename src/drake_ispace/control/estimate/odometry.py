@@ -40,6 +40,7 @@ def omni_step(xd, encoder, jacobian, out):
 
 @kernel
 def omni_velocity(encoder, jacobian, out):
+    """Write the body velocity J theta_dot: vx, vy [m/s], wz [rad/s] in B; jacobian: J (3, n), row by row."""
     n = jacobian.shape[0] // 3
     omega = ENCODER.theta + n
     for axis in range(3):
@@ -66,6 +67,7 @@ def pendulum_step(xd, encoder, tilt, radius_m, half_track_m, body_share, out):
 
 @kernel
 def pendulum_velocity(encoder, tilt, radius_m, half_track_m, body_share, out):
+    """Write s_dot [m/s] and phi_dot [rad/s], (2.38)-(2.39)."""
     omega_r, omega_l = encoder[WHEEL_PAIR.omega_r], encoder[WHEEL_PAIR.omega_l]
     out[0] = 0.5 * radius_m * (omega_r + omega_l + 2.0 * body_share * tilt[TILT.rate])
     out[1] = 0.5 * radius_m / half_track_m * (omega_r - omega_l)

@@ -40,6 +40,7 @@ def step(xd, odometry, fix, rotate, out):
 
 @kernel
 def estimate(xd, odometry, rotate, out):
+    """Write the tick and P_es[i, k] of (6.6), heading wrapped to [-pi, pi); rotate: 0 omits the rotation R."""
     turn = (xd[EV + POSE.phi] - xd[LO + POSE.phi]) if rotate > 0.0 else 0.0
     c, s = np.cos(turn), np.sin(turn)
     dx, dy = odometry[ESTIMATE.x] - xd[LO + POSE.x], odometry[ESTIMATE.y] - xd[LO + POSE.y]

@@ -12,6 +12,7 @@ from drake_ispace.blocks.messages import ERROR, TILT
 
 @kernel
 def feedback(error, tilt, velocity, gain, out):
+    """Write tau = -K x [N m] with x = [-s_e, -phi_h, theta, s_dot - speed, phi_dot, theta_dot]; gain: K row by row."""
     for i in range(2):
         out[i] = (
             gain[6 * i] * error[ERROR.s_e] + gain[6 * i + 1] * error[ERROR.phi_h] - gain[6 * i + 2] * tilt[TILT.angle]

@@ -25,6 +25,7 @@ class FrictionCompensation:
 
 @kernel
 def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, speed_scale_rad_s, out):
+    """Write the torques plus the expected friction [N m]; no friction is added inside the dead band."""
     n = torque.shape[0]
     omega = ENCODER.theta + n
     for i in range(n):

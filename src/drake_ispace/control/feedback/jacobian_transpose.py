@@ -10,6 +10,7 @@ from drake_ispace.plants.wheels import WheelGeometry
 
 @kernel
 def wheel_torques(force, estimate, jacobian, out):
+    """Write J' F [N m] with F rotated from W to B by the estimated heading; jacobian: J in B (3, n), row by row."""
     n = out.shape[0]
     c, s = np.cos(estimate[ESTIMATE.phi]), np.sin(estimate[ESTIMATE.phi])
     fx, fy = c * force[0] + s * force[1], -s * force[0] + c * force[1]

@@ -40,6 +40,7 @@ def step(xd, fix, way_point, k_p, k_i, limit, out):
 
 @kernel
 def force(xd, way_point, k_p, k_i, k_d, limit, mass, velocity_share, acceleration_share, out):
+    """Write the limited PID force Fx, Fy [N] and moment [N m] in W; zero before the first fix and way point."""
     for i in range(len(POSE)):
         out[i] = 0.0
         if xd[ESTIMATE.tick] >= 0.0 and way_point[WAY_POINT.tick] >= 0.0:

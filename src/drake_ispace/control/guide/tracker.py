@@ -48,6 +48,7 @@ def step(xd, fix, way_point, out):
 
 @kernel
 def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_m, longest_error_m, out):
+    """Write the tracking error; all but the ticks is zero before the first fix and way point. mode: index in MODES."""
     out[:] = 0.0
     out[TRACKING_ERROR.tick], out[TRACKING_ERROR.way_point_tick] = xd[FIX.tick], way_point[WAY_POINT.tick]
     if xd[FIX.tick] < 0.0 or way_point[WAY_POINT.tick] < 0.0:
