@@ -1,1 +1,1 @@
-"""The parts that every block is made of: kernels, ticks, noise, frames, messages; and how input is refused."""
+"""The parts shared by all blocks: kernels, ticks, noise, frames and messages, and the error for bad input."""

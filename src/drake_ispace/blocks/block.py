@@ -1,12 +1,12 @@
-"""Block: a LeafSystem whose maths are pure functions ("kernels").
+"""Block: a LeafSystem whose equations are pure functions ("kernels").
 
-A kernel is a module-level function that reads floats and float arrays and writes its last argument, `out`, only. **Its
-argument names are its wiring**: `xc` and `xd` are the block's continuous and discrete state, `tick` is the number of
-the tick, and every other name is one of the block's input ports or parameters. Direct feed-through and cache
-dependencies follow from the names, so nothing is declared twice.
+The kernel of an update, an output or a derivative is a module-level function. It reads floats and float arrays, and
+writes only to its last argument, `out`. **Its argument names are its wiring**: `xc` and `xd` are the block's
+continuous and discrete state, `tick` is the number of the tick, and every other name is an input port or a parameter
+of the block. Direct feed-through and cache dependencies follow from the names, so nothing is declared twice.
 
-The same kernel runs compiled in Drake's Simulator and, in its plain Python form, with AutoDiffXd and Expression, so
-that `Linearize` works on a plant.
+The same kernel runs compiled in Drake's Simulator and, in its plain Python form, with AutoDiffXd and Expression.
+`Linearize` therefore works on a plant.
 """
 
 import enum
@@ -24,8 +24,11 @@ from drake_ispace.blocks.rates import TICK_S, tick_at
 
 
 class Phase(enum.Enum):
-    """When within an instant an update acts. Drake runs unrestricted updates first and discrete updates second, each
-    on the state before it: sensors sample in the first phase, controllers compute in the second."""
+    """When an update acts within an instant: sensors sample in the first phase, controllers compute in the second.
+
+    SENSE is an unrestricted update and COMPUTE a discrete update. Drake runs all unrestricted updates first; the
+    discrete updates then see the state that the unrestricted ones have left.
+    """
 
     SENSE = "sense"
     COMPUTE = "compute"
@@ -35,9 +38,10 @@ class Phase(enum.Enum):
 class Update:
     """A periodic update x_d <- kernel(...).
 
-    With `through`, the block's outputs see the state *after* this update and the sample just taken (direct
-    feed-through), and the update stores the same state. Such a kernel must change nothing when it meets the stamp of a
-    sample for the second time, or its block would act once more on x_d after the update of the same instant.
+    The period and the offset are in ticks. With `through`, the block's outputs already see the state *after* this
+    update (direct feed-through from the inputs of the update), and the update stores that same state. The outputs are
+    evaluated again after the update has been stored. The kernel must therefore leave x_d unchanged when the tick of
+    its sample is the one stored in x_d, or a sample would act twice.
     """
 
     kernel: Callable
@@ -57,10 +61,11 @@ class Output:
 
 @dataclass(frozen=True)
 class Spec:
-    """Everything that a Block is made of.
+    """The ports, parameters, states and updates of a Block.
 
-    Parameters are floats, vectors, or mappings of floats (a group, which a kernel receives as one vector in the order
-    of the mapping). They live in the Context as one numeric parameter vector named by `parameter_names`.
+    `inputs` maps the name of each input port to its size. A parameter is a float, a vector, or a group: a mapping of
+    floats that a kernel receives as one vector in the order of the mapping. The Context holds all parameters in one
+    numeric parameter vector, whose entries `parameter_names` names.
     """
 
     inputs: Mapping[str, int] = field(default_factory=dict)
@@ -70,12 +75,12 @@ class Spec:
     derivatives: Callable | None = None
     discrete_state: np.ndarray | None = None
     updates: tuple[Update, ...] = ()
-    #: Name of the random stream whose key is the parameter `noise_stream` (noise.py).
+    #: Name of the random stream whose key is the parameter `noise_stream`; None for a block without noise.
     noise_stream: str | None = None
 
     @property
     def parameter_names(self) -> list[str]:
-        """One name per float: `mass_kg`, `radius_m[2]`, `slip.sx`."""
+        """One name per float: `mass_kg`, `radius_m[2]`, `slip.lever_m`."""
         names = []
         for name, value in self.parameters.items():
             if isinstance(value, Mapping):
@@ -88,7 +93,7 @@ class Spec:
 
     @property
     def parameter_values(self) -> np.ndarray:
-        """The floats that `parameter_names` names."""
+        """The parameters as one vector, in the order of `parameter_names`."""
         parts = [np.atleast_1d(np.asarray(_values(value), dtype=float)) for value in self.parameters.values()]
         return np.concatenate(parts) if parts else np.empty(0)
 
@@ -105,7 +110,7 @@ def Block_(T):
     scalar_is_float = T is float
 
     class Impl(LeafSystem_[T]):
-        """A LeafSystem made of kernels; see the module."""
+        """A LeafSystem over the scalar type T whose equations are kernels."""
 
         def _construct(self, spec: Spec, converter=None):
             LeafSystem_[T].__init__(self, converter=converter)
@@ -148,7 +153,7 @@ def Block_(T):
                 self._through = self._declare_cache("stepped", lambda context: step(context, size), tickets)
 
             def sense(context, state):
-                # Updates of one block that fall on the same instant act one after the other, in the order declared.
+                # Sense updates of one block at the same instant act one after the other, in the order declared.
                 stored = state.get_mutable_discrete_state()
                 stored.set_value(step(context, size, stored.value().copy()))
 
@@ -182,7 +187,7 @@ def Block_(T):
             return tickets or {self.nothing_ticket()}
 
         def _unpack(self, context):
-            """Parameter name -> float or vector, as kernels take them."""
+            """Return the parameters by name, each as the float or vector that a kernel receives."""
             flat, unpacked, start = context.get_numeric_parameter(0).CopyToVector(), {}, 0
             if T is Expression:  # kernels branch on parameters, and a Formula has no truth value
                 flat = np.array([e if e.GetVariables().size() else e.Evaluate() for e in flat], dtype=object)
@@ -194,7 +199,13 @@ def Block_(T):
             return unpacked
 
         def _bind(self, function, stepped=False):
-            """A function (context, size of out, x_d to use instead of the stored one) -> out."""
+            """Return a function (context, size, xd=None) that evaluates a kernel into a new `out` of `size` entries.
+
+            If `xd` is given, it takes the place of the discrete state stored in the context.
+
+            Raises:
+                TypeError: an argument of the kernel is no port, state or parameter.
+            """
             run = function if scalar_is_float else plain(function)
             names = arguments(function)
             known = {"xc", "xd", "tick", *self.spec.inputs, *self.spec.parameters}
@@ -212,7 +223,11 @@ def Block_(T):
             return call
 
         def _getter(self, name, stepped):
-            """A function (context, parameters, x_d to use instead of the stored one) -> the argument called `name`."""
+            """Return a function (context, parameters, xd) that gives the kernel argument called `name`.
+
+            If `xd` is not None, it takes the place of the stored discrete state. With `stepped`, the argument `xd` of
+            a block with a through update is the state after that update.
+            """
             if name in self.spec.inputs:
                 index = list(self.spec.inputs).index(name)
 
@@ -245,5 +260,5 @@ def Block_(T):
     return Impl
 
 
-#: A Block over floats; every box in a picture is a subclass of it.
+#: A Block over floats; every block of a diagram is a subclass of Block.
 Block = Block_[None]

@@ -1,14 +1,14 @@
-"""InputError, the one exception for input that is wrong."""
+"""The exception for bad input from the user, and the wording of its messages."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 
 class InputError(ValueError):
-    """Bad input from the user: one clear sentence naming the file, the field or row, and what was expected.
+    """Bad input from the user: one sentence that names the file, the field or row, and what was expected.
 
-    The command line prints the sentence and exits with status 2, without a traceback. Line breaks in the message (a
-    file name may hold one) become spaces, so that it always stays on one line.
+    The command line prints the sentence and exits with status 2, without a traceback. Line breaks in the message,
+    which a file name may contain, become spaces, so that the message stays on one line.
     """
 
     def __init__(self, message: str):
@@ -16,7 +16,10 @@ class InputError(ValueError):
 
 
 def shown(value: object, longest: int = 40) -> str:
-    """`value` as it may stand in a message: quoted, control characters escaped, cut to `longest` characters."""
+    """Return `value` as text for a message: quoted, with control characters escaped.
+
+    A string is cut to `longest` characters, any other representation to twice as many.
+    """
     if isinstance(value, str) and len(value) > longest:
         value = value[:longest] + "..."
     text = repr(value)
@@ -24,7 +27,7 @@ def shown(value: object, longest: int = 40) -> str:
 
 
 def expected_one_of(word: str, known: Iterable[str]) -> str:
-    """The end of a message that refuses `word`: a near miss as a question, else all known words."""
+    """Return the end of a message that refuses `word`: the nearest known word as a question, or all known words."""
     known = list(known)
     near = get_close_matches(word, known, n=1)
     return f"did you mean {near[0]!r}?" if near else "expected one of " + ", ".join(known)

@@ -1,4 +1,7 @@
-"""Angles and planar frames. Frame W is the world (the room's floor), B the robot's body; x forward, y left, z up."""
+"""Angles and planar frames.
+
+Frame W is the world, fixed to the room's floor. Frame B is the robot's body: x forward, y left, z up.
+"""
 
 import numpy as np
 
@@ -7,5 +10,5 @@ from drake_ispace.blocks.kernels import kernel
 
 @kernel
 def wrap(angle):
-    """`angle` [rad] brought into [-pi, pi)."""
+    """Return `angle` [rad] wrapped to [-pi, pi)."""
     return angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi))

@@ -1,4 +1,4 @@
-"""Kernels: the pure functions that a Block's maths are made of, compiled and cached, or taken as plain Python."""
+"""Kernels: the pure functions that hold a Block's equations, compiled and cached, or run as plain Python."""
 
 import builtins
 import dis
@@ -18,18 +18,22 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 _SMALL_BYTES = 150  # of byte code
-_MODULES = ("numpy", "math")  # what a kernel may reach into; their functions do not change between two runs
+_MODULES = ("numpy", "math")  # modules that a kernel may use; their functions do not change between two runs
 _cache_dir = threading.Lock()
 
 
 def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatcher:
-    """Compile `function` with numba, cached on disk under a hash of its source, its constants and its helpers.
+    """Compile `function` with numba and cache the machine code on disk.
 
-    nogil: other threads run meanwhile, for a kernel that takes long and is called from Python.
+    The cache key is a hash of the function's source, its global constants and its helper functions.
+
+    Args:
+        function: a module-level function.
+        nogil: release the GIL while the kernel runs, for a long computation that Python calls.
 
     Raises:
-        TypeError: a function inside another one, one that reaches into a module other than NumPy, or a name that is not
-            defined above it.
+        TypeError: the function uses variables of an enclosing function, a module other than numpy and math, or a
+            global name that is not defined yet.
     """
     if function is None:
         return functools.partial(kernel, nogil=nogil)
@@ -42,15 +46,15 @@ def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatch
 
 
 def text_of(compiled: Dispatcher) -> str | None:
-    """The source of a kernel or of a helper that numba.njit made, None where there is none."""
+    """Return the source of a kernel or of another function compiled by numba, or None if there is no source file."""
     return compiled.text if hasattr(compiled, "text") else _text(compiled.py_func)
 
 
 def jitted(function: Callable, folder: Path | None, **options) -> Dispatcher:
-    """numba.njit, the machine code kept in `folder` (None: nowhere), which numba takes from a global variable."""
+    """Compile `function` with numba.njit and keep the machine code in `folder`, or nowhere if `folder` is None."""
     if folder is None:
         return numba.njit(**options)(function)
-    with _cache_dir:
+    with _cache_dir:  # numba reads the folder from a global variable
         saved = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(folder)
         try:
@@ -60,7 +64,7 @@ def jitted(function: Callable, folder: Path | None, **options) -> Dispatcher:
 
 
 def _text(function: Callable) -> str | None:
-    """The source, None where there is none (a prompt, `python -c`)."""
+    """Return the source of a function, or None if there is none (at a prompt, in `python -c`)."""
     try:
         return inspect.getsource(function)
     except (OSError, TypeError):
@@ -68,7 +72,7 @@ def _text(function: Callable) -> str | None:
 
 
 def _digest(function: Callable, options: Mapping | None = None) -> str:
-    """A hash of all that a function computes with."""
+    """Return a hash of everything that the result of a function depends on, except its arguments."""
     name = function.__qualname__
     if function.__closure__:
         raise TypeError(f"{name} uses variables of the function around it, expected a module-level function as kernel")
@@ -83,7 +87,10 @@ def _digest(function: Callable, options: Mapping | None = None) -> str:
 
 
 def _described(value, where: str, name: str = "") -> str:
-    """A text that changes with the value, and only with it."""
+    """Return a text that is the same in every run for the same value, and differs for different values.
+
+    `where` is the function that uses the value, `name` the name of the value there; both are for error messages.
+    """
     if isinstance(value, types.ModuleType):
         if value.__name__.partition(".")[0] not in _MODULES:
             raise TypeError(f"{where} reaches into the module {name}, expected the name itself to be imported from it")
@@ -97,7 +104,7 @@ def _described(value, where: str, name: str = "") -> str:
     if isinstance(value, np.ndarray):
         return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple):
-        fields = getattr(value, "_fields", ("",) * len(value))  # of a named tuple, which a kernel reads by name
+        fields = getattr(value, "_fields", ("",) * len(value))  # a kernel reads a named tuple by its field names
         return str([(field, _described(item, where)) for field, item in zip(fields, value, strict=True)])
     return repr(value)
 
@@ -108,7 +115,7 @@ def _described_code(code: types.CodeType) -> str:
 
 
 def _global_names(code: types.CodeType) -> Iterator[str]:
-    """The global names that a function, or one inside it, reads."""
+    """Yield the global names that a function, or a function nested in it, reads."""
     yield from (step.argval for step in dis.get_instructions(code) if step.opname == "LOAD_GLOBAL")
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
@@ -116,18 +123,22 @@ def _global_names(code: types.CodeType) -> Iterator[str]:
 
 
 def jit_options(function: Callable) -> dict:
-    """How numba compiles a kernel: it becomes a part of every compiled rollout that uses it.
+    """Return the numba options for a kernel, which becomes part of every compiled rollout that uses it.
 
-    Small ones, most of which only copy, are inlined before LLVM sees them. On its own such a loop becomes a vectorised
-    loop that checks for overlap, a form from which inlining later cannot return. For large ones that takes too long.
+    Small kernels, most of which only copy, are inlined before LLVM sees them. Compiled on its own, a copying loop
+    becomes a vectorised loop with checks for overlap, and inlining cannot undo that later. Large kernels are left to
+    LLVM, because inlining them in numba takes too long.
     """
     inline = "always" if len(function.__code__.co_code) < _SMALL_BYTES else "never"
     return {"error_model": "numpy", "forceinline": True, "inline": inline}
 
 
 def cache_folder() -> Path | None:
-    """$DRAKE_ISPACE_CACHE, else the user's cache folder, else (where neither can be written) a temporary one of this
-    user alone; None where nothing can be written."""
+    """Return the folder for compiled kernels, or None if no folder can be written.
+
+    The folder is $DRAKE_ISPACE_CACHE, or drake_ispace in the user's cache folder if that variable is not set. If this
+    folder cannot be written, a temporary folder that only this user can write to takes its place.
+    """
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(os.environ.get("DRAKE_ISPACE_CACHE") or Path(base) / "drake_ispace")
     if _writable(folder):
@@ -145,20 +156,21 @@ def _writable(folder):
 
 
 def _private(folder):
-    """Whether nobody else can have put machine code there."""
-    found = folder.lstat()
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o022
+    """Return whether only this user can write to the folder, so that nobody else can plant machine code in it."""
+    status = folder.lstat()
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 
 @kernel
 def copy(source, out):
-    """out <- the first entries of source. A slice assignment would check for overlap every time."""
+    """Copy the first entries of `source` to `out`."""
+    # A slice assignment would check for overlap every time.
     for i in range(out.shape[0]):
         out[i] = source[i]
 
 
 def plain(compiled: Callable) -> Callable:
-    """The plain Python form of a kernel, its helper kernels included: it takes AutoDiffXd and Expression too."""
+    """Return a kernel and its helper kernels as plain Python, which also accepts AutoDiffXd and Expression."""
     if not isinstance(compiled, Dispatcher):
         return compiled
     function = compiled.py_func
@@ -171,5 +183,5 @@ def plain(compiled: Callable) -> Callable:
 
 
 def arguments(function: Callable) -> list[str]:
-    """The names of a kernel's arguments, `out` left away."""
+    """Return the names of a kernel's arguments without the last one, `out`."""
     return list(inspect.signature(getattr(function, "py_func", function)).parameters)[:-1]

@@ -1,7 +1,7 @@
 """Random numbers as a pure function of (seed, stream name, tick, channel).
 
-No generator has a state, so a draw does not depend on the order of evaluation, on the wiring or on the thread. The
-hash is SplitMix64 (Steele, Lea and Flood 2014), the inverse normal distribution is algorithm AS 241 (Wichura 1988).
+There is no generator state, so a draw does not depend on the order of evaluation, on the wiring or on the thread. The
+hash is SplitMix64 (Steele, Lea and Flood 2014). The inverse normal distribution is algorithm AS 241 (Wichura 1988).
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from drake_ispace.blocks.kernels import kernel
 
 
 def stream(seed: int, name: str) -> np.ndarray:
-    """The key of the random stream `name` under `seed`, as two 32-bit halves that a float64 parameter holds exactly."""
+    """Return the key (2,) of the random stream `name` under `seed`: two 32-bit integers, each exact as a float64."""
     digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
     return np.array([int.from_bytes(digest[:4], "big"), int.from_bytes(digest[4:8], "big")], dtype=float)
 
@@ -27,7 +27,10 @@ def _splitmix(state):
 
 @kernel
 def uniform(key, tick, channel):
-    """A number uniform in the open interval (0, 1). key: (2,) from `stream`; tick, channel: integers >= 0."""
+    """Return a number that is uniform in the open interval (0, 1).
+
+    key: (2,) from `stream`; tick, channel: integers >= 0.
+    """
     state = (np.uint64(key[0]) << np.uint64(32)) | np.uint64(key[1])
     state = _splitmix(state ^ (np.uint64(tick) * np.uint64(0x9E3779B97F4A7C15)))
     state = _splitmix(state ^ (np.uint64(channel) * np.uint64(0xD1B54A32D192ED03)))
@@ -36,7 +39,7 @@ def uniform(key, tick, channel):
 
 @kernel
 def normal_quantile(p):
-    """The inverse of the standard normal distribution at 0 < p < 1 (AS 241, PPND16)."""
+    """Return the quantile of the standard normal distribution at 0 < p < 1 (AS 241, PPND16)."""
     q = p - 0.5
     if abs(q) <= 0.425:
         r = 0.180625 - q * q
@@ -81,5 +84,8 @@ def normal_quantile(p):
 
 @kernel
 def normal(key, tick, channel):
-    """A standard normal number; arguments as `uniform`."""
+    """Return a number drawn from the standard normal distribution.
+
+    key: (2,) from `stream`; tick, channel: integers >= 0.
+    """
     return normal_quantile(uniform(key, tick, channel))

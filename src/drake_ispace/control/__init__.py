@@ -1,1 +1,1 @@
-"""Estimation, tracking and feedback: what runs on the robots' controllers and on the room's computer."""
+"""Estimation, tracking and feedback, which run on the robots' controllers and on the room's computer."""

@@ -1,1 +1,1 @@
-"""Dynamics as Drake blocks: the plants of the robots, and what they share: wheels, slip, friction, actuator."""
+"""The plants of the robots as Drake blocks, and the models that they share: wheels, slip, friction and actuator."""

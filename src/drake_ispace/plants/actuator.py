@@ -1,4 +1,4 @@
-"""From commanded to real wheel torque: limit, D/A converter, driver M(q), noise e1 (Fig. 2.1b, Fig. 3.8b, (3.27))."""
+"""Torque actuator: D/A converter, torque limit, driver M(q) and noise e1 (Fig. 2.1b, Fig. 3.8b, (3.27))."""
 
 from dataclasses import dataclass
 
@@ -13,21 +13,24 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Actuator:
-    """Neutral by default: the thesis gives neither torque limit nor converter nor driver."""
+    """Settings of the torque actuator.
 
-    # largest wheel torque; null: none
+    By default the actuator is ideal, because the thesis gives no torque limit, converter or driver.
+    """
+
+    # largest wheel torque; null: no limit
     limit_n_m: float | None = quantity(None, "N*m", above=0.0)
-    # step of the D/A converter; 0: none
+    # step of the D/A converter; 0: no quantisation
     resolution_n_m: float = quantity(0.0, "N*m", minimum=0.0)
-    # of the first-order driver M(q); 0: none
+    # time constant of the first-order driver M(q); 0: no lag
     time_constant_s: float = quantity(0.0, "s", minimum=0.0)
-    # e1, white, drawn every tick
+    # standard deviation of e1, white noise drawn every tick
     noise_std_n_m: float = quantity(0.0, "N*m", minimum=0.0)
 
 
 @kernel
 def hold(tick, xd, command, limit_n_m, resolution_n_m, memory, noise_std_n_m, noise_stream, out):
-    """x_d = [held command (n), driver's state (n), torque (n)]."""
+    """Sample the command and step the driver: x_d = [held command (n), driver's state (n), torque (n)] [N m]."""
     n = command.shape[0]
     for i in range(n):
         held = command[i]
@@ -51,7 +54,7 @@ def torque(xd, out):
 
 
 class TorqueActuator(Block):
-    """The torque hold: what is commanded at t_k acts on [t_k, t_k+1).
+    """Zero-order hold of the wheel torques: the torque commanded at t_k acts on [t_k, t_k+1).
 
     .. pydrake_system::
 
@@ -62,11 +65,15 @@ class TorqueActuator(Block):
         - torque
         - held_command
 
-    command (n,): wheel torques [N m], sampled in the compute phase every tick. torque (n,): what the wheels get.
-    held_command (n,): after limit and converter, before driver and noise; a recording's channel `torque`.
+    command (n,): wheel torques [N m], sampled in the compute phase of every tick. torque (n,): torques that act on the
+    wheels [N m]. held_command (n,): the command after converter and limit, before driver and noise [N m]; recordings
+    store it as the channel `torque`. Equation (3.27).
 
     Args:
-        actuator: limits and imperfections; wheels: n; seed: of the noise, stream `{where}`.
+        actuator: limit, converter, driver and noise.
+        wheels: number of wheels n.
+        seed: seed of the noise, which is drawn from the random stream named `where`.
+        where: name of the random stream.
     """
 
     def __init__(self, actuator: Actuator, wheels: int, seed=0, where="actuator"):

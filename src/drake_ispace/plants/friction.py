@@ -1,12 +1,13 @@
 """Friction between body and wheel, (3.35), in two forms that the fixed 5 ms step can integrate.
 
-*smooth*: C tanh(w / w_s) + c w. It is zero at zero speed, so under a constant load the wheel creeps at about
-w_s * load / C instead of sticking. The slope C / w_s must stay below 2.51 / (h lambda), where the fixed Runge-Kutta
-step goes unstable (lambda = largest eigenvalue of the wheels' mobility E' M^-1 E), hence w_s >= 0.5 C h lambda. Viscous
-friction adds its c to the slope.
+*smooth*: C tanh(w / w_s) + c w, with wheel speed w, Coulomb friction C and viscous friction c. The torque is zero at
+zero speed, so under a constant load the wheel creeps at about w_s * load / C instead of sticking. The slope C / w_s
+must stay below 2.51 / (h lambda), where the fixed Runge-Kutta step h becomes unstable. Here lambda is the largest
+eigenvalue of the wheels' mobility E' M^-1 E. With a margin, w_s >= 0.5 C h lambda. Viscous friction adds c to the
+slope.
 
-*elastoplastic*: a bristle per wheel that deflects by theta - anchor and slips where its force exceeds C; the anchor is
-dragged along once per tick. A load below C is held without creep. (LuGre and Karnopp need far smaller steps.)
+*elastoplastic*: one bristle per wheel, which deflects by theta - anchor and slips when its torque exceeds C. The anchor
+is dragged along once per tick. A load below C is held without creep. (LuGre and Karnopp need far smaller steps.)
 """
 
 from collections.abc import Mapping
@@ -22,45 +23,51 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Friction:
-    """Friction at each wheel; neutral by default. (3.35)'s coefficients are those of Table 4.2."""
+    """Friction at each wheel, (3.35); none by default. Table 4.2 gives the thesis's coefficients."""
 
     model: str = quantity("smooth", choices=("smooth", "elastoplastic"))
     # c_cu of (3.35)
     coulomb_n_m: float = quantity(0.0, "N*m", minimum=0.0)
     # c_v of (3.35)
     viscous_n_m_s: float = quantity(0.0, "N*m*s/rad", minimum=0.0)
-    # w_s; null: the smallest that the 5 ms step allows
+    # w_s of the smooth model; null: the smallest value that the 5 ms step allows
     speed_scale_rad_s: float | None = quantity(None, "rad/s", above=0.0)
 
 
 COULOMB, VISCOUS, SPEED_SCALE, BRISTLE, STIFFNESS, DAMPING = range(6)
-_BRISTLE_FREQUENCY = 0.5  # natural frequency times step: a quarter of what Runge-Kutta 3 allows
+_BRISTLE_FREQUENCY = 0.5  # natural frequency times step, a quarter of the stability limit of Runge-Kutta 3
 _BRISTLE_DAMPING_RATIO = 0.7
-_STABLE_SLOPE = 2.51  # slope times step times mobility at which Runge-Kutta 3 goes unstable
+_STABLE_SLOPE = 2.51  # slope times step times mobility at which Runge-Kutta 3 becomes unstable
 
 
 def stable_slope(mobility: float) -> float:
-    """Slope of friction [N m s/rad] at which the fixed step goes unstable; `mobility`: its largest eigenvalue."""
+    """Return the slope of the friction torque [N m s/rad] at which the fixed 5 ms step becomes unstable.
+
+    mobility: largest eigenvalue of E' M^-1 E [rad/s^2 per N m].
+    """
     return _STABLE_SLOPE / (TICK_S * mobility)
 
 
 def dry_slope(parameters: Mapping[str, float]) -> float:
-    """Slope of the dry friction around standstill [N m s/rad] in a plant's parameter group."""
+    """Return the slope of the dry friction at standstill [N m s/rad].
+
+    parameters: the group that `friction_parameters` returns.
+    """
     if parameters["bristle"] > 0.0 and parameters["coulomb"] > 0.0:
         return parameters["damping"]
     return parameters["coulomb"] / parameters["speed_scale"]
 
 
 def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) -> dict[str, float]:
-    """The parameter group of a plant.
+    """Return the friction as a parameter group of a plant.
 
     Args:
-        friction: as in the scenario.
+        friction: the settings from the scenario.
         mobility: E' M^-1 E (n, n), wheel acceleration [rad/s^2] per wheel torque [N m].
-        where: the scenario's name of this section, for messages.
+        where: path of these settings in the scenario, for messages.
 
     Raises:
-        InputError: a speed scale, or viscous friction, that the fixed 5 ms step cannot integrate.
+        InputError: the speed scale is too small, or the viscous friction too large, for the fixed 5 ms step.
     """
     largest = float(np.linalg.eigvalsh(mobility)[-1])
     smallest_scale = 0.5 * friction.coulomb_n_m * TICK_S * largest
@@ -88,7 +95,10 @@ def friction_parameters(friction: Friction, mobility: np.ndarray, where: str) ->
 
 @kernel
 def friction_torque(rate, deflection, friction):
-    """The torque [N m] that opposes the wheel's `rate` [rad/s]; `deflection` = theta - anchor [rad] of its bristle."""
+    """Return the friction torque [N m] that opposes a wheel's `rate` [rad/s].
+
+    deflection: theta - anchor [rad] of the wheel's bristle, which the smooth model does not use.
+    """
     limit = friction[COULOMB]
     if friction[BRISTLE] > 0.0:
         dry = friction[STIFFNESS] * deflection + friction[DAMPING] * rate
@@ -100,6 +110,6 @@ def friction_torque(rate, deflection, friction):
 
 @kernel
 def dragged_anchor(angle, anchor, friction):
-    """The bristle's anchor [rad] after a tick: at most C / stiffness from the wheel's `angle` [rad]."""
+    """Return the bristle's anchor [rad] after a tick, at most C / stiffness from the wheel's `angle` [rad]."""
     reach = friction[COULOMB] / friction[STIFFNESS]
     return min(max(anchor, angle - reach), angle + reach)

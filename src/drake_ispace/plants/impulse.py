@@ -1,4 +1,4 @@
-"""A push on both wheels for a while: the disturbance of section 4.3, 1.2 to 1.6 s."""
+"""Torque pulse on all wheels: the disturbance of section 4.3, from 1.2 to 1.6 s."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Impulse:
-    """Section 4.3 gives the time of the disturbance, not its size; 0: none."""
+    """Size and time of the disturbance. Section 4.3 gives only the time."""
 
-    # on each wheel, assumed
+    # torque on each wheel, assumed; 0: no disturbance
     torque_n_m: float = quantity(0.0, "N*m")
-    # from Fig. 4.4's text
+    # from the text on Fig. 4.4
     start_s: float = quantity(1.2, "s", minimum=0.0)
     end_s: float = quantity(1.6, "s", minimum=0.0)
 
 
 @kernel
 def switch(tick, impulse_n_m, start_tick, end_tick, out):
-    """x_d = [the push that is held until the next tick]."""
+    """Set x_d = [disturbance torque held until the next tick] [N m]."""
     out[0] = impulse_n_m if start_tick <= tick and tick < end_tick else 0.0
 
 
@@ -34,7 +34,7 @@ def pushed(xd, torque, out):
 
 
 class TorqueImpulse(Block):
-    """Adds the push to the torque of every wheel, between actuator and plant.
+    """Adds the disturbance torque to the torque of every wheel, between actuator and plant.
 
     .. pydrake_system::
 
@@ -44,10 +44,12 @@ class TorqueImpulse(Block):
         output_ports:
         - torque
 
-    torque (n,): in and out [N m]. Section 4.3, Figs. 4.4 and 4.5.
+    torque (n,), input and output: wheel torques without and with the disturbance [N m]. Section 4.3, Figs. 4.4 and
+    4.5.
 
     Args:
-        impulse: size and time; wheels: n.
+        impulse: size and time of the disturbance.
+        wheels: number of wheels n.
     """
 
     def __init__(self, impulse: Impulse, wheels: int):

@@ -1,7 +1,7 @@
 """The linear pendulum exactly as printed, (3.40)-(3.43): the identification plant of chapter 3.
 
-Printed with these signs it *hangs* (theta_ddot = -9.87 theta), and no wheel radius makes a physical robot of it
-(docs/fidelity.md, row 5). It is here to show what the printed numbers do, with the ports of PendulumPlant.
+With the printed signs the pendulum *hangs* (theta_ddot = -9.87 theta). No wheel radius makes the printed numbers those
+of a physical robot (docs/fidelity.md, row 5). The model shows how the printed numbers behave.
 """
 
 import numpy as np
@@ -26,13 +26,15 @@ from drake_ispace.plants.pendulum import (
 )
 from drake_ispace.plants.slip import GRAVITY
 
-#: (3.41): s_ddot and theta_ddot per theta; (3.42): s_ddot, phi_ddot, theta_ddot per torque of the right wheel.
+#: PRINTED_STATE, (3.41): s_ddot and theta_ddot per theta. PRINTED_INPUT, (3.42): s_ddot, phi_ddot and theta_ddot per
+#: torque of the right wheel.
 PRINTED_STATE = (1.21, -9.87)
 PRINTED_INPUT = (-1.73, 101.46, 35.39)
 
 
 @kernel
 def accelerations(tilt, torque, state_terms, input_terms):
+    """Return (s_ddot [m/s^2], phi_ddot, theta_ddot [rad/s^2]) of (3.40)-(3.43)."""
     both = torque[0] + torque[1]
     return (
         state_terms[0] * tilt + input_terms[0] * both,
@@ -57,14 +59,14 @@ def wheel_rate(xc, radius_m, half_track_m, out):
 
 @kernel
 def body_motion(xc, torque, state_terms, input_terms, imu_height_m, out):
-    """To first order in the tilt, as the plant itself."""
+    """Write the specific force (3) and angular rate (3) in body axes, linearised in the tilt like the plant."""
     s_acc, _, tilt_acc = accelerations(xc[TILT], torque, state_terms, input_terms)
     out[0], out[1], out[2] = s_acc + imu_height_m * tilt_acc - GRAVITY * xc[TILT], xc[S_RATE] * xc[YAW_RATE], GRAVITY
     out[3], out[4], out[5] = 0.0, xc[TILT_RATE], xc[YAW_RATE]
 
 
 class LinearPendulumPlant(Block):
-    """(3.40)-(3.43) as printed; ports, units and frames as PendulumPlant.
+    """The linear pendulum as printed, (3.40)-(3.43), without slip or friction.
 
     .. pydrake_system::
 
@@ -78,9 +80,16 @@ class LinearPendulumPlant(Block):
         - wheel_rate
         - body_motion
 
+    torque (2,): right, left, between body and wheel [N m]. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
+    balance (4,): tilt theta [rad] (forward positive), s_dot [m/s], phi_dot and theta_dot [rad/s]. wheel_angle,
+    wheel_rate (2,): right, left, relative to the body [rad], [rad/s]. body_motion (6,): specific force [m/s^2] (gravity
+    included) and angular rate [rad/s] in the body's axes at the IMU, with direct feed-through of the torque.
+
     Args:
         parameters: only the wheel radius and the half-track are read.
-        initial_pose: x, y [m], phi [rad]; initial_tilt_rad; imu_height_m: as PendulumPlant.
+        initial_pose: x, y [m], phi [rad] in W at t = 0.
+        initial_tilt_rad: tilt at t = 0.
+        imu_height_m: height of the IMU above the axle, along the body.
     """
 
     def __init__(

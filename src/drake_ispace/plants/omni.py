@@ -1,12 +1,12 @@
-"""The omni-directional robot's plant, (2.73)-(2.76), for any wheels that let it move in all three directions.
+"""Plant of the omni-directional robot, (2.73)-(2.76), for any wheels that allow motion in all three directions.
 
-S' M S dv/dt + S' M dS/dt v = S' E tau with theta_dot = G R(phi)' v gives, in body components a of the world
-acceleration and w of the world velocity,
+Let a and w be the world acceleration and the world velocity in body components. Then S' M S dv/dt + S' M dS/dt v =
+S' E tau with theta_dot = G R(phi)' v becomes
 
     M_b a - m phi_dot wz [c_x, c_y, 0] + N (a + phi_dot [w_y, -w_x, 0]) = G' (tau - friction),    N = I_w G' G.
 
-For the thesis's wheels N is diag(2/r^2, 2/r^2, b^2/r^2) I_w and this is (2.74)-(2.76) with V = 2 I_w/r^2 phi_dot
-[y_dot, -x_dot, 0]. The centre of gravity c may lie beside the robot's middle, to which a and w belong: then
+For the thesis's wheels N is diag(2/r^2, 2/r^2, b^2/r^2) I_w, and the equation is (2.74)-(2.76) with V = 2 I_w/r^2
+phi_dot [y_dot, -x_dot, 0]. Here a and w belong to the robot's middle. For a centre of gravity c beside the middle,
 
     M_b = [m, 0, -m c_y; 0, m, m c_x; -m c_y, m c_x, I_phi + m c'c].
 """
@@ -27,7 +27,7 @@ from drake_ispace.plants.wheels import WheelGeometry, omni4, rescaled
 
 @dataclass
 class OmniPlantParameters:
-    """Table 2.2, with the yaw inertia corrected (see docs/fidelity.md, row 12)."""
+    """Parameters of the omni-directional robot: Table 2.2 with corrected yaw inertia (docs/fidelity.md, row 12)."""
 
     # M_t, body and wheels
     mass_kg: float = quantity(7.31, "kg", above=0.0)
@@ -39,11 +39,11 @@ class OmniPlantParameters:
     wheel_radius_m: float = quantity(0.024, "m", above=0.0)
     # b, the full distance between opposite wheels
     wheel_distance_m: float = quantity(0.36, "m", above=0.0)
-    # x, y of the centre of gravity in B
+    # x, y of the centre of gravity in B, from the robot's middle
     centre_of_gravity_m: list[float] = quantity([0.0, 0.0], "m", length=2)
-    # what each wheel's radius differs from r_w by, as a share of it
+    # deviation of each wheel's radius from r_w, as a share of r_w
     wheel_radius_shares: list[float] = quantity([0.0, 0.0, 0.0, 0.0], above=-0.9, length=4)
-    # the omni robot's default is frictionless: (3.35)'s coefficients are the pendulum's
+    # none by default, because the coefficients of (3.35) are those of the pendulum
     friction: Friction = field(default_factory=Friction)
     slip: Slip = field(default_factory=Slip)
 
@@ -60,11 +60,11 @@ def derivatives(
     xc, xd, torque, ground_force, mass_kg, inertia_kg_m2, centre_of_gravity_m, wheel_inertia_kg_m2, wheels, friction,
     slip, out,
 ):
-    """d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
+    """Write d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
     wx, wy, wz = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY], xc[WZ]
     fx, fy, moment = 0.0 * wx + ground_force[0], 0.0 * wx + ground_force[1], 0.0 * wx + ground_force[2]
-    drive_x, drive_y, drive_moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # traction of the motors alone
+    drive_x, drive_y, drive_moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # traction from the motor torques only
     nxx, nxy, nyy, nxz, nyz, nzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(torque.shape[0]):
         gx, gy, gz = wheels[3 * i], wheels[3 * i + 1], wheels[3 * i + 2]
@@ -77,7 +77,7 @@ def derivatives(
         nxz, nyz, nzz = nxz + gx * gz, nyz + gy * gz, nzz + gz * gz
         out[THETA + i] = rate
 
-    # traction slip: at once, or lagged over a distance
+    # traction slip: immediate, or lagged over the relaxation length
     t0 = traction_slip(0, drive_x, mass_kg, slip)
     t1 = traction_slip(1, drive_y, mass_kg, slip)
     t2 = traction_slip(2, drive_moment, mass_kg, slip)
@@ -132,6 +132,7 @@ def wheel_angle(xc, out):
 
 @kernel
 def wheel_rate(xc, wheels, out):
+    """Write the wheel speeds theta_dot = G R(phi)' v (n) [rad/s]; wheels: G (n, 3), row by row."""
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
     wx, wy = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY]
     for i in range(out.shape[0]):
@@ -139,7 +140,7 @@ def wheel_rate(xc, wheels, out):
 
 
 class OmniPlant(Block):
-    """The omni-directional robot on carpet.
+    """Dynamics of the omni-directional robot on carpet.
 
     .. pydrake_system::
 
@@ -154,20 +155,21 @@ class OmniPlant(Block):
         - wheel_rate
 
     torque (n,): wheel torques [N m]. ground_force (3,), only with `ground`: force [N, N] and moment about the robot's
-    middle [N m] on the body in its own axes, from the floor or a push. pose (3,): x, y [m], phi [rad] of B in W.
-    velocity (3,): wheel-consistent v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle,
-    wheel_rate (n,): theta [rad], theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
+    middle [N m] that the floor or a push exerts on the body, in B. pose (3,): x, y [m], phi [rad] of B in W.
+    velocity (3,): wheel-consistent v_WB [m/s, m/s, rad/s] in W, which without slip is the rate of the pose.
+    wheel_angle, wheel_rate (n,): theta [rad], theta_dot [rad/s], relative to the body. Equations (2.73)-(2.76), (6.4).
 
     Args:
         parameters: masses, wheels, friction and slip.
-        initial_pose: x, y [m], phi [rad] at t = 0.
-        seed: of the slip noise, stream `{name}/slip`.
-        where: the scenario's name of the section, for messages.
-        ground: give it the input port `ground_force`; without it there is no such force.
+        initial_pose: x, y [m], phi [rad] in W at t = 0.
+        seed: seed of the slip noise, which is drawn from the random stream `{where}/slip`.
+        where: path of the parameters in the scenario, for messages.
+        ground: whether the block has the input port `ground_force`; without the port the force is zero.
 
     Raises:
-        InputError: friction too steep for the 5 ms step, or traction slip on the world's axes.
-        ValueError: wheels that hold sideways.
+        InputError: the friction is too steep for the 5 ms step, there is traction slip in a world frame, or a slip
+            ratio in the body frame is 1 or more.
+        ValueError: the wheels hold sideways.
     """
 
     def __init__(
@@ -194,10 +196,11 @@ class OmniPlant(Block):
 
 
 def block_parameters(parameters: OmniPlantParameters, where: str = "plant") -> dict:
-    """The block's parameters that follow from masses, wheels, friction and slip.
+    """Return the parameters of OmniPlant that follow from masses, wheels, friction and slip.
 
     Raises:
-        InputError: as OmniPlant.
+        InputError: the friction is too steep for the 5 ms step, there is traction slip in a world frame, or a slip
+            ratio in the body frame is 1 or more.
     """
     geometry = parameters.geometry
     lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in geometry.wheels]))
@@ -211,7 +214,7 @@ def block_parameters(parameters: OmniPlantParameters, where: str = "plant") -> d
 
 
 def mass_matrix(parameters: OmniPlantParameters) -> np.ndarray:
-    """M_bar (3, 3) of (2.74) in body axes [kg, kg, kg m^2]."""
+    """Return M_bar (3, 3) of (2.74) in body axes [kg, kg m, kg m^2]."""
     wheels = parameters.geometry.inverse
     m, (x, y) = parameters.mass_kg, parameters.centre_of_gravity_m
     turning = parameters.inertia_kg_m2 + m * (x * x + y * y)
@@ -220,6 +223,6 @@ def mass_matrix(parameters: OmniPlantParameters) -> np.ndarray:
 
 
 def mobility(parameters: OmniPlantParameters) -> np.ndarray:
-    """E' M^-1 E (n, n): wheel acceleration [rad/s^2] per wheel torque [N m]."""
+    """Return E' M^-1 E (n, n): wheel acceleration [rad/s^2] per wheel torque [N m]."""
     wheels = parameters.geometry.inverse
     return wheels @ np.linalg.solve(mass_matrix(parameters), wheels.T)

@@ -1,7 +1,7 @@
-"""The two-wheeled inverted pendulum's plant, full non-linear, (2.48) as corrected (docs/fidelity.md, rows 1 to 4).
+"""Plant of the two-wheeled inverted pendulum, fully non-linear, (2.48) as corrected (docs/fidelity.md, rows 1 to 4).
 
-With v = [s_dot, phi_dot, theta_dot], kappa = 1 for the thesis's motion (wheel *and* body rotation, (2.37)-(2.39)) and
-kappa = 0 for the literature's (wheel rotation only, (2.34)-(2.36)):
+Let v = [s_dot, phi_dot, theta_dot]. The thesis's motion counts wheel *and* body rotation, (2.37)-(2.39), kappa = 1. The
+literature's counts wheel rotation only, (2.34)-(2.36), kappa = 0. Then
 
     theta_wb_dot = (s_dot +- b phi_dot)/r - kappa theta_dot
     m11 = m_b + 2 m_w + 2 (I_w + n^2 I_r)/r^2
@@ -9,12 +9,13 @@ kappa = 0 for the literature's (wheel rotation only, (2.34)-(2.36)):
     m33 = m_b z^2 + I_yy + 2 (1 - kappa)^2 I_w + 2 (1 - n kappa)^2 I_r
     m22 = (m_b z^2 + I_xx) sin^2 + I_zz cos^2 + 2 (I_wz + I_rz) + 2 m_w b^2 + 2 (b/r)^2 (I_w + n^2 I_r)
 
-The tests derive the same from the energies (`tests/robots/pendulum_lagrangian.py`). With wheels of two radii r_R, r_L
-each wheel has its own: 2/r^2 becomes 1/r_R^2 + 1/r_L^2, 2/r becomes 1/r_R + 1/r_L, and yaw is coupled to the rest by
+The tests derive the same matrix from the energies (`tests/robots/pendulum_lagrangian.py`). For wheels of different
+radii r_R and r_L, 2/r^2 becomes 1/r_R^2 + 1/r_L^2, 2/r becomes 1/r_R + 1/r_L, and yaw is coupled to the other motions
+by
 
     m12 = b (I_w + n^2 I_r) (1/r_R^2 - 1/r_L^2),    m23 = b ((1 - kappa) I_w + n (1 - n kappa) I_r) (1/r_R - 1/r_L).
 
-(That such a robot stands at a slant is left out.)
+The sideways slant of a robot on unequal wheels is neglected.
 """
 
 from dataclasses import dataclass, field
@@ -46,11 +47,11 @@ MOTIONS = ("wheel_only", "wheel_and_body")
 
 @dataclass
 class PendulumPlantParameters:
-    """Table 2.1; what the thesis does not give is assumed and says so."""
+    """Parameters of the pendulum: Table 2.1. Values that the thesis does not give are marked as assumed."""
 
     # m_b
     body_mass_kg: float = quantity(3.5, "kg", above=0.0)
-    # m_w, each
+    # m_w, of each wheel
     wheel_mass_kg: float = quantity(0.25, "kg", minimum=0.0)
     # I_yy
     body_inertia_pitch_kg_m2: float = quantity(8.5e-4, "kg*m^2", above=0.0)
@@ -72,7 +73,7 @@ class PendulumPlantParameters:
     half_track_m: float = quantity(0.2, "m", above=0.0)
     # r_w
     wheel_radius_m: float = quantity(0.08, "m", above=0.0)
-    # what the right and the left wheel's radius differ from r_w by, as a share of it; odometry takes r_w for both
+    # deviation of the right and left wheel's radius from r_w, as a share of r_w; odometry uses r_w for both
     wheel_radius_shares: list[float] = quantity([0.0, 0.0], above=-0.9, length=2)
     # n, rotor speed over wheel speed as the thesis writes it
     gear_ratio: float = quantity(1.0 / 400.0, minimum=0.0)
@@ -80,7 +81,8 @@ class PendulumPlantParameters:
     motion: str = quantity("wheel_and_body", choices=MOTIONS)
     friction: Friction = field(default_factory=lambda: Friction(coulomb_n_m=0.0061, viscous_n_m_s=0.0106))
     slip: Slip = field(default_factory=Slip)
-    # of the floor along x and y of W, uphill positive, as the IMU feels it (its pull is the effect floor_tilt's block)
+    # slope of the floor along x and y of W, uphill positive, in the IMU's signal only: the force of gravity along the
+    # slope comes from the block of the effect floor_tilt
     slope_rad: list[float] = quantity([0.0, 0.0], "rad", minimum=-0.1, maximum=0.1, length=2)
 
     @property
@@ -88,7 +90,7 @@ class PendulumPlantParameters:
         return rescaled(differential(self.wheel_radius_m, self.half_track_m), self.wheel_radius_shares)
 
     def inertias(self) -> dict[str, float]:
-        """The constants of the mass matrix, the plant's parameter group `body`; names as in the module."""
+        """Return the parameter group `body`: constants of the mass matrix [kg, kg m, kg m^2], kappa and mass [kg]."""
         n, b = self.gear_ratio, self.half_track_m
         right, left = (1.0 / wheel.radius_m for wheel in self.geometry.wheels)
         kappa = float(MOTIONS.index(self.motion))
@@ -119,9 +121,10 @@ M11, M_B_Z, M13_ROTORS, M33, YAW_LYING, YAW_UPRIGHT, YAW_WHEELS, M12, M23, KAPPA
 
 @kernel
 def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, ground_force, radius, half_track, body):
-    """(s_ddot, phi_ddot, theta_ddot) of (2.48), given the torques [N m] between body and wheels and a ground force.
+    """Return (s_ddot [m/s^2], phi_ddot, theta_ddot [rad/s^2]) of (2.48).
 
-    radius [m]: right, left.
+    tau_r, tau_l: torques between body and wheels [N m]; ground_force (3,): generalised force of s [N], phi and theta
+    [N m]; radius (2,): right, left [m].
     """
     c, s = np.cos(tilt), np.sin(tilt)
     right, left = tau_r / radius[0], tau_l / radius[1]
@@ -145,21 +148,21 @@ def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, ground_force,
 
 @kernel
 def wheel_rates(s_rate, yaw_rate, tilt_rate, radius, half_track, kappa):
-    """(right, left) theta_wb_dot [rad/s] of wheels of one `radius` [m], (2.38)-(2.39) solved for the wheels."""
+    """Return (right, left) theta_wb_dot [rad/s] of two wheels of equal `radius` [m], from (2.38)-(2.39)."""
     forward, turn = s_rate / radius - kappa * tilt_rate, half_track * yaw_rate / radius
     return forward + turn, forward - turn
 
 
 @kernel
 def own_rates(xc, radius_m, half_track_m, body):
-    """(right, left) theta_wb_dot [rad/s] of wheels that each have their own radius."""
+    """Return (right, left) theta_wb_dot [rad/s] of two wheels with the radii `radius_m` (2,) [m]."""
     turn, lean = half_track_m * xc[YAW_RATE], body[KAPPA] * xc[TILT_RATE]
     return (xc[S_RATE] + turn) / radius_m[0] - lean, (xc[S_RATE] - turn) / radius_m[1] - lean
 
 
 @kernel
 def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
-    """(right, left) torque between body and wheel, friction taken off."""
+    """Return (right, left) torque between body and wheel after friction [N m]."""
     right, left = own_rates(xc, radius_m, half_track_m, body)
     tau_r = torque[0] - friction_torque(right, deflection(xc[THETA_R], xd, 0), friction)
     tau_l = torque[1] - friction_torque(left, deflection(xc[THETA_L], xd, 1), friction)
@@ -168,7 +171,7 @@ def net_torques(xc, xd, torque, radius_m, half_track_m, body, friction):
 
 @kernel
 def tractions(torque, radius_m, half_track_m, body, slip):
-    """(forward, yaw) traction slip that the held torques lead to."""
+    """Return the steady (forward, yaw) traction slip under the held motor torques."""
     right, left = torque[0] / radius_m[0], torque[1] / radius_m[1]
     drive, turn = right + left, half_track_m * (right - left)
     return traction_slip(0, drive, body[MASS], slip), traction_slip(2, turn, body[MASS], slip)
@@ -176,7 +179,7 @@ def tractions(torque, radius_m, half_track_m, body, slip):
 
 @kernel
 def derivatives(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, out):
-    """d/dt of [x, y, phi, tilt, s_rate, yaw_rate, tilt_rate, traction slip (2), theta_r, theta_l]."""
+    """Write d/dt of [x, y, phi, tilt, s_rate, yaw_rate, tilt_rate, traction slip (2), theta_r, theta_l]."""
     tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
     out[S_RATE], out[YAW_RATE], out[TILT_RATE] = accelerations(
         xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], tau_r, tau_l, ground_force, radius_m,
@@ -224,9 +227,9 @@ def wheel_rate(xc, radius_m, half_track_m, body, out):
 def body_motion(
     xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, slip, imu_height_m, slope_rad, out
 ):
-    """Specific force (3) and angular rate (3) in the body's axes, at `imu_height_m` above the axle along the body.
+    """Write the specific force (3) [m/s^2] and angular rate (3) [rad/s] in body axes, `imu_height_m` above the axle.
 
-    The axle moves as the room sees it, with slip; s is taken as constant over the tick.
+    The axle moves relative to the floor, that is, with slip. The slip is taken as constant over the tick.
     """
     tau_r, tau_l = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
     s_acc, yaw_acc, tilt_acc = accelerations(
@@ -242,7 +245,7 @@ def body_motion(
     if slip[FRAME] == 0.0:
         forward_acc = axis_acceleration(0, xc[S_RATE], s_acc, t0, n0, x, y, slip)
         sideways_acc = axis_rate(0, xc[S_RATE], t0, n0, x, y, slip) * yaw_rate
-    else:  # on the world's axes slip scales the acceleration as it scales the velocity
+    else:  # slip on the world's axes scales the acceleration in the same way as the velocity
         noise = (n0, slip_noise(xd, 1), n2)
         pose_rates(s_acc, xc[S_RATE] * yaw_rate, 0.0, (x, y, xc[PHI]), (0.0, 0.0, 0.0), noise, slip, out)
         c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
@@ -259,7 +262,7 @@ def body_motion(
 
 
 class PendulumPlant(Block):
-    """The two-wheeled inverted pendulum on carpet.
+    """Dynamics of the two-wheeled inverted pendulum on carpet.
 
     .. pydrake_system::
 
@@ -278,19 +281,21 @@ class PendulumPlant(Block):
     s [N], phi and theta [N m], from the floor or a push. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
     balance (4,): tilt [rad] (forward positive), wheel-consistent s_dot [m/s], phi_dot and tilt rate [rad/s].
     wheel_angle, wheel_rate (2,): right, left, relative to the body [rad], [rad/s]. body_motion (6,): specific force
-    [m/s^2] (gravity included) and angular rate [rad/s] in the body's axes at the IMU; it sees the torque held now.
-    Equations (2.37)-(2.48), (6.4).
+    [m/s^2] (gravity included) and angular rate [rad/s] in the body's axes at the IMU, with direct feed-through of the
+    torque. Equations (2.37)-(2.48), (6.4).
 
     Args:
         parameters: masses, wheels, friction and slip.
-        initial_pose: x, y [m], phi [rad]; initial_tilt_rad: tilt at t = 0.
-        imu_height_m: of the IMU above the axle, along the body.
-        seed: of the slip noise, stream `{where}/slip`.
-        where: the scenario's name of the section, for messages.
-        ground: give it the input port `ground_force`; without it there is no such force.
+        initial_pose: x, y [m], phi [rad] in W at t = 0.
+        initial_tilt_rad: tilt at t = 0.
+        imu_height_m: height of the IMU above the axle, along the body.
+        seed: seed of the slip noise, which is drawn from the random stream `{where}/slip`.
+        where: path of the parameters in the scenario, for messages.
+        ground: whether the block has the input port `ground_force`; without the port the force is zero.
 
     Raises:
-        InputError: friction too steep for the 5 ms step.
+        InputError: the friction is too steep for the 5 ms step, there is traction slip in a world frame, or a slip
+            ratio in the body frame is 1 or more.
     """
 
     def __init__(
@@ -314,10 +319,11 @@ class PendulumPlant(Block):
 
 
 def block_parameters(parameters: PendulumPlantParameters, where: str = "plant") -> dict:
-    """The block's parameters that follow from masses, wheels, friction and slip.
+    """Return the parameters of PendulumPlant that follow from masses, wheels, friction and slip.
 
     Raises:
-        InputError: as PendulumPlant.
+        InputError: the friction is too steep for the 5 ms step, there is traction slip in a world frame, or a slip
+            ratio in the body frame is 1 or more.
     """
     return {
         "slope_rad": np.array(parameters.slope_rad),
@@ -329,7 +335,7 @@ def block_parameters(parameters: PendulumPlantParameters, where: str = "plant") 
 
 
 def linear_model(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray]:
-    """(A (6, 6), B (6, 2)) of (2.54)-(2.57), x = [s, phi, theta, s_dot, phi_dot, theta_dot], corrected entries."""
+    """Return (A (6, 6), B (6, 2)) of (2.54)-(2.57), corrected, for x = [s, phi, theta, s_dot, phi_dot, theta_dot]."""
     mass, gravity, effort = linear_terms(parameters)
     a = np.zeros((6, 6))
     a[:3, 3:] = np.eye(3)
@@ -338,7 +344,7 @@ def linear_model(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.nd
 
 
 def linear_terms(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(M_L (3, 3), G_L (3, 3), E (3, 2)) of (2.51)-(2.53), corrected, without friction."""
+    """Return (M_L (3, 3), G_L (3, 3), E (3, 2)) of (2.51)-(2.53), corrected, without friction."""
     i = parameters.inertias()
     m13 = i["m_b_z"] + i["m13_rotors"]
     m12, m22, m23 = i["m12"], i["yaw_upright"] + i["yaw_wheels"], i["m23"]
@@ -350,6 +356,6 @@ def linear_terms(parameters: PendulumPlantParameters) -> tuple[np.ndarray, np.nd
 
 
 def mobility(parameters: PendulumPlantParameters) -> np.ndarray:
-    """E' M^-1 E (2, 2): wheel acceleration [rad/s^2] per wheel torque [N m], upright."""
+    """Return E' M^-1 E (2, 2) of the upright robot: wheel acceleration [rad/s^2] per wheel torque [N m]."""
     mass, _, effort = linear_terms(parameters)
     return effort.T @ np.linalg.solve(mass, effort)

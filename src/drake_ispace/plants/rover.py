@@ -1,8 +1,9 @@
-"""A robot that takes a body-velocity command, as most bought ones do: any wheels, ideal tracking, slip.
+"""Velocity-controlled robot, like most commercial ones: any wheels, ideal velocity tracking, slip.
 
-Its drive turns the wheels as the geometry it was *told* says, theta_dot = G v, and the robot moves as the wheels that
-it *has* make it, v' = J' theta_dot (wheels.py). Without errors of radius or track both agree, and v' = v but for the
-direction that plain tyres hold. So a worn wheel shows between encoder and camera, not between command and encoder.
+The drive turns the wheels according to the *nominal* geometry, theta_dot = G v. The robot moves according to its
+*actual* wheels, v' = J' theta_dot. Here G is the inverse kinematics of the nominal wheels and J' the forward kinematics
+of the actual ones. Without errors of radius or track v' = v, except along the direction that plain tyres hold. A worn
+wheel therefore shows between encoder and camera, not between command and encoder.
 """
 
 from dataclasses import dataclass, field
@@ -21,33 +22,33 @@ WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4}
 
 @dataclass
 class RoverPlantParameters:
-    """Wheels and slip of a velocity-controlled robot; sizes assumed."""
+    """Wheels and slip of a velocity-controlled robot. All sizes are assumed."""
 
     # omni3, omni4: rings of omni wheels; differential: right, left; mecanum: front left, right, rear left, right
     wheels: str = quantity("omni3", choices=tuple(WHEELS))
     radius_m: float = quantity(0.05, "m", above=0.0)
-    # of the rings: wheel to centre, and the direction of wheel 1
+    # of the rings: distance from wheel to centre, and the direction of wheel 1
     centre_distance_m: float = quantity(0.18, "m", above=0.0)
     first_rad: float = quantity(np.pi / 3.0, "rad")
     # of the differential drive
     half_track_m: float = quantity(0.15, "m", above=0.0)
-    # of the mecanum robot: half the distance between axles, and between left and right wheels
+    # of the mecanum robot: half the distance between the axles, and half that between left and right wheels
     half_length_m: float = quantity(0.15, "m", above=0.0)
     half_width_m: float = quantity(0.15, "m", above=0.0)
-    # by how much each wheel's radius is larger than the drive and odometry believe; null: as believed
+    # deviation of each wheel's radius from the nominal one that drive and odometry use, as a share; null: none
     wheel_radius_shares: list[float] | None = quantity(None, above=-1.0)
-    # the same for the distances of the wheels
+    # deviation of all distances of the wheels from the nominal ones, as a share
     track_share: float = quantity(0.0, above=-1.0)
     slip: Slip = field(default_factory=Slip)
 
     @property
     def nominal_geometry(self) -> WheelGeometry:
-        """The wheels that drive and odometry believe in."""
+        """The nominal wheels, which drive and odometry use."""
         return _built(self, 1.0)
 
     @property
     def geometry(self) -> WheelGeometry:
-        """The wheels that the robot has."""
+        """The robot's actual wheels."""
         built = _built(self, 1.0 + self.track_share)
         return built if self.wheel_radius_shares is None else rescaled(built, self.wheel_radius_shares)
 
@@ -65,7 +66,7 @@ X, Y, PHI, THETA = 0, 1, 2, 3  # continuous state
 
 @kernel
 def derivatives(xc, velocity, wheels, projection, slip, out):
-    """d/dt of [x, y, phi, theta_1..n]; projection: J' G (3, 3), row by row."""
+    """Write d/dt of [x, y, phi, theta_1..n]. projection: J' G (3, 3), row by row; wheels: G (n, 3), row by row."""
     for i in range(xc.shape[0] - THETA):
         out[THETA + i] = wheels[3 * i] * velocity[0] + wheels[3 * i + 1] * velocity[1] + wheels[3 * i + 2] * velocity[2]
     vx = projection[0] * velocity[0] + projection[1] * velocity[1] + projection[2] * velocity[2]
@@ -82,6 +83,7 @@ def pose(xc, out):
 
 @kernel
 def world_velocity(xc, velocity, projection, out):
+    """Write the wheel-consistent velocity in W: R(phi) J' G v; projection: J' G (3, 3), row by row."""
     vx = projection[0] * velocity[0] + projection[1] * velocity[1] + projection[2] * velocity[2]
     vy = projection[3] * velocity[0] + projection[4] * velocity[1] + projection[5] * velocity[2]
     c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
@@ -102,7 +104,7 @@ def wheel_rate(velocity, wheels, out):
 
 
 class RoverPlant(Block):
-    """A robot whose body follows the commanded velocity at once.
+    """Kinematics of a robot whose wheels follow the commanded body velocity at once.
 
     .. pydrake_system::
 
@@ -116,17 +118,18 @@ class RoverPlant(Block):
         - wheel_rate
 
     velocity (3,), input: command vx, vy [m/s], wz [rad/s] in B. pose (3,): x, y [m], phi [rad] of B in W. velocity
-    (3,), output: wheel-consistent v_WB [m/s, m/s, rad/s] in W; without slip the rate of the pose. wheel_angle,
-    wheel_rate (n,): theta [rad], theta_dot [rad/s]. theta_dot = G v, then v' = J' theta_dot with slip (6.4); what a
-    plain tyre holds sideways is left out of both.
+    (3,), output: wheel-consistent v_WB [m/s, m/s, rad/s] in W, which without slip is the rate of the pose. wheel_angle,
+    wheel_rate (n,): theta [rad], theta_dot [rad/s]. The nominal wheels give theta_dot = G v, the actual wheels
+    v' = J' theta_dot, and slip acts by (6.4). A commanded velocity across plain tyres moves neither wheels nor robot.
 
     Args:
         parameters: wheels and slip.
-        initial_pose: x, y [m], phi [rad] at t = 0.
-        where: the scenario's name of the section, for messages.
+        initial_pose: x, y [m], phi [rad] in W at t = 0.
+        where: path of the parameters in the scenario, for messages.
 
     Raises:
-        InputError: a radius share too few or too many; slip that follows from forces or is random, which this has not.
+        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
+            or there is traction slip or slip noise, which this plant does not model.
     """
 
     def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="plant"):
@@ -145,22 +148,28 @@ class RoverPlant(Block):
 
 
 def block_parameters(parameters: RoverPlantParameters, where: str = "plant") -> dict:
-    """The block's parameters that follow from wheels and slip.
+    """Return the parameters of RoverPlant that follow from wheels and slip.
 
     Raises:
-        InputError: as RoverPlant.
+        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
+            or there is traction slip or slip noise.
     """
     check(parameters, where)
-    told, real = parameters.nominal_geometry, parameters.geometry
-    lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in real.wheels]))
+    nominal, actual = parameters.nominal_geometry, parameters.geometry
+    lever_m = float(np.mean([np.hypot(w.x_m, w.y_m) for w in actual.wheels]))
     return {
-        "wheels": told.inverse.ravel(), "projection": (real.forward @ told.inverse).ravel(),
+        "wheels": nominal.inverse.ravel(), "projection": (actual.forward @ nominal.inverse).ravel(),
         "slip": slip_parameters(parameters.slip, lever_m, f"{where}.slip"),
     }
 
 
 def check(parameters: RoverPlantParameters, where: str) -> None:
-    """Raise InputError for values of which each alone is allowed; `where` names the section."""
+    """Check the settings that depend on each other or are not modelled for this robot.
+
+    Raises:
+        InputError: the number of radius shares is not that of the wheels, or there is traction slip or slip noise; the
+            message begins with `where`, the path of the parameters in the scenario.
+    """
     shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels]
     if shares is not None and len(shares) != n:
         raise InputError(
@@ -169,4 +178,4 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
     slip = parameters.slip
     for key, value in (("traction_gain", slip.traction_gain), ("noise_std", slip.noise_std)):
         if any(value):
-            raise InputError(f"{where}.slip.{key}: expected zeros, this robot has slip by ratio and patch only")
+            raise InputError(f"{where}.slip.{key}: expected zeros, this robot supports slip by ratio and patch only")

@@ -1,18 +1,19 @@
-"""Wheel slip on carpet, (6.4)-(6.5), as kinematics: the wheels turn as the dynamics say, the robot travels less.
+"""Wheel slip on carpet, (6.4)-(6.5), as kinematics: the wheels turn as the dynamics say, but the robot travels less.
 
-The dynamics keep velocities that agree with the wheels; only the rates of the pose are scaled by 1 - s. So encoders
-measure the wheel and the room measures the robot, as in the thesis. The price: with s != 0 the motor's work does not
-all become kinetic energy of the pose, **energy is not kept**. (States for the slip velocity itself would need steps of
-20 us or less.)
+The velocities in the dynamics agree with the wheels; only the rates of the pose are scaled by 1 - s. Encoders
+therefore measure the wheels and the room measures the robot, as in the thesis. The price is that **energy is not
+conserved**: with s != 0 not all work of the motors becomes kinetic energy of the robot. (States for the slip velocity
+itself would need steps of 20 us or less.)
 
-Readings of (6.4), `frame`:
-* body (default): s acts on the axes of the robot, s < 1. This is a stated correction of the thesis.
+The setting `frame` selects a reading of (6.4):
+* body (default): s acts on the axes of the robot, s < 1. This is a correction of the thesis.
 * world: s acts on the world's axes, as printed; s > 1 moves the robot backwards.
-* additive: P_act = P_odo + P_er with (6.5) taken literally, on world axes; s = 1.3 of Fig. 6.11 makes sense only so.
+* additive: P_act = P_odo + P_er with (6.5) taken literally, on the world's axes. Only this reading makes sense of
+  s = 1.3 in Fig. 6.11.
 
-Besides the constant part s may grow with the traction force (s = gain * F / (mu N), brake and drive opposite, with an
-optional relaxation length over which it builds up), differ inside a rectangle of other carpet, and carry noise that is
-drawn once per tick.
+The slip s is a constant that may have another value inside a rectangle of other carpet. Three further parts are
+optional: traction slip s = gain * F / (mu N), whose sign follows the force; a relaxation length over which traction
+slip builds up; and noise, drawn once per tick.
 """
 
 from dataclasses import dataclass
@@ -29,19 +30,19 @@ GRAVITY = 9.80665
 
 @dataclass
 class Slip:
-    """Slip per axis [x, y, yaw]; neutral by default."""
+    """Slip per axis [x, y, yaw]; none by default."""
 
     frame: str = quantity("body", choices=FRAMES)
     ratio: list[float] = quantity([0.0, 0.0, 0.0], length=3)
     # slip at full traction, F = mu N
     traction_gain: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, below=1.0, length=3)
-    # mu of wheel on carpet, assumed
+    # friction coefficient mu of wheel on carpet, assumed
     friction_coefficient: float = quantity(0.6, above=0.0)
     # distance over which traction slip builds up; 0: at once
     relaxation_length_m: float = quantity(0.0, "m", minimum=0.0)
     # standard deviation of the slip drawn at every tick
     noise_std: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, length=3)
-    # x_min, x_max, y_min, y_max of other carpet; null: none
+    # x_min, x_max, y_min, y_max in W of a rectangle of other carpet, where patch_ratio holds; null: none
     patch_m: list[float] | None = quantity(None, "m", length=4)
     patch_ratio: list[float] = quantity([0.0, 0.0, 0.0], length=3)
 
@@ -50,15 +51,15 @@ class Slip:
 
 
 def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
-    """The parameter group of a plant.
+    """Return the slip as a parameter group of a plant.
 
     Args:
-        slip: as in the scenario.
-        lever_m: turns traction force into traction moment.
-        where: the scenario's name of this section, for messages.
+        slip: the settings from the scenario.
+        lever_m: lever arm that converts the largest traction force into the largest traction moment.
+        where: path of these settings in the scenario, for messages.
 
     Raises:
-        InputError: traction slip on the world's axes, which has no meaning; slip of 1 and more in the body frame.
+        InputError: there is traction slip in a frame other than body, or a slip ratio in the body frame is 1 or more.
     """
     if slip.frame != "body" and any(slip.traction_gain):
         raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts on the body")
@@ -83,7 +84,7 @@ def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
 
 @kernel
 def place_ratio(axis, x, y, slip):
-    """The constant part of s for axis 0, 1, 2 at the place (x, y) [m]."""
+    """Return the constant part of s for axis 0, 1 or 2 (x, y, yaw) at the position (x, y) [m] in W."""
     if slip[PATCHED] > 0.0:
         inside = slip[PATCH] <= x and x <= slip[PATCH + 1] and slip[PATCH + 2] <= y and y <= slip[PATCH + 3]
         if inside:
@@ -93,7 +94,10 @@ def place_ratio(axis, x, y, slip):
 
 @kernel
 def traction_slip(axis, force, mass, slip):
-    """Steady traction slip for a body force (axis 0, 1 [N]) or moment (axis 2 [N m]), signed, at most the gain."""
+    """Return the signed steady traction slip, limited to +-gain.
+
+    force: traction force (axis 0, 1) [N] or moment (axis 2) [N m] in body axes; mass: of the robot [kg].
+    """
     if slip[GAIN + axis] == 0.0:
         return 0.0 * force
     normal = slip[MU] * mass * GRAVITY
@@ -105,9 +109,10 @@ def traction_slip(axis, force, mass, slip):
 
 @kernel
 def axis_rate(axis, rate, traction, noise, x, y, slip):
-    """The rate at which the robot really moves along an axis, given the wheel-consistent `rate`.
+    """Return the rate at which the robot moves along an axis, given the wheel-consistent `rate`.
 
-    `traction` is the traction slip of the axis (driving: the robot lags; braking: it slides on), `noise` this tick's.
+    traction: traction slip of the axis; the robot lags behind its wheels when driving and slides on when braking.
+    noise: slip noise of the tick. x, y: position in W [m].
     """
     s = place_ratio(axis, x, y, slip) + noise
     if slip[FRAME] == 2.0:
@@ -117,7 +122,7 @@ def axis_rate(axis, rate, traction, noise, x, y, slip):
 
 @kernel
 def axis_acceleration(axis, rate, acceleration, traction, noise, x, y, slip):
-    """d/dt of `axis_rate` while slip stays as it is."""
+    """Return d/dt of the rate that `axis_rate` returns, for constant slip."""
     return axis_rate(axis, acceleration, 0.0, noise, x, y, slip) - traction * np.sign(rate) * acceleration
 
 
@@ -141,7 +146,10 @@ def pose_rates(vx, vy, wz, pose, traction, noise, slip, out):
 
 @kernel
 def traction_rate(axis, target, state, speed, slip):
-    """d/dt of the lagged traction slip: it relaxes over a distance; zero where there is no relaxation length."""
+    """Return d/dt of the lagged traction slip, which follows `target` over the relaxation length.
+
+    Without a relaxation length the result is zero. speed: of the wheels along the axis.
+    """
     if slip[RELAXATION] > 0.0:
         return abs(speed) / slip[RELAXATION] * (target - state)
     return 0.0

@@ -1,7 +1,6 @@
-"""Memory of a plant from tick to tick: this tick's slip noise and the anchors of the wheels' bristles.
+"""Discrete state of a plant: the slip noise of the present tick and the anchors of the wheels' bristles.
 
-A plant whose slip is not random and whose friction is smooth needs none of it: it then has no discrete state at all,
-and Drake's `Linearize` takes it as it is.
+A plant without slip noise and with smooth friction has no discrete state, so Drake's `Linearize` accepts it directly.
 """
 
 import numpy as np
@@ -16,7 +15,7 @@ NOISE, ANCHOR = 0, 3  # x_d: slip noise (3), bristle anchors (n) [rad]
 
 
 def tick_memory(slip: Slip, friction: Friction, update, wheels: int) -> dict:
-    """The `discrete_state` and `updates` of a plant's Spec, or nothing."""
+    """Return the entries `discrete_state` and `updates` of a plant's Spec, or {} if the plant needs neither."""
     if any(slip.noise_std) or friction.model == "elastoplastic":
         return {"discrete_state": np.zeros(ANCHOR + wheels), "updates": (Update(update, Phase.COMPUTE),)}
     return {}
@@ -24,19 +23,19 @@ def tick_memory(slip: Slip, friction: Friction, update, wheels: int) -> dict:
 
 @kernel
 def slip_noise(xd, axis):
-    """This tick's slip noise of an axis."""
+    """Return the slip noise of an axis in the present tick."""
     return xd[NOISE + axis] if xd.shape[0] > 0 else 0.0
 
 
 @kernel
 def deflection(angle, xd, wheel):
-    """The deflection of a wheel's bristle [rad], given the wheel's angle [rad]."""
+    """Return the deflection of a wheel's bristle [rad] at the wheel's angle [rad]; zero without discrete state."""
     return angle - xd[ANCHOR + wheel] if xd.shape[0] > 0 else 0.0 * angle
 
 
 @kernel
 def remember(tick, angles, xd, noise_stream, friction, slip, out):
-    """Draw this tick's slip noise and drag the anchors along to `angles` (n) [rad]."""
+    """Draw the slip noise of this tick and drag the anchors along to the wheel angles `angles` (n) [rad]."""
     for axis in range(3):
         std = slip[NOISE_STD + axis]
         out[NOISE + axis] = std * normal(noise_stream, tick, axis) if std > 0.0 else 0.0

@@ -1,12 +1,13 @@
-"""Wheel geometry of any planar robot, its forward and inverse kinematics.
+"""Wheel geometry of any planar robot, with its forward and inverse kinematics.
 
 A wheel at p_BW = (x, y) drives its contact point along the direction `drive` (angle from the body's x axis). The
-floor holds the contact only along the roller's axis: for a plain wheel or a 90 degree roller that is the drive
-direction itself, for a mecanum wheel it lies `roller` away from it. So
+floor holds the contact point only along the roller's axis. For a plain wheel or a 90 degree roller this axis is the
+drive direction itself; for a mecanum wheel the angle between the two is `roller`. Hence
 
     radius * theta_dot = (v_B + wz x p_BW) . (cos(drive + roller), sin(drive + roller)) / cos(roller)
 
-and a robot is the stack theta_dot = G v_B with v_B = [vx, vy, wz], the inverse of v = J theta_dot, (2.64).
+The equations of all wheels together are theta_dot = G v_B with v_B = [vx, vy, wz], the inverse of v = J theta_dot,
+(2.64).
 """
 
 from collections.abc import Sequence
@@ -31,7 +32,7 @@ class Wheel:
     holds_sideways: bool = False
 
     def row(self) -> np.ndarray:
-        """The row of G (3,): wheel speed [rad/s] per body velocity [m/s, m/s, rad/s]."""
+        """Return the wheel's row of G (3,): wheel speed [rad/s] per body velocity [m/s, m/s, rad/s] in B."""
         hold = self.drive_rad + self.roller_rad
         x, y = np.cos(hold), np.sin(hold)
         return np.array([x, y, self.x_m * y - self.y_m * x]) / (self.radius_m * np.cos(self.roller_rad))
@@ -42,8 +43,8 @@ class WheelGeometry:
     """A robot's wheels; `inverse` is G (n, 3), `forward` its left inverse (3, n).
 
     Raises:
-        ValueError: no wheel, a radius that is not positive, a roller along the wheel's axle, or wheels that leave a
-            direction of motion unseen (G has not full rank; for wheels that hold sideways that direction is held).
+        ValueError: there is no wheel, a radius is not positive, a roller lies along its wheel's axle, or a direction of
+            motion neither turns a wheel nor is held by one: the rows of `inverse` and `sideways` have rank below 3.
     """
 
     wheels: tuple[Wheel, ...]
@@ -66,7 +67,7 @@ class WheelGeometry:
 
     @property
     def sideways(self) -> np.ndarray:
-        """Rows (k, 3) whose product with v_B is zero for wheels without rollers; k = 0 for a holonomic robot."""
+        """Rows (k, 3) whose product with v_B is zero, one for each of the k wheels that hold sideways."""
         rows = [
             [-np.sin(w.drive_rad), np.cos(w.drive_rad), w.x_m * np.cos(w.drive_rad) + w.y_m * np.sin(w.drive_rad)]
             for w in self.wheels if w.holds_sideways
@@ -75,13 +76,13 @@ class WheelGeometry:
 
     @property
     def forward(self) -> np.ndarray:
-        """J in frame B (3, n): v_B = J theta_dot, the least-squares inverse that keeps `sideways` at zero, (2.66)."""
+        """J in frame B (3, n), (2.66): v_B = J theta_dot is the least-squares solution with `sideways` v_B = 0."""
         free = null_space(self.sideways) if len(self.sideways) else np.eye(3)
         return free @ np.linalg.pinv(self.inverse @ free)
 
 
 def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:
-    """The thesis's robot, (2.66): wheels 1 to 4 at 0, 90, 180, 270 degrees, each driving tangentially.
+    """Return the wheels of the thesis's robot, (2.66): 1 to 4 at 0, 90, 180, 270 degrees, each driving tangentially.
 
     `wheel_distance_m` is b of Table 2.2, the full distance between opposite wheels.
     """
@@ -89,12 +90,12 @@ def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:
 
 
 def omni3(radius_m: float, centre_distance_m: float, first_rad: float = np.pi / 3.0) -> WheelGeometry:
-    """Three omni wheels, 120 degrees apart, `centre_distance_m` from the centre, the first at `first_rad`."""
+    """Return three omni wheels, 120 degrees apart, `centre_distance_m` from the centre, the first at `first_rad`."""
     return ring(3, radius_m, centre_distance_m, first_rad)
 
 
 def ring(count: int, radius_m: float, centre_distance_m: float, first_rad: float) -> WheelGeometry:
-    """`count` omni wheels evenly spaced around the centre, counted anticlockwise from `first_rad`, each tangential."""
+    """Return `count` tangential omni wheels, evenly spaced anticlockwise around the centre from `first_rad`."""
     angles = first_rad + 2.0 * np.pi * np.arange(count) / count
     return WheelGeometry(tuple(
         Wheel(centre_distance_m * np.cos(a), centre_distance_m * np.sin(a), a + np.pi / 2.0, radius_m) for a in angles
@@ -102,7 +103,10 @@ def ring(count: int, radius_m: float, centre_distance_m: float, first_rad: float
 
 
 def mecanum(radius_m: float, half_length_m: float, half_width_m: float) -> WheelGeometry:
-    """Four mecanum wheels driving along x, rollers at 45 degrees: front left, front right, rear left, rear right."""
+    """Return four mecanum wheels: front left, front right, rear left, rear right.
+
+    The wheels drive along x and their rollers lie at 45 degrees.
+    """
     a, b, quarter = half_length_m, half_width_m, np.pi / 4.0
     return WheelGeometry((
         Wheel(a, b, 0.0, radius_m, -quarter), Wheel(a, -b, 0.0, radius_m, quarter),
@@ -111,17 +115,17 @@ def mecanum(radius_m: float, half_length_m: float, half_width_m: float) -> Wheel
 
 
 def rescaled(geometry: WheelGeometry, radius_shares: Sequence[float]) -> WheelGeometry:
-    """The wheels of `geometry`, each radius times (1 + its share).
+    """Return the wheels of `geometry` with each radius multiplied by 1 + its share.
 
     Raises:
-        ValueError: another number of shares than of wheels.
+        ValueError: the number of shares is not that of the wheels, or a radius is no longer positive.
     """
     pairs = zip(geometry.wheels, radius_shares, strict=True)
     return WheelGeometry(tuple(replace(wheel, radius_m=wheel.radius_m * (1.0 + share)) for wheel, share in pairs))
 
 
 def differential(radius_m: float, half_track_m: float) -> WheelGeometry:
-    """Two plain wheels, right then left, `half_track_m` = b of (2.36) from the centre line."""
+    """Return two plain wheels, right then left, `half_track_m` (b of (2.36)) from the centre line."""
     return WheelGeometry((
         Wheel(0.0, -half_track_m, 0.0, radius_m, holds_sideways=True),
         Wheel(0.0, half_track_m, 0.0, radius_m, holds_sideways=True),

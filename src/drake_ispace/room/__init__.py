@@ -1,1 +1,1 @@
-"""The intelligent space: its settings, the localiser, the radio link."""
+"""The intelligent space: its settings, the localiser and the radio link to the robots."""

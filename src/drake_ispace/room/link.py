@@ -1,7 +1,7 @@
-"""The radio link from the room to a robot: framed serial messages, delayed by the line, sometimes lost.
+"""The radio link from the room to a robot: framed serial messages that are delayed by the line and sometimes lost.
 
-The block models when a frame arrives and whether it does. The rounding of the payload to 32-bit floats (below 1e-7 m)
-is not modelled.
+The block models whether a frame arrives, and when. The rounding of the payload to 32-bit floats (below 1e-7 m) is not
+modelled.
 """
 
 from dataclasses import dataclass
@@ -21,26 +21,26 @@ from drake_ispace.files.quantity import quantity
 class Link:
     """The serial radio link from the room to a robot (RS-232 in the thesis)."""
 
-    # bit rate of the line, 10 bits a byte; 0: no delay
+    # bit rate of the line, with 10 bits per byte; 0: no delay
     baud_rate: int = quantity(0, "bit/s", minimum=0)
-    # further delay of the radio
+    # additional delay of the radio
     delay_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
     # share of frames that never arrive
     loss: float = quantity(0.0, minimum=0.0, maximum=1.0)
-    # share of frames that arrive damaged: the checksum finds them, they are dropped
+    # share of frames that arrive damaged and are dropped because of their checksum
     corruption: float = quantity(0.0, minimum=0.0, maximum=1.0)
 
 
 _FRAME_BYTES = 2 + 1 + 4 + 2  # start, count of values, tick of sending, checksum
 _VALUE_BYTES = 4
-_BITS_PER_BYTE = 10  # on a serial line: with start and stop bit
+_BITS_PER_BYTE = 10  # with start and stop bit
 
 
 def delay_ticks(link: Link, order_size: int) -> int:
-    """Whole ticks from sending to arrival of a frame that carries a fix and an order of `order_size` numbers.
+    """Return the delay in whole ticks of a frame that carries a fix and an order of `order_size` numbers.
 
     Raises:
-        InputError: a line so slow that a frame takes longer than a second.
+        InputError: the line is so slow that a frame takes longer than a second.
     """
     if link.baud_rate == 0:
         return link.delay_ticks
@@ -57,7 +57,10 @@ CLOCK = 0  # x_d = [robot's tick, last sent (m), delivered (m), queue of (tick o
 
 @kernel
 def step(xd, fix, order, robot_tick, delay, loss, noise_stream, out):
-    """Send what is new, deliver what is due; a robot's tick seen before changes nothing."""
+    """Queue a frame if fix or order has changed, and deliver the newest frame that is due.
+
+    If the robot's tick has not advanced since the last call, nothing changes.
+    """
     copy(xd, out)
     tick = robot_tick[0]
     if tick == xd[CLOCK]:
@@ -98,7 +101,7 @@ def delivered_order(xd, fix, order, out):
 
 
 class RoomLink(Block):
-    """Carries the room's fix and order (way point or tracking error) to the robot, direct feed-through when undelayed.
+    """Carries the room's fix and order (way point or tracking error) to the robot, in the same tick if undelayed.
 
     .. pydrake_system::
 
@@ -111,11 +114,18 @@ class RoomLink(Block):
         - fix
         - order
 
-    fix (5,): tick of capture, seen, x, y [m], phi [rad]. order (m,): a way point or a tracking error. robot_tick (1,):
-    the robot's clock. Before the first frame the outputs hold tick -1 and zeros.
+    fix (5,), input and output: tick of capture, seen, x, y [m], phi [rad] in W. order (m,), input and output: a way
+    point or a tracking error. robot_tick (1,): the robot's clock. Outputs hold the newest frame that has arrived, and
+    tick -1 and zeros before the first one. A frame is sent when fix or order changes; a lost frame is not repeated.
 
     Args:
-        link: rate, delay and losses; order_size: m; seed: of the losses, stream `{where}`.
+        link: bit rate, delay and losses.
+        order_size: size m of an order.
+        seed: seed of the losses, which are drawn from the random stream named `where`.
+        where: name of the random stream.
+
+    Raises:
+        InputError: the line is so slow that a frame takes longer than a second.
     """
 
     def __init__(self, link: Link, order_size: int, seed=0, where="link"):

@@ -1,7 +1,8 @@
-"""The room's localiser: a zero-order hold at T_v = 95 ms of what the ceiling camera sees.
+"""The room's localiser: the robots' poses measured by the ceiling camera, with a zero-order hold at T_v = 95 ms.
 
-Geometric mode: each robot carries two markers; their true places, with noise, are rounded to the camera's pixels on
-the floor, and the pose is computed back from them. An image mode keeps the same ports.
+This module holds the geometric mode. Each robot carries two markers. Noise is added to the true positions of the
+markers, the sums are rounded to the camera's pixels on the floor, and the pose is computed from the rounded positions.
+The image mode, which renders and evaluates camera images, is another block with the same ports.
 """
 
 from dataclasses import dataclass
@@ -18,34 +19,37 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Localizer:
-    """How the room's camera sees a robot's two markers."""
+    """Resolution, noise, delay and dropouts with which the room's camera measures a robot's two markers."""
 
-    # geometric: the true pose through the camera's ground resolution; image: the markers found in rendered images
+    # geometric: true marker positions at the camera's ground resolution; image: markers detected in rendered images
     mode: str = quantity("geometric", choices=("geometric", "image"))
     # metres per pixel of the top view along x and y, section 5.4
     pixel_m: list[float] = quantity([0.00487, 0.00551], "m/pixel", above=0.0, length=2)
-    # a marker is found at a whole pixel
+    # whether the position of a marker is rounded to the centre of a pixel
     whole_pixels: bool = quantity(True)
-    # of a marker's place, before rounding; assumed
+    # standard deviation of a marker's position along each axis, before rounding; assumed
     noise_std_pixels: float = quantity(0.3, "pixels", minimum=0.0)
-    # between a robot's front and rear marker; assumed
+    # distance between a robot's front and rear marker; assumed
     marker_spacing_m: float = quantity(0.2, "m", above=0.0)
-    # from capture to the room's computer
+    # delay from capture to the room's computer
     latency_ticks: int = quantity(0, "ticks of 5 ms", minimum=0, maximum=2000)
-    # share of captures in which a robot is not found
+    # share of captures in which a robot is not detected
     dropout: float = quantity(0.0, minimum=0.0, maximum=1.0)
 
 
 @kernel
 def marker(place, pixel, noise, whole):
-    """Where along one axis a marker at `place` [m] is found, given pixel size [m], noise [pixels], rounding."""
+    """Return the measured position [m] along one axis of a marker at `place` [m].
+
+    pixel: size of a pixel [m]; noise: added before rounding [pixels]; whole: 1 to round to the centre of a pixel, or 0.
+    """
     at = place / pixel + noise
     return pixel * (np.floor(at) + 0.5) if whole > 0.0 else pixel * at
 
 
 @kernel
 def see(tick, robot, x, y, phi, camera, noise_stream, out):
-    """Write the message of one robot into `out`; camera: the block's parameter group."""
+    """Write the fix of one robot at the true pose x, y [m], phi [rad] in W into `out`; camera: the parameter group."""
     pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth = (
         camera[0], camera[1], camera[2], camera[3], camera[4], camera[5], camera[6], camera[7],
     )
@@ -74,7 +78,7 @@ def see(tick, robot, x, y, phi, camera, noise_stream, out):
 
 @kernel
 def capture(tick, xd, poses, camera, noise_stream, out):
-    """x_d = [delivered messages, then captured ones, oldest first]: forget the oldest, add the newest."""
+    """Replace the oldest capture by a new one: x_d = [delivered messages, captured messages (oldest first)]."""
     robots = poses.shape[0] // len(POSE)
     size = len(FIX) * robots
     copy(xd[:size], out[:size])
@@ -88,7 +92,7 @@ def capture(tick, xd, poses, camera, noise_stream, out):
 
 @kernel
 def deliver(tick, xd, poses, latency_ticks, out):
-    """Make the newest capture that is at least `latency_ticks` old the delivered one."""
+    """Deliver the newest captured messages that are at least `latency_ticks` old."""
     copy(xd, out)
     size = len(FIX) * (poses.shape[0] // len(POSE))
     for start in range(size, xd.shape[0], size):
@@ -102,7 +106,7 @@ def fixes(xd, out):
 
 
 class KinectLocalizer(Block):
-    """Poses of all robots as the room sees them, held between vision ticks.
+    """Measures the poses of all robots by the room's camera and holds them between vision ticks.
 
     .. pydrake_system::
 
@@ -113,12 +117,13 @@ class KinectLocalizer(Block):
         - fixes
 
     poses (3 n,): true x, y [m], phi [rad] in W of each robot. fixes (5 n,): for each robot the tick of capture (-1
-    before the first), seen (1 or 0), x, y [m], phi [rad]. A robot outside of the space is not seen.
-    Captured in the sensing phase every 19 ticks, delivered `latency_ticks` later. P_ev of (6.6).
+    before the first), seen (1 or 0), x, y [m], phi [rad] in W. A robot outside the space is not seen. Poses are
+    captured in the sensing phase every 19 ticks and delivered `latency_ticks` later. P_ev of (6.6).
 
     Args:
-        space: a room.Space, of which size and localiser are read.
-        robots: n; seed: of the noise, stream `kinect`.
+        space: a room.Space, of which size and localiser are used.
+        robots: number of robots n.
+        seed: seed of noise and dropouts, which are drawn from the random stream `kinect`.
     """
 
     def __init__(self, space, robots: int = 1, seed=0):

@@ -1,1 +1,1 @@
-"""The robots' own sensors, which are read every tick."""
+"""The robots' own sensors, sampled every tick, and the tilt filter."""

@@ -1,4 +1,4 @@
-"""Rotary encoders: counts of the wheel angle relative to the body, and a velocity made from them."""
+"""Rotary encoders: the wheel angle relative to the body in counts, and the wheel speed derived from the counts."""
 
 from dataclasses import dataclass
 
@@ -15,19 +15,20 @@ VELOCITIES = ("filtered", "raw", "exact")
 
 @dataclass
 class Encoder:
-    """Resolution and velocity of the encoders."""
+    """Settings of the encoders: resolution and how the wheel speed is obtained."""
 
     # 12 pulses times gear 9 for the omni robot (Table 2.2); 2000 assumed for the pendulum; 0: no quantisation
     counts_per_turn: int = quantity(108, "counts per wheel turn", minimum=0)
-    # filtered: low-pass of the count difference; raw: the difference itself; exact: the plant's own wheel speed
+    # filtered: low-pass of the difference quotient of the counts; raw: the difference quotient itself; exact: the wheel
+    # speed of the plant
     velocity: str = quantity("filtered", choices=VELOCITIES)
-    # of the low-pass; one count of the omni robot in one tick is 0.28 m/s, too coarse to feed back
+    # of the low-pass; one count of the omni robot in one tick is 0.28 m/s, which is too coarse for feedback
     filter_time_constant_s: float = quantity(0.02, "s", above=0.0)
 
 
 @kernel
 def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, memory, out):
-    """x_d = the message."""
+    """Sample the wheels into x_d, which is the message."""
     n = wheel_angle.shape[0]
     theta, omega = ENCODER.theta, ENCODER.theta + n
     for i in range(n):
@@ -57,7 +58,7 @@ def clock(xd, out):
 
 
 class WheelEncoder(Block):
-    """Samples the wheels in the sensing phase of every tick.
+    """Samples the wheel angles in the sensing phase of every tick and derives the wheel speeds.
 
     .. pydrake_system::
 
@@ -69,12 +70,13 @@ class WheelEncoder(Block):
         - message
         - tick
 
-    wheel_angle, wheel_rate (n,): relative to the body [rad], [rad/s]; the rate is read only by velocity = exact.
+    wheel_angle, wheel_rate (n,): relative to the body [rad], [rad/s]; the rate is used only if `velocity` is exact.
     message (1 + 2 n,): tick of the sample (-1 before the first), theta (n) [rad], omega (n) [rad/s].
-    tick (1,): the same tick, the robot's clock for blocks that have no sample of their own.
+    tick (1,): the same tick, as the robot's clock for blocks that receive no other sample from the robot.
 
     Args:
-        encoder: resolution and velocity; wheels: n.
+        encoder: resolution and wheel speed.
+        wheels: number of wheels n.
     """
 
     def __init__(self, encoder: Encoder, wheels: int):

@@ -14,7 +14,10 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Imu:
-    """Noise and bias, assumed: typical of a consumer MEMS part (the thesis says "low-cost")."""
+    """Noise, bias and place of the IMU.
+
+    The thesis only says "low-cost", so noise typical of a consumer MEMS part is assumed.
+    """
 
     accelerometer_noise_density: float = quantity(3e-3, "m/s^2/sqrt(Hz)", minimum=0.0)
     gyro_noise_density: float = quantity(1.5e-4, "rad/s/sqrt(Hz)", minimum=0.0)
@@ -26,7 +29,7 @@ class Imu:
 
 @kernel
 def sample(tick, body_motion, bias, noise_std, noise_stream, out):
-    """x_d = the message."""
+    """Sample the body's motion into x_d, which is the message."""
     out[IMU.tick] = tick
     for i in range(6):
         out[IMU.ax + i] = body_motion[i] + bias[i]
@@ -40,7 +43,7 @@ def message(xd, out):
 
 
 class InertialSensor(Block):
-    """Samples the body's motion in the sensing phase of every tick, under the torque held *until* that tick.
+    """Samples the body's motion in the sensing phase of every tick, before the torque of that tick acts.
 
     .. pydrake_system::
 
@@ -51,11 +54,13 @@ class InertialSensor(Block):
         - message
 
     body_motion (6,): specific force [m/s^2] and angular rate [rad/s] in the body's axes.
-    message (7,): tick of the sample (-1 before the first), then the same six with bias and noise. White noise of
-    density d has standard deviation d / sqrt(T_u) per sample.
+    message (7,): tick of the sample (-1 before the first), then the same six quantities with bias and noise. White
+    noise of density d has the standard deviation d / sqrt(T_u) per sample.
 
     Args:
-        imu: noise and bias; seed: of the noise, stream `{where}`.
+        imu: noise and bias.
+        seed: seed of the noise, which is drawn from the random stream named `where`.
+        where: name of the random stream.
     """
 
     def __init__(self, imu: Imu, seed=0, where="imu"):

@@ -1,4 +1,4 @@
-"""Position and tilt as the servo experiment of section 3.4.1 measures them: with a fast sinusoid on each."""
+"""Measured state of the servo experiment of section 3.4.1: position and tilt, each disturbed by a fast sinusoid."""
 
 from dataclasses import dataclass
 
@@ -14,21 +14,22 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class SinusoidNoise:
-    """Noise of position and tilt, section 3.4.1. At 200 Hz an 800 Hz sinusoid aliases to a constant."""
+    """Noise of position and tilt, section 3.4.1. Sampled at 200 Hz, an 800 Hz sinusoid aliases to a constant."""
 
     # of position and tilt
     frequency_hz: float = quantity(800.0, "Hz", minimum=0.0)
     position_amplitude_m: float = quantity(0.001, "m", minimum=0.0)
     tilt_amplitude_rad: float = quantity(0.05, "rad", minimum=0.0)
-    # white noise beside it, in units of the amplitudes; none in the thesis's simulation
+    # standard deviation of additional white noise as a share of the amplitudes; none in the thesis's simulation
     white_share: float = quantity(0.0, minimum=0.0)
 
 
 @kernel
 def noise_at(time_s, index, channel, frequency_hz, white_share, noise_stream):
-    """The noise of a channel (0 position, 1 tilt) in units of its amplitude; its phase is drawn from the stream.
+    """Return the noise of a channel (0 position, 1 tilt) in units of its amplitude.
 
-    time_s: of the sample; index: of its white draw, an integer >= 0.
+    The phase of the sinusoid is drawn from the noise stream. time_s: time of the sample; index: integer >= 0 that
+    selects the draw of the white noise.
     """
     phase = 2.0 * np.pi * uniform(noise_stream, 0, channel)
     value = np.sin(2.0 * np.pi * frequency_hz * time_s + phase)
@@ -39,7 +40,7 @@ def noise_at(time_s, index, channel, frequency_hz, white_share, noise_stream):
 
 @kernel
 def sample(tick, pose, balance, start, amplitude, frequency_hz, white_share, noise_stream, out):
-    """x_d = the message."""
+    """Sample the state with its noise into x_d, which is the message."""
     out[STATE.tick] = tick
     dx, dy = pose[POSE.x] - start[POSE.x], pose[POSE.y] - start[POSE.y]
     out[STATE.s] = np.cos(start[POSE.phi]) * dx + np.sin(start[POSE.phi]) * dy
@@ -55,7 +56,7 @@ def message(xd, out):
 
 
 class NoisyState(Block):
-    """Samples [s, theta, s_dot, theta_dot] in the sensing phase of every tick, noise on the first two.
+    """Samples [s, theta, s_dot, theta_dot] in the sensing phase of every tick, with noise on s and theta.
 
     .. pydrake_system::
 
@@ -66,12 +67,15 @@ class NoisyState(Block):
         output_ports:
         - message
 
-    pose (3,): x, y [m], phi [rad]. balance (4,): tilt [rad], s_dot [m/s], phi_dot, tilt rate [rad/s].
-    message (5,): tick (-1 before the first), s [m] from the start along its heading, theta [rad], s_dot [m/s],
-    theta_dot [rad/s]. Section 3.4.1, Fig. 3.9.
+    pose (3,): x, y [m], phi [rad] in W. balance (4,): tilt [rad], s_dot [m/s], phi_dot, tilt rate [rad/s].
+    message (5,): tick of the sample (-1 before the first), s [m] from the start pose along its heading, theta [rad],
+    s_dot [m/s], theta_dot [rad/s]. Section 3.4.1, Fig. 3.9.
 
     Args:
-        noise: amplitudes and frequency; start: x, y [m], phi [rad]; seed: of the phases, stream `{where}`.
+        noise: amplitudes and frequency.
+        start: x, y [m], phi [rad] in W of the start pose.
+        seed: seed of phases and white noise, which are drawn from the random stream named `where`.
+        where: name of the random stream.
     """
 
     def __init__(self, noise: SinusoidNoise, start=(0.0, 0.0, 0.0), seed=0, where="sensor_noise"):

@@ -1,8 +1,9 @@
-"""Kalman filter for tilt, tilt rate and gyro bias from the IMU; section 2.2.1 names it without an equation.
+"""Kalman filter for tilt, tilt rate and gyro bias from the IMU. Section 2.2.1 names the filter without an equation.
 
-State [theta, theta_dot, b]: the tilt rate is a random walk (white angular acceleration), the bias a slow one.
-Measurements: gyro y axis = theta_dot + b, and the direction of the specific force, atan2(-f_x, f_z) = theta for a body
-that does not accelerate. The robot does accelerate, so the second is trusted only in the long run.
+The state is [theta, theta_dot, b]. The tilt rate is a random walk driven by white angular acceleration, and the bias b
+is a slow random walk. There are two measurements. The gyro's y axis gives theta_dot + b. The direction of the specific
+force gives atan2(-f_x, f_z), which is theta for a body that does not accelerate. Because the robot does accelerate, the
+measurement noise of the direction is set large, so that only the long-term mean of the direction counts.
 """
 
 from dataclasses import dataclass
@@ -18,16 +19,18 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class TiltFilter:
-    """Standard deviations per sample that the filter assumes of its sensors."""
+    """Standard deviations of process noise, measurement noise and initial state that the filter assumes."""
 
+    # process noise: constant over a tick, independent from tick to tick
     angular_acceleration_rad_s2: float = quantity(30.0, "rad/s^2", above=0.0)
     bias_walk_rad_s_per_sqrt_s: float = quantity(1e-4, "rad/s/sqrt(s)", above=0.0)
+    # measurement noise, per sample
     gyro_std_rad_s: float = quantity(0.003, "rad/s", above=0.0)
-    # large, because the robot's own acceleration tilts the specific force
+    # measurement noise, per sample; large, because the robot's own acceleration tilts the specific force
     accelerometer_std_rad: float = quantity(1.0, "rad", above=0.0)
     initial_bias_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
     initial_tilt_std_rad: float = quantity(0.01, "rad", above=0.0)
-    # the body is held still before t = 0
+    # small, because the body is held still before t = 0
     initial_rate_std_rad_s: float = quantity(0.01, "rad/s", above=0.0)
 
 
@@ -36,7 +39,7 @@ P = len(TILT)  # x_d = [the message, then from P on p00 p01 p02 p11 p12 p22]
 
 @kernel
 def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_variance, out):
-    """Predict one tick and take in the sample; a sample seen before changes nothing."""
+    """Predict over one tick and update with both measurements; a sample that is already stored changes nothing."""
     copy(xd, out)
     if imu[IMU.tick] == xd[TILT.tick]:
         return
@@ -73,7 +76,7 @@ def estimate(xd, out):
 
 
 class TiltKalmanFilter(Block):
-    """Tilt from the IMU, direct feed-through within a tick.
+    """Estimates the tilt from the IMU by a Kalman filter, with direct feed-through within a tick.
 
     .. pydrake_system::
 
@@ -83,12 +86,12 @@ class TiltKalmanFilter(Block):
         output_ports:
         - tilt
 
-    imu (7,): tick, specific force [m/s^2], angular rate [rad/s].
-    tilt (4,): tick, theta_b [rad] (forward positive), theta_b rate [rad/s], gyro bias [rad/s].
+    imu (7,): tick, specific force (3) [m/s^2], angular rate (3) [rad/s] in the body's axes.
+    tilt (4,): tick, tilt theta [rad] (forward positive), its rate [rad/s], gyro bias [rad/s].
 
     Args:
-        believed: standard deviations.
-        initial_tilt_rad: the robot is held at this tilt before t = 0, long enough for the filter to know it.
+        believed: standard deviations of noise and initial state.
+        initial_tilt_rad: initial estimate of the tilt, the angle at which the robot is held before t = 0.
     """
 
     def __init__(self, believed: TiltFilter, initial_tilt_rad=0.0):

@@ -1,1 +1,1 @@
-"""Blocks that only chapters 3 and 4 of the thesis need: servo, identification and adaptation in the loop."""
+"""Blocks of chapters 3 and 4 of the thesis: servo control, on-line identification and on-line adaptation."""

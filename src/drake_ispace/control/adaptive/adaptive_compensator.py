@@ -1,21 +1,22 @@
-"""Friction compensation whose coefficients adapt on line under a Lyapunov function, announced in section 4.1.
+"""Friction compensation with on-line adaptation of its coefficients by a Lyapunov design, announced in section 4.1.
 
-With the friction phi(w)'c, phi = [sgn w, w], c = [c_cu, c_v] of (3.35), the feedback tau_c = -K x and the compensation
-phi'c^, the closed loop is dx/dt = A_c x + B Phi (c^ - c), A_c = A - B K stable, row i of Phi (2, 2) = phi(w_i)'.
-Take P > 0 with A_c'P + P A_c = -Q, Q > 0, gains G > 0, and
+Let the friction be phi(w)'c with phi = [sgn w, w] and c = [c_cu, c_v] of (3.35), the feedback tau_c = -K x, and the
+compensation phi'c^. The closed loop is dx/dt = A_c x + B Phi (c^ - c), where A_c = A - B K is stable and row i of
+Phi (2, 2) is phi(w_i)'. Take P > 0 with A_c'P + P A_c = -Q, Q > 0, gains G > 0, and
 
     V = x'P x + (c^ - c)' G^-1 (c^ - c).
 
-Then dV/dt = -x'Q x + 2 (c^ - c)'(Phi'B'P x + G^-1 dc^/dt), so that the law
+Then dV/dt = -x'Q x + 2 (c^ - c)'(Phi'B'P x + G^-1 dc^/dt). The adaptation law
 
     dc^/dt = -G Phi'B'P x
 
-leaves dV/dt = -x'Q x <= 0: x and c^ stay bounded and x goes to zero (Barbalat), whatever the friction coefficients are.
-c^ goes to c only under excitation. Bounds 0 <= c^ <= limit are a projection and keep dV/dt <= 0 while c lies inside.
+gives dV/dt = -x'Q x <= 0: x and c^ stay bounded and x goes to zero (Barbalat) for all friction coefficients. The
+estimate c^ converges to c only under excitation. The bounds 0 <= c^ <= limit are a projection, which keeps dV/dt <= 0
+as long as c lies within the bounds.
 
-What this leaves out, and what stands in for it: the sign of a slow wheel is not known from counts, so phi is zero
-inside a dead band; the error from noise and 5 ms steps does not vanish, so nothing adapts while x'P x is below a
-threshold (else the coefficients drift). Inside both, V may grow by the bounded amount that the neglected terms bring.
+The proof neglects two effects. The sign of a slow wheel's speed is not known from counts, so phi is zero inside a dead
+band. The errors from noise and from the 5 ms steps do not vanish, so adaptation stops while x'P x is below a threshold;
+otherwise the coefficients would drift. Inside the dead band and below the threshold V may grow, by a bounded amount.
 """
 
 from dataclasses import dataclass
@@ -32,29 +33,38 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Adaptation:
-    """Settings of the adaptation of friction coefficients; off, for the thesis announces it without numbers."""
+    """Settings of the adaptation of friction coefficients.
+
+    Adaptation is off by default, because the thesis announces the method without giving numbers.
+    """
 
     enabled: bool = quantity(False)
-    # what it starts from
+    # initial estimates
     coulomb_n_m: float = quantity(0.0, "N*m", minimum=0.0)
     viscous_n_m_s: float = quantity(0.0, "N*m*s/rad", minimum=0.0)
-    # G: N*m per s and unit of Phi'B'P x, assumed
+    # diagonal of G: coefficient per second and unit of Phi'B'P x, assumed
     coulomb_rate: float = quantity(2e-3, minimum=0.0)
     viscous_rate: float = quantity(2e-3, minimum=0.0)
-    # projection
+    # upper bounds of the projection
     coulomb_limit_n_m: float = quantity(0.02, "N*m", above=0.0)
     viscous_limit_n_m_s: float = quantity(0.03, "N*m*s/rad", above=0.0)
-    # Q of the Lyapunov equation: s, phi, theta and rates
+    # diagonal of Q of the Lyapunov equation: weights of s, phi, theta and their rates
     q: list[float] = quantity([10.0, 1.0, 1.0, 1.0, 0.1, 0.01], above=0.0, length=6)
     # x'P x below which nothing adapts
     threshold: float = quantity(1e-3, minimum=0.0)
 
 
 def lyapunov_matrix(a: np.ndarray, b: np.ndarray, gain: np.ndarray, q) -> np.ndarray:
-    """P (6, 6) of A_c'P + P A_c = -diag(q), A_c = A - B K.
+    """Return P (6, 6) of A_c'P + P A_c = -diag(q) with A_c = A - B K.
+
+    Args:
+        a: A (6, 6).
+        b: B (6, 2).
+        gain: K (2, 6).
+        q: (6,).
 
     Raises:
-        ValueError: A_c is not stable, no Lyapunov function of this form exists.
+        ValueError: A_c is not stable, so no Lyapunov function of this form exists.
     """
     closed = a - b @ gain
     if np.linalg.eigvals(closed).real.max() >= 0.0:
@@ -62,18 +72,21 @@ def lyapunov_matrix(a: np.ndarray, b: np.ndarray, gain: np.ndarray, q) -> np.nda
     return solve_continuous_lyapunov(closed.T, -np.diag(q))
 
 
-TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: stamp of the last sample, c_cu, c_v, x'P x
+TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: tick of the last sample, c_cu, c_v, x'P x
 
 
 @kernel
 def faded_sign(rate, dead_band, scale):
-    """sgn that is zero inside the dead band and fades in beyond it."""
+    """Return the sign of `rate`, smoothed: zero inside the dead band, beyond it rising to +-1 over `scale`."""
     return np.sign(rate) * np.tanh(max(abs(rate) - dead_band, 0.0) / scale)
 
 
 @kernel
 def adapt(xd, encoder, error, tilt, velocity, p, pb, rates, limits, threshold, dead_band_rad_s, speed_scale_rad_s, out):
-    """p (36,), pb (12,): P and P B row by row; a stamp seen before changes nothing."""
+    """Adapt the coefficients over one tick; a sample whose tick is already stored changes nothing.
+
+    p (36,), pb (12,): P and P B, row by row.
+    """
     copy(xd, out)
     if encoder[WHEEL_PAIR.tick] == xd[TICK]:
         return
@@ -106,6 +119,7 @@ def adapt(xd, encoder, error, tilt, velocity, p, pb, rates, limits, threshold, d
 
 @kernel
 def compensated(xd, torque, encoder, dead_band_rad_s, speed_scale_rad_s, out):
+    """Write the torques [N m] plus the friction expected with the present coefficients."""
     for i in range(2):
         rate = encoder[WHEEL_PAIR.omega_r + i]
         moving = rate if abs(rate) > dead_band_rad_s else 0.0
@@ -119,7 +133,9 @@ def coefficients(xd, out):
 
 
 class AdaptiveCompensator(Block):
-    """Adds the expected friction, its coefficients adapted on line; takes the place of FrictionCompensator.
+    """Adds the expected friction to the wheel torques, with coefficients that adapt on line.
+
+    The block takes the place of FrictionCompensator.
 
     .. pydrake_system::
 
@@ -134,14 +150,17 @@ class AdaptiveCompensator(Block):
         - torque
         - coefficients
 
-    torque (2,): in and out [N m]. encoder (5,): tick, theta [rad] (2), omega [rad/s] (2). error (3,): s_e [m], phi_h
-    [rad], speed fed forward [m/s]. tilt (4,): tick, theta, rate, bias. velocity (2,): s_dot [m/s], phi_dot [rad/s].
-    coefficients (3,): c_cu [N m], c_v [N m s/rad], x'P x. Section 4.1; stability: see the module.
+    torque (2,), input and output: right, left, without and with the compensation [N m]. encoder (5,): tick, theta (2)
+    [rad], omega (2) [rad/s]. error (3,): s_e [m], phi_h [rad], speed fed forward [m/s]. tilt (4,): tick, tilt [rad],
+    rate [rad/s], gyro bias [rad/s]. velocity (2,): s_dot [m/s], phi_dot [rad/s]. coefficients (3,): c_cu [N m],
+    c_v [N m s/rad], x'P x. Section 4.1.
 
     Args:
-        adaptation: rates and bounds; a, b, gain: the linear model (6, 6), (6, 2) and K (2, 6) of the feedback.
-        dead_band_rad_s: wheel speed below which no friction is added; speed_scale_rad_s: over which the sign fades in
-            beyond the dead band.
+        adaptation: initial estimates, rates and bounds.
+        a, b: the linear model A (6, 6), B (6, 2) with x = [s, phi, theta, s_dot, phi_dot, theta_dot].
+        gain: K (2, 6) of the feedback.
+        dead_band_rad_s: wheel speed below which no friction is added.
+        speed_scale_rad_s: range of wheel speed over which the sign rises to 1 beyond the dead band.
 
     Raises:
         ValueError: the feedback does not stabilise the model.

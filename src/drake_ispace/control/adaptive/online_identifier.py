@@ -1,13 +1,14 @@
-"""An identifier in the loop: Table 4.1's regressor, recursive least squares every tick.
+"""On-line identification in the loop: recursive least squares every tick with the regressor of Table 4.1.
 
-Both wheels together (u_r = u_l, so only the sum of B's columns is identifiable):
+Both wheels get the same torque, so only the sum of the columns of B is identifiable. The regression therefore uses the
+sums over both wheels:
 
     [s'', theta''] = Theta' [theta, sgn w_r + sgn w_l, w_r + w_l, tau_r + tau_l].
 
-Nothing is differentiated twice: s'' is the accelerometer's with gravity taken off by the filtered tilt, theta'' one
-difference of the gyro. The encoder's speed is a count difference (centred half a tick back) behind a low-pass; theta,
-the torque held over the same tick, the sign and both accelerations pass the same low-pass, so that the linear relation
-holds between the filtered signals.
+No signal is differentiated twice. The accelerometer gives s'', after the filtered tilt has been used to remove gravity,
+and a difference quotient of the gyro gives theta''. The encoder's speed is a difference quotient of the counts, which
+belongs to the middle of the tick, and passes a low-pass. The tilt, the torque held over the same tick, the signs and
+both accelerations pass the same low-pass, so that the linear relation holds between the filtered signals.
 """
 
 from dataclasses import dataclass
@@ -25,25 +26,26 @@ from drake_ispace.plants.slip import GRAVITY
 
 @dataclass
 class Identifier:
-    """Settings of the on-line identifier, which listens only: no command depends on it."""
+    """Settings of the on-line identifier. No command depends on the identified parameters."""
 
-    # lambda of (3.21)
+    # forgetting factor lambda of (3.21)
     forgetting: float = quantity(0.9998, above=0.0, maximum=1.0)
-    # P(0) = it times the identity
+    # P(0) = initial_variance times the identity, for the scaled regressors
     initial_variance: float = quantity(1e4, above=0.0)
-    # largest trace of P: the guard against wind-up
+    # largest trace of P, which guards against wind-up
     trace_limit: float = quantity(1e5, above=0.0)
-    # wheel speed whose sign counts as known
+    # wheel speed above which the sign counts as known
     dead_band_rad_s: float = quantity(0.1, "rad/s", minimum=0.0)
 
 
-TICK, GYRO, LEAN, REG, ACC, THETA = 0, 1, 2, 3, 7, 9  # x_d: stamp, last gyro and tilt, filtered regressor (4) and Y (2)
+TICK, GYRO, LEAN, REG, ACC, THETA = 0, 1, 2, 3, 7, 9  # x_d: tick, last gyro and tilt, filtered regressor (4) and Y (2)
 ROOT, SCRATCH, SIZE = THETA + 8, THETA + 24, THETA + 28
-_SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # of the regressors, so that P(0) means the same for each
+_SIZES = np.array([0.05, 1.0, 2.0, 0.02])  # scales of the regressors, so that P(0) means the same for each
 
 
 @kernel
 def learn(out, first, second, forgetting, trace_limit):
+    """Update Theta and the root of P inside x_d (`out`) with the innovations of s'' and theta''."""
     innovation = np.array([first, second])
     update(
         out[REG : REG + 4], innovation, forgetting, trace_limit, out[THETA : THETA + 8], out[ROOT : ROOT + 16],
@@ -53,6 +55,7 @@ def learn(out, first, second, forgetting, trace_limit):
 
 @kernel
 def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_band_rad_s, sizes, out):
+    """Filter regressor and accelerations and update Theta; a sample whose tick is already stored changes nothing."""
     copy(xd, out)
     if encoder[WHEEL_PAIR.tick] == xd[TICK]:
         return
@@ -83,6 +86,7 @@ def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_b
 
 @kernel
 def parameters(xd, sizes, out):
+    """Write Theta (4, 2) row by row, for the regressors without scaling."""
     for i in range(4):
         for j in range(2):
             out[2 * i + j] = xd[THETA + 2 * i + j] / sizes[i]
@@ -90,7 +94,10 @@ def parameters(xd, sizes, out):
 
 @kernel
 def friction(xd, sizes, out):
-    """(4.8)-(4.9) by least squares over both rows; zero while B is not known."""
+    """Write the friction coefficients of (4.8)-(4.9), the least-squares solution over both rows.
+
+    The coefficients are zero while the identified input gains are too small to divide by.
+    """
     b0, b1 = xd[THETA + 6] / sizes[3], xd[THETA + 7] / sizes[3]
     size = b0 * b0 + b1 * b1
     out[0], out[1] = 0.0, 0.0
@@ -100,7 +107,7 @@ def friction(xd, sizes, out):
 
 
 class OnlineIdentifier(Block):
-    """Identifies the pendulum while it balances, from zero knowledge.
+    """Identifies a linear model of the pendulum and its friction while the robot balances, starting from Theta = 0.
 
     .. pydrake_system::
 
@@ -114,13 +121,15 @@ class OnlineIdentifier(Block):
         - parameters
         - friction
 
-    encoder (5,): tick, theta [rad] (2), omega [rad/s] (2), filtered. imu (7,): tick, specific force (3), rate (3).
-    tilt (4,): tick, theta, rate, bias. torque (2,): held until this tick [N m]. parameters (8,): Theta row by row, the
-    rows of [theta, sgn, omega, tau] for s'' [m/s^2] and theta'' [rad/s^2]. friction (2,): c_cu [N m], c_v [N m s/rad].
-    Equations (3.20)-(3.26), (4.1)-(4.9), Table 4.1.
+    encoder (5,): tick, theta (2) [rad], low-pass filtered omega (2) [rad/s]. imu (7,): tick, specific force (3)
+    [m/s^2], angular rate (3) [rad/s] in the body's axes. tilt (4,): tick, tilt [rad], rate [rad/s], gyro bias [rad/s].
+    torque (2,): wheel torques held until this tick [N m]. parameters (8,): Theta (4, 2) row by row, with one row each
+    for [theta, sgn, omega, tau] and one column each for s'' [m/s^2] and theta'' [rad/s^2]. friction (2,): c_cu [N m],
+    c_v [N m s/rad]. Equations (3.20)-(3.26), (4.1)-(4.9), Table 4.1.
 
     Args:
-        identifier: forgetting and guards; filter_time_constant_s: of the encoder's speed.
+        identifier: forgetting factor, initial variance and limits.
+        filter_time_constant_s: time constant of the low-pass behind the encoder's speed.
     """
 
     def __init__(self, identifier: Identifier, filter_time_constant_s: float):

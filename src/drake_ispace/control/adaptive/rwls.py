@@ -1,16 +1,16 @@
 """Recursive weighted least squares with forgetting, (3.20)-(3.26) corrected, in square-root form.
 
-As printed (3.24) has lambda on the wrong term and (3.26) lacks the innovation (docs/fidelity.md). With the
-regressor phi (n), the parameters Theta (n, m), P (n, n) and the innovation e = Y - Theta'phi (m):
+In print, (3.24) has lambda on the wrong term and (3.26) lacks the innovation (docs/fidelity.md). With the regressor
+phi (n), the parameters Theta (n, m), P (n, n) and the innovation e = Y - Theta'phi (m):
 
     K = P phi / (lambda + phi'P phi),   Theta += K e',   P = (P - K phi'P) / lambda.
 
-P itself loses symmetry and definiteness in floating point. Here S with P = S S' is carried along (Potter's update):
+In floating point P loses symmetry and definiteness. The recursion therefore runs on S with P = S S' (Potter's update):
 
     f = S'phi,  alpha = lambda + f'f,  S = (S - S f f' / (alpha (1 + sqrt(lambda / alpha)))) / sqrt(lambda).
 
-Without excitation P grows as lambda^-k (wind-up). Two guards: for a sample that brings next to nothing, f'f below a
-hundredth of what forgetting takes away (1 - lambda), nothing is forgotten, and the trace of P is bounded.
+Without excitation P grows as lambda^-k (wind-up). Two guards prevent this: nothing is forgotten for a sample with
+little excitation, f'f <= (1 - lambda) / 100, and the trace of P is bounded.
 """
 
 import numpy as np
@@ -20,12 +20,16 @@ from drake_ispace.blocks.kernels import kernel
 
 @kernel
 def update(phi, innovation, forgetting, trace_limit, theta, root, scratch):
-    """One step in place.
+    """Update Theta and S in place with one sample.
 
     Args:
-        phi: regressor (n,); innovation: (m,) Y - Theta'phi, or the part of it that shall drive the estimate.
-        forgetting: lambda in (0, 1]; trace_limit: largest trace of P.
-        theta: Theta (n m), row by row; root: S (n n), row by row; scratch: (n,).
+        phi: regressor (n,).
+        innovation: (m,) Y - Theta'phi, or the part of the innovation that drives the estimate.
+        forgetting: lambda in (0, 1].
+        trace_limit: largest trace of P.
+        theta: Theta (n m), row by row.
+        root: S (n n), row by row.
+        scratch: working memory (n,).
     """
     n, m = phi.shape[0], innovation.shape[0]
     energy = 0.0
@@ -75,16 +79,20 @@ def recursive_least_squares(
     regressor: np.ndarray, target: np.ndarray, forgetting: float = 1.0, initial_variance: float = 1e6,
     trace_limit: float = 1e12, every: int = 1, scale: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Theta after every sample of a record.
+    """Identify Theta of Y = Theta'phi by recursive least squares over a record of N samples.
 
     Args:
-        regressor: (N, n); target: (N, m).
-        forgetting: lambda in (0, 1]; initial_variance: P(0) = it times the identity; trace_limit: of P.
-        every: of how many samples one is kept in the history.
-        scale: (n,) size of each regressor, by which it is divided meanwhile; default none.
+        regressor: phi of each sample (N, n).
+        target: Y of each sample (N, m).
+        forgetting: lambda in (0, 1].
+        initial_variance: P(0) = initial_variance times the identity, for the scaled regressors.
+        trace_limit: largest trace of P, for the scaled regressors.
+        every: the history keeps one of this many samples.
+        scale: (n,) typical size of each regressor, by which the regressors are divided for the recursion; default ones.
 
     Returns:
-        Theta (n, m), P (n, n), history (ceil(N / every), n, m).
+        The final Theta (n, m) and P (n, n), and the history of Theta (ceil(N / every), n, m), all for the regressors as
+        given.
     """
     scale = np.ones(regressor.shape[1]) if scale is None else scale
     rows, target = np.ascontiguousarray(regressor / scale, dtype=float), np.ascontiguousarray(target, dtype=float)

@@ -1,4 +1,4 @@
-"""Servo control of position, (3.52)-(3.62), Fig. 3.9: state feedback and the integral of the position error."""
+"""Servo control of position, (3.52)-(3.62), Fig. 3.9: state feedback plus the integral of the position error."""
 
 from dataclasses import dataclass
 
@@ -13,20 +13,20 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class Servo:
-    """Gains of (3.61)-(3.62), the same for both wheels: u_r = u_l, so only the sum of B's columns acts."""
+    """Gains of (3.61)-(3.62). Both wheels get the same torque, so only the sum of the columns of B acts."""
 
-    # F: s, theta, s_dot, theta_dot
+    # F: gains of s, theta, s_dot, theta_dot
     f: list[float] = quantity([6.7056, 2.1560, 6.0055, 0.6502], "N, N*m, N*s, N*m*s", length=4)
-    # K_i
+    # K_i: gain of the integral
     k_i: float = quantity(3.5355, "N/s")
 
 
-TICK, INTEGRAL, MEASURED = 0, 1, 2  # x_d: stamp of the last sample, omega, s, theta, s_dot, theta_dot
+TICK, INTEGRAL, MEASURED = 0, 1, 2  # x_d: tick of the last sample, omega, s, theta, s_dot, theta_dot
 
 
 @kernel
 def step(xd, state, way_point, start, out):
-    """omega_dot = r - s, (3.58) as meant; a sample seen before changes nothing."""
+    """Integrate omega_dot = r - s, (3.58) corrected; a sample whose tick is already stored changes nothing."""
     copy(xd, out)
     if state[STATE.tick] == xd[TICK]:
         return
@@ -40,6 +40,7 @@ def step(xd, state, way_point, start, out):
 
 @kernel
 def feedback(xd, f, k_i, sign, out):
+    """Write the same torque sign (K_i omega - F x) [N m] for both wheels."""
     u = k_i * xd[INTEGRAL]
     for i in range(4):
         u -= f[i] * xd[MEASURED + i]
@@ -48,7 +49,9 @@ def feedback(xd, f, k_i, sign, out):
 
 
 class ServoController(Block):
-    """tau = sign (K_i omega - F x), omega the integral of the position error; direct feed-through within a tick.
+    """Computes tau = sign (K_i omega - F x), where omega is the integral of the position error.
+
+    The measured state has direct feed-through within a tick.
 
     .. pydrake_system::
 
@@ -59,12 +62,13 @@ class ServoController(Block):
         output_ports:
         - torque
 
-    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): messages.WAY_POINT, of which
-    tick, x, y [m] are read. torque (2,): right, left [N m]. (3.52)-(3.62).
+    state (5,): tick, s [m], theta [rad], s_dot [m/s], theta_dot [rad/s]. way_point (10,): layout messages.WAY_POINT, of
+    which tick and x, y [m] in W are used. torque (2,): right, left [N m], always equal. Equations (3.52)-(3.62).
 
     Args:
-        servo: gains; start: x, y [m], phi [rad] where s is zero.
-        sign: 1 for the plant as printed, -1 for the derived one (docs/fidelity.md: R lost in print).
+        servo: gains.
+        start: x, y [m], phi [rad] in W of the pose at which s is zero.
+        sign: 1 for the plant as printed, -1 for the plant derived from the physical parameters.
     """
 
     def __init__(self, servo: Servo, start=(0.0, 0.0, 0.0), sign=1.0):

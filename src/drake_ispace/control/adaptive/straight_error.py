@@ -1,4 +1,4 @@
-"""The error of a robot that moves along one straight line, Fig. 4.1: way point minus odometry, heading held."""
+"""Tracking error of a robot that moves along a straight line, Fig. 4.1: way point minus odometry, at fixed heading."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from drake_ispace.blocks.messages import ERROR, PATH, POSE, WAY_POINT
 
 @kernel
 def straight(path, way_point, start, out):
+    """Write s_e [m], phi_h [rad] and the way point's speed [m/s] along the line through `start` (x, y, phi in W)."""
     c, s = np.cos(start[POSE.phi]), np.sin(start[POSE.phi])
     out[:] = 0.0
     if way_point[WAY_POINT.tick] >= 0.0:
@@ -19,7 +20,7 @@ def straight(path, way_point, start, out):
 
 
 class StraightError(Block):
-    """The error s_e, phi_h of motion along the line through the start.
+    """Computes the tracking error s_e, phi_h along the straight line through the start pose.
 
     .. pydrake_system::
 
@@ -30,11 +31,12 @@ class StraightError(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): messages.WAY_POINT. error (3,): s_e [m], phi_h
-    [rad], speed of the way point [m/s]; zero before the first way point. Fig. 4.1.
+    path (3,): tick, s [m], phi [rad] of odometry. way_point (10,): layout messages.WAY_POINT, of which tick, position
+    [m] and velocity [m/s] in W are used. error (3,): s_e [m], phi_h [rad], speed of the way point along the line [m/s];
+    zero before the first way point. Fig. 4.1.
 
     Args:
-        start: x, y [m], phi [rad] where odometry's s is zero.
+        start: x, y [m], phi [rad] in W of the pose at which odometry's s is zero.
     """
 
     def __init__(self, start=(0.0, 0.0, 0.0)):

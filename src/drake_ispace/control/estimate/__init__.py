@@ -1,1 +1,1 @@
-"""Where the robot is: odometry, and what corrects it by the room's fixes."""
+"""Estimation of the robot's pose: odometry, and its correction by the room's fixes."""

@@ -1,7 +1,7 @@
 """Conventional multi-rate feedback without estimator, section 6.7.2.
 
-The thesis's figure and reference are missing. Our reading of its words "the robot position from both sources are
-directly used": P_ev in the ticks in which a fix arrives, raw P_lo in all others.
+The thesis lacks the figure and the reference. The words "the robot position from both sources are directly used" are
+read as follows: the pose is P_ev in the ticks in which a fix arrives, and raw P_lo in all other ticks.
 """
 
 import numpy as np
@@ -10,11 +10,12 @@ from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ESTIMATE, FIX
 
-TICK, SEEN_TICK, USED = 0, 1, 2  # x_d: stamps of the last odometry and of the last fix, the pose in use
+TICK, SEEN_TICK, USED = 0, 1, 2  # x_d: ticks of the last odometry and of the last fix, the pose in use
 
 
 @kernel
 def step(xd, odometry, fix, out):
+    """Store odometry's pose, or the room's if a new fix has arrived; a known odometry tick changes nothing."""
     copy(xd, out)
     if odometry[ESTIMATE.tick] == xd[TICK]:
         return
@@ -32,7 +33,7 @@ def used(xd, out):
 
 
 class ConventionalMerge(Block):
-    """The room's pose when it arrives, odometry's otherwise.
+    """Passes on the room's pose in the ticks in which a fix arrives, and odometry's pose otherwise.
 
     .. pydrake_system::
 
@@ -43,8 +44,8 @@ class ConventionalMerge(Block):
         output_ports:
         - pose
 
-    odometry (4,): tick, x, y [m], phi [rad]. fix (5,): tick of capture, seen, x, y [m], phi [rad]; ignored unless seen.
-    pose (4,): tick, x, y [m], phi [rad].
+    odometry (4,): tick, x, y [m], phi [rad] in W. fix (5,): tick of capture, seen, x, y [m], phi [rad] in W; ignored
+    unless seen. pose (4,): tick, x, y [m], phi [rad] in W. Section 6.7.2.
     """
 
     def __init__(self):

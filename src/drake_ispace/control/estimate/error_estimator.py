@@ -1,4 +1,4 @@
-"""Position-error estimator (6.32)-(6.33): the room's tracking error, carried on by odometry."""
+"""Position-error estimator, (6.32)-(6.33): the room's tracking error, updated between fixes by odometry."""
 
 import numpy as np
 
@@ -6,17 +6,18 @@ from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ERROR, PATH, TRACKING_ERROR
 
-TICK, ORDER = 0, 1  # x_d: stamp of the last path; the last tracking error, then P_r,l[i], then the past paths
+TICK, ORDER = 0, 1  # x_d: tick of the last path; the last tracking error, then P_r,l[i], then the past paths
 FIXED_S = ORDER + len(TRACKING_ERROR)
 FIXED_PHI, RING = FIXED_S + 1, FIXED_S + 2
 
 
 @kernel
 def step(xd, path, error, out):
-    """Remember this tick's path and, for a new error, P_r,l[i]: the path in the tick its fix was captured in.
+    """Store this tick's path and, for a new tracking error, P_r,l[i]: the path at the tick of capture of its fix.
 
-    While the robot is not seen, the way point moves on and the fix stays: such an error finds P_r,l[i] still there.
-    A stamp that is yet to come, from a clock that is ahead, is taken as that of now.
+    While the robot is not seen, the way point moves on but the fix stays the same. For such an error the stored
+    P_r,l[i] remains valid. If the tick of the fix lies in the future, because the room's clock is ahead of the robot's,
+    the present tick takes its place.
     """
     copy(xd, out)
     depth = (xd.shape[0] - RING) // len(PATH)
@@ -41,7 +42,7 @@ def step(xd, path, error, out):
 
 @kernel
 def estimated(xd, path, out):
-    """P_d,V[i] - P_r,h[k] with P_d,V[i] = P_e[i] + P_r,l[i]."""
+    """Write P_d,V[i] - P_r,h[k] with P_d,V[i] = P_e[i] + P_r,l[i], the estimated tracking error at tick k."""
     out[ERROR.s_e] = xd[ORDER + TRACKING_ERROR.s_e] + xd[FIXED_S] - path[PATH.s]
     out[ERROR.phi_h] = xd[ORDER + TRACKING_ERROR.phi_h] + xd[FIXED_PHI] - path[PATH.phi]
     out[ERROR.speed] = xd[ORDER + TRACKING_ERROR.speed]
@@ -49,12 +50,13 @@ def estimated(xd, path, out):
 
 @kernel
 def held(error, out):
+    """Write s_e, phi_h and speed of the measured tracking error."""
     out[ERROR.s_e], out[ERROR.phi_h] = error[TRACKING_ERROR.s_e], error[TRACKING_ERROR.phi_h]
     out[ERROR.speed] = error[TRACKING_ERROR.speed]
 
 
 class ErrorEstimator(Block):
-    """The error to the way point at every tick.
+    """Estimates the tracking error at every tick from a measured one every 95 ms and odometry.
 
     .. pydrake_system::
 
@@ -65,12 +67,12 @@ class ErrorEstimator(Block):
         output_ports:
         - error
 
-    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): tick of the fix it refers to, tick of the way
-    point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output error (3,): s_e, phi_h, speed at this tick.
-    P_e,es of (6.32).
+    path (3,): tick, s [m], phi [rad] of odometry. Input error (5,): tick of capture of the fix, tick of the way point,
+    s_e [m], phi_h [rad], speed to feed forward [m/s]. Output error (3,): s_e [m], phi_h [rad], speed to feed forward
+    [m/s] at this tick, P_e,es of (6.32).
 
     Args:
-        oldest_fix_ticks: the greatest age of a fix on its first arrival; an error from an older one is ignored.
+        oldest_fix_ticks: largest age of a fix when it first arrives; a tracking error from an older fix is ignored.
     """
 
     def __init__(self, oldest_fix_ticks: int = 0):
@@ -84,7 +86,7 @@ class ErrorEstimator(Block):
 
 
 class HeldError(Block):
-    """The room's tracking error as it came, held for 95 ms: position from vision only.
+    """Passes on the room's tracking error unchanged, so that the position comes from vision only, every 95 ms.
 
     .. pydrake_system::
 
@@ -94,8 +96,8 @@ class HeldError(Block):
         output_ports:
         - error
 
-    Input error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed to feed forward [m/s]. Output
-    error (3,): s_e, phi_h, speed.
+    Input error (5,): tick of capture of the fix, tick of the way point, s_e [m], phi_h [rad], speed to feed forward
+    [m/s]. Output error (3,): s_e [m], phi_h [rad], speed to feed forward [m/s].
     """
 
     def __init__(self):

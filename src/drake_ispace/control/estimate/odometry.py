@@ -1,4 +1,4 @@
-"""Odometry: pose from wheel rotation alone, P_lo of Fig. 6.5, direct feed-through within a tick."""
+"""Dead reckoning by odometry: the pose from wheel rotation (and tilt), P_lo of Fig. 6.5."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ S, BEFORE = len(ESTIMATE), len(ESTIMATE) + 1  # x_d: the estimate, s, then wheel
 
 @kernel
 def advance(xd, forward, side, turn, out):
-    """Move the pose by a body displacement [m, m, rad], along the heading half-way through the turn."""
+    """Advance the pose and s by a body displacement forward, sideways [m] and turn [rad], at the mean heading."""
     heading = xd[ESTIMATE.phi] + 0.5 * turn
     c, s = np.cos(heading), np.sin(heading)
     out[ESTIMATE.x] = xd[ESTIMATE.x] + c * forward - s * side
@@ -23,7 +23,7 @@ def advance(xd, forward, side, turn, out):
 
 @kernel
 def omni_step(xd, encoder, jacobian, out):
-    """x_d = [tick, x, y, phi, s, theta (n)]; jacobian: J in frame B (3, n), row by row."""
+    """Advance x_d = [tick, x, y, phi, s, theta (n)] by one sample; jacobian: J in frame B (3, n), row by row."""
     copy(xd, out)
     if encoder[ENCODER.tick] == xd[ESTIMATE.tick]:
         return
@@ -40,6 +40,7 @@ def omni_step(xd, encoder, jacobian, out):
 
 @kernel
 def omni_velocity(encoder, jacobian, out):
+    """Write the body velocity J theta_dot: vx, vy [m/s], wz [rad/s] in B; jacobian: J (3, n), row by row."""
     n = jacobian.shape[0] // 3
     omega = ENCODER.theta + n
     for axis in range(3):
@@ -50,7 +51,7 @@ def omni_velocity(encoder, jacobian, out):
 
 @kernel
 def pendulum_step(xd, encoder, tilt, radius_m, half_track_m, body_share, out):
-    """x_d = [tick, x, y, phi, s, theta_r, theta_l, theta_b], (2.37)-(2.39)."""
+    """Advance x_d = [tick, x, y, phi, s, theta_r, theta_l, theta_b] by one sample, (2.37)-(2.39)."""
     copy(xd, out)
     if encoder[WHEEL_PAIR.tick] == xd[ESTIMATE.tick]:
         return
@@ -66,6 +67,7 @@ def pendulum_step(xd, encoder, tilt, radius_m, half_track_m, body_share, out):
 
 @kernel
 def pendulum_velocity(encoder, tilt, radius_m, half_track_m, body_share, out):
+    """Write s_dot [m/s] and phi_dot [rad/s], (2.38)-(2.39)."""
     omega_r, omega_l = encoder[WHEEL_PAIR.omega_r], encoder[WHEEL_PAIR.omega_l]
     out[0] = 0.5 * radius_m * (omega_r + omega_l + 2.0 * body_share * tilt[TILT.rate])
     out[1] = 0.5 * radius_m / half_track_m * (omega_r - omega_l)
@@ -88,7 +90,9 @@ def _start(initial_pose, remembered):
 
 
 class OmniOdometry(Block):
-    """P_lo and body velocity of a robot with any wheels, v = J theta_dot (2.64).
+    """Dead reckoning of pose P_lo and body velocity for a robot with any wheels, v = J theta_dot, (2.64).
+
+    The encoder has direct feed-through within a tick.
 
     .. pydrake_system::
 
@@ -99,11 +103,12 @@ class OmniOdometry(Block):
         - pose
         - body_velocity
 
-    encoder (1 + 2 n,): tick, theta (n) [rad], omega (n) [rad/s]. pose (4,): tick, x, y [m], phi [rad], not wrapped.
-    body_velocity (3,): vx, vy [m/s], wz [rad/s] in B.
+    encoder (1 + 2 n,): tick, theta (n) [rad], omega (n) [rad/s]. pose (4,): tick, x, y [m], phi [rad] in W, not
+    wrapped. body_velocity (3,): vx, vy [m/s], wz [rad/s] in B.
 
     Args:
-        geometry: of the wheels; initial_pose: where the robot is told to start.
+        geometry: the wheels that odometry assumes.
+        initial_pose: x, y [m], phi [rad] in W that odometry assumes at the first sample.
     """
 
     def __init__(self, geometry: WheelGeometry, initial_pose=(0.0, 0.0, 0.0)):
@@ -117,7 +122,9 @@ class OmniOdometry(Block):
 
 
 class PendulumOdometry(Block):
-    """P_lo of the pendulum: counts wheel *and* body rotation, s_dot = r/2 (th_r + th_l + 2 th_b), (2.38).
+    """Dead reckoning of the pendulum's pose P_lo, path and velocity from wheel *and* body rotation.
+
+    s_dot = r/2 (theta_r_dot + theta_l_dot + 2 theta_b_dot), (2.38). The inputs have direct feed-through within a tick.
 
     .. pydrake_system::
 
@@ -131,13 +138,15 @@ class PendulumOdometry(Block):
         - velocity
 
     encoder (5,): tick, theta_r, theta_l [rad], omega_r, omega_l [rad/s]. tilt (4,): tick, tilt [rad], rate [rad/s],
-    gyro bias [rad/s]. pose (4,): tick, x, y [m], phi [rad], not wrapped. path (3,): tick, s [m], phi [rad], P_r of
+    gyro bias [rad/s]. pose (4,): tick, x, y [m], phi [rad] in W, not wrapped. path (3,): tick, s [m], phi [rad], P_r of
     (6.32). velocity (2,): s_dot [m/s], phi_dot [rad/s].
 
     Args:
-        radius_m: r_w; half_track_m: b of (2.36); initial_pose: where the robot is told to start.
-        body_share: 1 for (2.38), 0 for the literature's (2.35), which mistakes leaning for driving: an error of
-            r * tilt in s, 7 mm at 5 degrees.
+        radius_m: wheel radius r_w.
+        half_track_m: b of (2.36).
+        initial_pose: x, y [m], phi [rad] in W that odometry assumes at the first sample.
+        body_share: 1 for (2.38), 0 for the literature's (2.35). The latter mistakes leaning for driving, an error of
+            r * tilt in s: 7 mm at 5 degrees.
     """
 
     def __init__(self, radius_m: float, half_track_m: float, initial_pose=(0.0, 0.0, 0.0), body_share=1.0):

@@ -1,8 +1,9 @@
-"""Position estimator (6.6): the room's fix, carried on by odometry.
+"""Position estimator (6.6): the room's fix, updated between fixes by odometry.
 
-P_es[i, k] = P_ev[i] + R(phi_ev[i] - phi_lo[i]) (P_lo[k] - P_lo[i]); the printed form leaves R away, so that increments
-point along odometry's own, drifting heading. A fix is fused with the odometry of the tick it was *captured* in, so a
-late one does no harm; one with a stamp that is yet to come, from a clock that is ahead, is fused with that of now.
+P_es[i, k] = P_ev[i] + R(phi_ev[i] - phi_lo[i]) (P_lo[k] - P_lo[i]). The printed form omits R, so that increments point
+along odometry's own, drifting heading. A fix is fused with the odometry of the tick in which it was *captured*, so a
+delayed fix does no harm. If the tick of a fix lies in the future, because the room's clock is ahead of the robot's, the
+fix is fused with the present odometry.
 """
 
 import numpy as np
@@ -17,13 +18,13 @@ TICK, SEEN_TICK, EV, LO, RING = 0, 1, 2, 5, 8  # x_d; EV: P_ev[i], LO: P_lo[i] o
 
 @kernel
 def step(xd, odometry, fix, rotate, out):
-    """Remember this tick's odometry, then take in a new fix; samples seen before change nothing."""
+    """Store this tick's odometry, then fuse a new fix; samples whose tick is already stored change nothing."""
     copy(xd, out)
     depth = (xd.shape[0] - RING) // len(ESTIMATE)
     if odometry[ESTIMATE.tick] != xd[TICK]:
         slot = RING + len(ESTIMATE) * (int(odometry[ESTIMATE.tick]) % depth)
         copy(odometry, out[slot : slot + len(ESTIMATE)])
-        if xd[TICK] < 0.0 and xd[SEEN_TICK] < 0.0:  # until the first fix: odometry from where the robot starts
+        if xd[TICK] < 0.0 and xd[SEEN_TICK] < 0.0:  # until the first fix the estimate equals odometry
             copy(odometry[ESTIMATE.x :], out[EV:LO])
             copy(odometry[ESTIMATE.x :], out[LO:RING])
         out[TICK] = odometry[ESTIMATE.tick]
@@ -39,6 +40,7 @@ def step(xd, odometry, fix, rotate, out):
 
 @kernel
 def estimate(xd, odometry, rotate, out):
+    """Write the tick and P_es[i, k] of (6.6), heading wrapped to [-pi, pi); rotate: 0 omits the rotation R."""
     turn = (xd[EV + POSE.phi] - xd[LO + POSE.phi]) if rotate > 0.0 else 0.0
     c, s = np.cos(turn), np.sin(turn)
     dx, dy = odometry[ESTIMATE.x] - xd[LO + POSE.x], odometry[ESTIMATE.y] - xd[LO + POSE.y]
@@ -49,7 +51,7 @@ def estimate(xd, odometry, rotate, out):
 
 
 class PositionEstimator(Block):
-    """Estimates the pose every tick from a fix every 95 ms.
+    """Estimates the pose at every tick from a fix every 95 ms and odometry.
 
     .. pydrake_system::
 
@@ -60,12 +62,12 @@ class PositionEstimator(Block):
         output_ports:
         - pose
 
-    odometry (4,): tick, x, y [m], phi [rad]. fix (5,): tick of capture, seen, x, y [m], phi [rad]; ignored unless seen.
-    pose (4,): tick, x, y [m], phi [rad] in [-pi, pi). Equation (6.6), corrected.
+    odometry (4,): tick, x, y [m], phi [rad] in W. fix (5,): tick of capture, seen, x, y [m], phi [rad] in W; ignored
+    unless seen. pose (4,): tick, x, y [m], phi [rad] in [-pi, pi), in W. Equation (6.6), corrected.
 
     Args:
-        oldest_fix_ticks: the greatest age of a fix on arrival; an older one is ignored.
-        as_printed: leave the rotation away.
+        oldest_fix_ticks: largest age of a fix on arrival; an older fix is ignored.
+        as_printed: whether to omit the rotation R, as in print.
     """
 
     def __init__(self, oldest_fix_ticks: int = 0, as_printed: bool = False):

@@ -1,1 +1,1 @@
-"""From error to command: feedback laws, their gains, friction compensation."""
+"""Feedback laws, which turn tracking errors into commands, their gains, and friction compensation."""

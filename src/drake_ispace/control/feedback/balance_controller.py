@@ -1,4 +1,7 @@
-"""State feedback for the pendulum, (6.39) with signs as meant: tau = -K x, x = [-s_e, -phi_h, th, s', phi', th']."""
+"""State feedback for the pendulum, (6.39) with corrected signs.
+
+tau = -K x with x = [-s_e, -phi_h, theta, s_dot - speed fed forward, phi_dot, theta_dot].
+"""
 
 import numpy as np
 
@@ -9,6 +12,7 @@ from drake_ispace.blocks.messages import ERROR, TILT
 
 @kernel
 def feedback(error, tilt, velocity, gain, out):
+    """Write tau = -K x [N m] with x = [-s_e, -phi_h, theta, s_dot - speed, phi_dot, theta_dot]; gain: K row by row."""
     for i in range(2):
         out[i] = (
             gain[6 * i] * error[ERROR.s_e] + gain[6 * i + 1] * error[ERROR.phi_h] - gain[6 * i + 2] * tilt[TILT.angle]
@@ -18,7 +22,7 @@ def feedback(error, tilt, velocity, gain, out):
 
 
 class BalanceController(Block):
-    """DLQR feedback that balances the pendulum and takes it to the way point, Fig. 6.6.
+    """Linear state feedback that balances the pendulum and drives it to the way point, Fig. 6.6.
 
     .. pydrake_system::
 
@@ -30,8 +34,8 @@ class BalanceController(Block):
         output_ports:
         - torque
 
-    error (3,): s_e [m], phi_h [rad], speed fed forward [m/s]. tilt (4,): tick, tilt [rad], rate [rad/s], bias.
-    velocity (2,): s_dot [m/s], phi_dot [rad/s]. torque (2,): right, left [N m].
+    error (3,): s_e [m], phi_h [rad], speed fed forward [m/s]. tilt (4,): tick, tilt [rad], rate [rad/s], gyro bias
+    [rad/s]. velocity (2,): s_dot [m/s], phi_dot [rad/s]. torque (2,): right, left [N m]. Equation (6.39).
 
     Args:
         gain: K (2, 6) for x = [s, phi, theta, s_dot, phi_dot, theta_dot].
@@ -45,7 +49,10 @@ class BalanceController(Block):
 
 
 def from_printed(k: np.ndarray, f1: np.ndarray) -> np.ndarray:
-    """K (2, 6) from the thesis's K (2, 2) and F1 (2, 4), (6.42)-(6.43), meant as tau = -K (P_d - P) + F1 x2 with
-    x2 = [theta, s_dot, phi_dot, theta_dot] (docs/fidelity.md, row 9)."""
+    """Return K (2, 6) of tau = -K x from the thesis's K (2, 2), here `k`, and F1 (2, 4), here `f1`, (6.42)-(6.43).
+
+    The thesis's gains are read as tau = -k (P_d - P) + f1 x2 with x2 = [theta, s_dot, phi_dot, theta_dot]
+    (docs/fidelity.md, row 9).
+    """
     k, f1 = np.asarray(k, dtype=float), np.asarray(f1, dtype=float)
     return -np.column_stack([k, f1[:, 0], f1[:, 1], f1[:, 2], f1[:, 3]])

@@ -1,4 +1,4 @@
-"""Gain of the pendulum's feedback, section 6.6.4: given, or designed from the plant block's own linearisation."""
+"""Gain of the pendulum's feedback, section 6.6.4: given, or designed by DLQR from the linearised plant block."""
 
 import dataclasses
 from dataclasses import dataclass, field
@@ -26,23 +26,28 @@ from drake_ispace.plants.slip import Slip
 
 @dataclass
 class PendulumControl:
-    """Feedback of the pendulum, section 6.6.4."""
+    """Settings of the pendulum's feedback, section 6.6.4."""
 
+    # dlqr: designed from the plant with q and r; given: k_right and f1_right below
     gains: str = quantity("dlqr", choices=("dlqr", "given"))
-    # weights of s, phi, theta and their rates, (6.40), and of both torques, (6.41)
+    # q: weights of s, phi, theta and their rates, (6.40); r: weights of both torques, (6.41)
     q: list[float] = quantity([5e3, 1e3, 800.0, 50.0, 100.0, 1e3], minimum=0.0, length=6)
     r: list[float] = quantity([1e4, 1e4], above=0.0, length=2)
-    # K (right wheel: s, phi) and F1 (right wheel: theta, s', phi', theta') of (6.42)-(6.43); left: yaw entries negated
+    # rows of the right wheel of K (s, phi) and F1 (theta, s_dot, phi_dot, theta_dot) in (6.42)-(6.43); the rows of the
+    # left wheel have the opposite sign for phi and phi_dot
     k_right: list[float] = quantity([0.4351, -0.2217], length=2)
     f1_right: list[float] = quantity([1.3328, 0.5548, -0.0843, 0.2023], length=4)
     tracker: Tracker = field(default_factory=Tracker)
     friction_compensation: FrictionCompensation = field(default_factory=FrictionCompensation)
-    # (6.6) without its rotation
+    # whether the position estimator (6.6) omits the rotation, as in print
     estimator_as_printed: bool = quantity(False)
 
 
 def balance_gain(plant: PendulumPlantParameters, control: PendulumControl) -> np.ndarray:
-    """K (2, 6) of u = -K x: DLQR at 5 ms from the plant's own linearisation, or the given one, (6.42)-(6.43)."""
+    """Return K (2, 6) of u = -K x with x = [s, phi, theta, s_dot, phi_dot, theta_dot].
+
+    K is the given gain, (6.42)-(6.43), or a DLQR design at 5 ms from the linearised plant.
+    """
     if control.gains == "given":
         mirror_k, mirror_f1 = np.array([1.0, -1.0]), np.array([1.0, 1.0, -1.0, 1.0])
         k, f1 = np.array(control.k_right), np.array(control.f1_right)
@@ -52,7 +57,7 @@ def balance_gain(plant: PendulumPlantParameters, control: PendulumControl) -> np
 
 
 def linearised(plant: PendulumPlantParameters) -> tuple[np.ndarray, np.ndarray]:
-    """(A (6, 6), B (6, 2)) of (2.54)-(2.57), linearised by Drake from the plant block, slip and friction left out."""
+    """Return (A (6, 6), B (6, 2)) of (2.54)-(2.57), linearised by Drake from the plant without slip and friction."""
     neutral = dataclasses.replace(plant, friction=Friction(), slip=Slip())
     block = PendulumPlant(neutral)
     context = block.CreateDefaultContext()

@@ -1,4 +1,4 @@
-"""Friction compensation, (3.34)-(3.38) and Fig. 4.1: the friction expected at each wheel is added to its torque."""
+"""Friction compensation, (3.34)-(3.38) and Fig. 4.1: the expected friction of each wheel is added to its torque."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,20 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class FrictionCompensation:
-    """Expected coefficients; Table 4.2's ARMAXD row."""
+    """Settings of the friction compensation. The coefficients are those of the ARMAXD row of Table 4.2."""
 
     enabled: bool = quantity(True)
     coulomb_n_m: float = quantity(0.0061, "N*m", minimum=0.0)
     viscous_n_m_s: float = quantity(0.0106, "N*m*s/rad", minimum=0.0)
-    # below this wheel speed nothing is added; a wide band calms the torque and keeps a limit cycle alive at rest
+    # below this wheel speed nothing is added; a wide band smooths the torque but sustains a limit cycle at rest
     dead_band_rad_s: float = quantity(0.0, "rad/s", minimum=0.0)
-    # over which the sign fades in beyond the dead band
+    # range of wheel speed over which the sign rises to 1 beyond the dead band
     speed_scale_rad_s: float = quantity(0.02, "rad/s", above=0.0)
 
 
 @kernel
 def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, speed_scale_rad_s, out):
+    """Write the torques plus the expected friction [N m]; no friction is added inside the dead band."""
     n = torque.shape[0]
     omega = ENCODER.theta + n
     for i in range(n):
@@ -36,7 +37,7 @@ def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, spe
 
 
 class FrictionCompensator(Block):
-    """Adds the expected friction; passes the torque on unchanged where it is not enabled.
+    """Adds the expected friction to the wheel torques, or passes them on unchanged if compensation is not enabled.
 
     .. pydrake_system::
 
@@ -47,7 +48,12 @@ class FrictionCompensator(Block):
         output_ports:
         - torque
 
-    torque (n,): in and out [N m]. encoder (1 + 2 n,): tick, theta [rad], omega [rad/s]. Equations (3.34)-(3.38).
+    torque (n,), input and output: wheel torques without and with the compensation [N m]. encoder (1 + 2 n,): tick,
+    theta (n) [rad], omega (n) [rad/s]. Equations (3.34)-(3.38).
+
+    Args:
+        compensation: coefficients, dead band and whether compensation is enabled.
+        wheels: number of wheels n.
     """
 
     def __init__(self, compensation: FrictionCompensation, wheels: int):

@@ -1,4 +1,4 @@
-"""tau = J' F, (2.65): a force on the robot as wheel torques, at the estimated heading."""
+"""Wheel torques from a desired force on the robot, tau = J' F, (2.65), at the estimated heading."""
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from drake_ispace.plants.wheels import WheelGeometry
 
 @kernel
 def wheel_torques(force, estimate, jacobian, out):
+    """Write J' F [N m] with F rotated from W to B by the estimated heading; jacobian: J in B (3, n), row by row."""
     n = out.shape[0]
     c, s = np.cos(estimate[ESTIMATE.phi]), np.sin(estimate[ESTIMATE.phi])
     fx, fy = c * force[0] + s * force[1], -s * force[0] + c * force[1]
@@ -18,7 +19,7 @@ def wheel_torques(force, estimate, jacobian, out):
 
 
 class JacobianTranspose(Block):
-    """Wheel torques that push the robot with a given force.
+    """Converts a desired force and moment on the robot into wheel torques.
 
     .. pydrake_system::
 
@@ -29,7 +30,11 @@ class JacobianTranspose(Block):
         output_ports:
         - torque
 
-    force (3,): Fx, Fy [N], moment [N m] in W. estimate (4,): tick, x, y [m], phi [rad]. torque (n,) [N m]. (2.65).
+    force (3,): Fx, Fy [N], moment [N m] in W. estimate (4,): tick, x, y [m], phi [rad] in W, of which phi is used.
+    torque (n,): wheel torques [N m]. Equation (2.65).
+
+    Args:
+        geometry: the robot's wheels.
     """
 
     def __init__(self, geometry: WheelGeometry):

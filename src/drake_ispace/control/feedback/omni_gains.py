@@ -1,4 +1,4 @@
-"""Gains of the omni robot's feedback, section 6.5.3: given, or designed from the plant block's own linearisation."""
+"""Gains of the omni robot's feedback, section 6.5.3: given, or designed by DLQR from the linearised plant block."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -15,31 +15,35 @@ from drake_ispace.plants.slip import Slip
 
 @dataclass
 class OmniControl:
-    """Feedback of the omni robot, section 6.5.3."""
+    """Settings of the omni robot's feedback, section 6.5.3."""
 
-    # dlqr: designed from the plant; given: k_p and k_d below
+    # dlqr: designed from the plant with q and r; given: k_p and k_d below
     gains: str = quantity("dlqr", choices=("dlqr", "given"))
-    # weights of x, y, phi and their rates: (6.24) with x, y times 1000, phi times 100, the rates of x, y over 10. A
-    # higher weight on phi would be lost on vision feedback, whose yaw loop is the first to go unstable at 95 ms
+    # weights of x, y, phi and their rates: (6.24) with the weights of x and y multiplied by 1000, that of phi by 100,
+    # and those of the rates of x and y divided by 10. A higher weight on phi would destabilise vision feedback, whose
+    # yaw loop is the first to become unstable at 95 ms
     q: list[float] = quantity([1.4e7, 1.4e7, 9.75e4, 1.75e4, 1.75e4, 1.0e4], minimum=0.0, length=6)
-    # (6.25)
+    # weights of force and moment, (6.25)
     r: list[float] = quantity([2.3e3, 2.3e3, 5.0e2], above=0.0, length=3)
-    # (6.26), (6.27)
+    # diagonals of K_p and K_d, (6.26) and (6.27)
     k_p: list[float] = quantity([2.45, 2.45, 1.23], "N/m, N*m/rad", minimum=0.0, length=3)
     k_d: list[float] = quantity([10.0, 10.0, 4.0], "N*s/m, N*m*s/rad", minimum=0.0, length=3)
-    # of the vision-feedback PID only; zero as printed
+    # integral gains, used by the vision-feedback PID only; zero as printed
     k_i: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, length=3)
     # largest force and moment of the vision-feedback PID, for anti-windup; null: none
     force_limit: list[float] | None = quantity(None, "N, N, N*m", above=0.0, length=3)
-    # of the way point; (6.13) has none, which costs a lag of K_d v / K_p = 1 m
+    # feed-forward of the way point's motion; (6.13) has none, which causes a lag of K_d v / K_p = 1 m
     velocity_feed_forward: bool = quantity(True)
     acceleration_feed_forward: bool = quantity(True)
-    # (6.6) without its rotation, and J at odometry's own heading
+    # whether the position estimator (6.6) omits the rotation, as in print, with J at odometry's own heading
     estimator_as_printed: bool = quantity(False)
 
 
 def omni_gains(plant: OmniPlantParameters, control: OmniControl, period_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """(K_p, K_d), (3, 3) each: given, or DLQR at `period_s` from the plant's own linearisation, input F of (6.16)."""
+    """Return (K_p, K_d), (3, 3) each, from pose error and velocity error to the force F in W of (6.16).
+
+    The gains are the given ones, or a DLQR design at the sampling period `period_s` from the linearised plant.
+    """
     if control.gains == "given":
         return np.diag(control.k_p), np.diag(control.k_d)
     a, b = linearised(plant)
@@ -48,7 +52,10 @@ def omni_gains(plant: OmniPlantParameters, control: OmniControl, period_s: float
 
 
 def linearised(plant: OmniPlantParameters) -> tuple[np.ndarray, np.ndarray]:
-    """(A (6, 6), B (6, 3)) of (6.15)-(6.16): x = [x, y, phi and rates], input force in W, no slip, no friction."""
+    """Return (A (6, 6), B (6, 3)) of (6.15)-(6.16), linearised by Drake from the plant without slip and friction.
+
+    The state is x, y, phi and their rates; the input is the force and moment in W.
+    """
     neutral = dataclasses.replace(plant, friction=Friction(), slip=Slip())
     block = OmniPlant(neutral)
     context = block.CreateDefaultContext()

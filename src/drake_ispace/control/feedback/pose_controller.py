@@ -1,4 +1,4 @@
-"""State feedback for the omni robot, (6.23): force from the estimated pose and the velocity of the wheels."""
+"""State feedback for the omni robot, (6.23): the force from the estimated pose and the velocity of odometry."""
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
 
 @kernel
 def force(estimate, body_velocity, way_point, k_p, k_d, mass, velocity_share, acceleration_share, out):
-    """F = K_p (P_d - P_es) - K_d (v - v_d) + M a_d in W; k_p, k_d: (9,) row by row; mass: (3,) diagonal of M."""
+    """Write F = K_p (P_d - P_es) - K_d (v - v_d) + M a_d in W; zero before the first way point.
+
+    k_p, k_d: (9,) row by row; mass: (3,) diagonal of M.
+    """
     if way_point[WAY_POINT.tick] < 0.0:
         out[:] = 0.0
         return
@@ -31,7 +34,7 @@ def force(estimate, body_velocity, way_point, k_p, k_d, mass, velocity_share, ac
 
 
 class PoseController(Block):
-    """DLQR feedback of pose and velocity, Fig. 6.5.
+    """Linear feedback of pose and velocity, Fig. 6.5.
 
     .. pydrake_system::
 
@@ -43,12 +46,15 @@ class PoseController(Block):
         output_ports:
         - force
 
-    estimate (4,): tick, x, y [m], phi [rad]. body_velocity (3,): in B [m/s, m/s, rad/s], turned to W at the estimated
-    heading. way_point (10,): messages.WAY_POINT. force (3,): Fx, Fy [N], moment [N m] in W. Equation (6.23) with P_es.
+    estimate (4,): tick, x, y [m], phi [rad] in W. body_velocity (3,): vx, vy [m/s], wz [rad/s] in B, which the block
+    rotates to W by the estimated heading. way_point (10,): layout messages.WAY_POINT, pose, velocity and acceleration
+    in W. force (3,): Fx, Fy [N], moment [N m] in W, zero before the first way point. Equation (6.23) with P_es.
 
     Args:
-        k_p, k_d: (3, 3) gains [N/m, N s/m, ...]; mass: (3,) for the fed-forward acceleration.
-        velocity_feed_forward, acceleration_feed_forward: of the way point; the thesis has neither, (6.13).
+        k_p, k_d: (3, 3) gains from errors in W [m, rad], [m/s, rad/s] to force [N, N, N m].
+        mass: (3,) [kg, kg, kg m^2], multiplies the acceleration fed forward.
+        velocity_feed_forward, acceleration_feed_forward: whether the way point's velocity and acceleration are fed
+            forward; the thesis has neither, (6.13).
     """
 
     def __init__(self, k_p, k_d, mass, velocity_feed_forward=False, acceleration_feed_forward=False):

@@ -1,4 +1,4 @@
-"""The body velocity that a velocity-controlled robot is sent, held for a tick."""
+"""Body-velocity command for a velocity-controlled robot, with a zero-order hold over a tick."""
 
 from dataclasses import dataclass
 
@@ -13,19 +13,20 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class VelocityControl:
-    """Gains of the correction; modest, for the robot's own drive does the rest. Assumed."""
+    """Gains of the proportional correction, assumed. They are small because the robot's drive tracks the velocity."""
 
     position_per_s: float = quantity(1.5, "1/s", minimum=0.0, maximum=100.0)
     heading_per_s: float = quantity(3.0, "1/s", minimum=0.0, maximum=100.0)
-    # turn towards a path that lies aside, per metre aside and metre driven; only for wheels that hold sideways
+    # turn towards the path per metre of sideways error and metre driven; only for wheels that hold sideways
     side_rad_m2: float = quantity(30.0, "rad/m^2", minimum=0.0, maximum=1e4)
 
 
 @kernel
 def command(estimate, way_point, position_per_s, heading_per_s, side_rad_m2, free_sideways, out):
-    """v = R(phi)' (v_d + k (p_d - p)), w = w_d + k_phi (phi_d - phi) + k_side v_x e_y; x_d = v, w in B.
+    """Set x_d = [v, w] in B: v = R(phi)' (v_d + k (p_d - p)), w = w_d + k_phi (phi_d - phi).
 
-    Without `free_sideways` v_y is 0, and k_side leads back to the path instead.
+    If `free_sideways` is 0, v_y is 0 and w has the further term k_side v_x e_y, which steers back to the path; e_y is
+    the sideways error in B. The command is zero before the first way point or estimate.
     """
     if way_point[WAY_POINT.tick] < 0.0 or estimate[ESTIMATE.tick] < 0.0:
         out[:] = 0.0
@@ -47,7 +48,9 @@ def velocity(xd, out):
 
 
 class VelocityCommand(Block):
-    """Feed-forward of the way point and a proportional correction; what is commanded at t_k acts on [t_k, t_k+1).
+    """Feed-forward of the way point's velocity plus a proportional correction of the pose.
+
+    The velocity commanded at t_k acts on [t_k, t_k+1).
 
     .. pydrake_system::
 
@@ -58,11 +61,13 @@ class VelocityCommand(Block):
         output_ports:
         - velocity
 
-    estimate (4,): tick, x, y [m], phi [rad]. way_point (10,): messages.WAY_POINT. velocity (3,): vx, vy [m/s], wz
-    [rad/s] in B, a recording's channel `command`; zeros until there is a way point.
+    estimate (4,): tick, x, y [m], phi [rad] in W. way_point (10,): layout messages.WAY_POINT, of which tick, pose and
+    velocity in W are used. velocity (3,): vx, vy [m/s], wz [rad/s] in B, zero before the first way point or estimate;
+    recordings store it as the channel `command`.
 
     Args:
-        control: the gains; holds_sideways: whether the wheels do.
+        control: the gains.
+        holds_sideways: whether the robot has plain tyres, so that it cannot move sideways.
     """
 
     def __init__(self, control: VelocityControl, holds_sideways: bool = False):

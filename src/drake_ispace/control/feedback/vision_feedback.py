@@ -1,4 +1,4 @@
-"""Vision feedback, Fig. 6.9: PID on the room's pose and its backward difference, at 95 ms only."""
+"""Vision feedback, Fig. 6.9: PID control from the room's pose and its backward difference quotient, every 95 ms."""
 
 import numpy as np
 
@@ -8,12 +8,15 @@ from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ESTIMATE, FIX, POSE, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 
-RATE, INTEGRAL = 4, 7  # x_d: the last seen fix as an estimate, its backward difference, the integral of its error
+RATE, INTEGRAL = 4, 7  # x_d: the last fix with the robot seen, its difference quotient, the integral of its error
 
 
 @kernel
 def step(xd, fix, way_point, k_p, k_i, limit, out):
-    """Take in a new fix; one seen before changes nothing, nor does one in which the robot is not seen."""
+    """Update the pose, its rate and the integral of its error with a new fix.
+
+    A fix whose tick is already stored, or in which the robot is not seen, changes nothing.
+    """
     copy(xd, out)
     if not (fix[FIX.seen] > 0.0 and fix[FIX.tick] > xd[ESTIMATE.tick]):
         return
@@ -29,7 +32,7 @@ def step(xd, fix, way_point, k_p, k_i, limit, out):
             change, error = wrap(change), wrap(error)
         out[RATE + i] = change / elapsed
         grown = xd[INTEGRAL + i] + error * elapsed
-        # anti-windup: integrate only what the limit lets through, or what leads out of it
+        # anti-windup: integrate only below the limit, or towards zero
         unlimited = abs(k_p[i] * error + k_i[i] * grown) <= limit[i]
         if unlimited or abs(grown) < abs(xd[INTEGRAL + i]):
             out[INTEGRAL + i] = grown
@@ -37,6 +40,7 @@ def step(xd, fix, way_point, k_p, k_i, limit, out):
 
 @kernel
 def force(xd, way_point, k_p, k_i, k_d, limit, mass, velocity_share, acceleration_share, out):
+    """Write the limited PID force Fx, Fy [N] and moment [N m] in W; zero before the first fix and way point."""
     for i in range(len(POSE)):
         out[i] = 0.0
         if xd[ESTIMATE.tick] >= 0.0 and way_point[WAY_POINT.tick] >= 0.0:
@@ -55,7 +59,7 @@ def pose(xd, out):
 
 
 class VisionFeedback(Block):
-    """PID feedback from the room's pose only.
+    """PID feedback of the room's pose, without odometry.
 
     .. pydrake_system::
 
@@ -67,14 +71,17 @@ class VisionFeedback(Block):
         - force
         - pose
 
-    fix (5,): tick of capture, seen, x, y [m], phi [rad]. way_point (10,): messages.WAY_POINT. force (3,): Fx, Fy
-    [N], moment [N m] in W. pose (4,): tick, x, y [m], phi [rad] of the last seen fix, at whose heading the force is
-    applied.
+    fix (5,): tick of capture, seen, x, y [m], phi [rad] in W. way_point (10,): layout messages.WAY_POINT, pose,
+    velocity and acceleration in W. force (3,): Fx, Fy [N], moment [N m] in W, zero before the first fix and way point.
+    pose (4,): tick, x, y [m], phi [rad] in W of the last fix in which the robot was seen; its heading serves to convert
+    the force into wheel torques. Fig. 6.9.
 
     Args:
-        k_p, k_i, k_d: (3,) gains; the thesis's k_i is zero. limit: (3,) largest force, for anti-windup.
-        mass: (3,) for the fed-forward acceleration.
-        velocity_feed_forward, acceleration_feed_forward: of the way point; the thesis has neither, (6.13).
+        k_p, k_i, k_d: (3,) gains of x, y and phi in W; the thesis's k_i is zero.
+        limit: (3,) largest force and moment [N, N, N m], also used for anti-windup.
+        mass: (3,) [kg, kg, kg m^2], multiplies the acceleration fed forward.
+        velocity_feed_forward, acceleration_feed_forward: whether the way point's velocity and acceleration are fed
+            forward; the thesis has neither, (6.13).
     """
 
     def __init__(

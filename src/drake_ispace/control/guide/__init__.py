@@ -1,1 +1,1 @@
-"""Where the robot shall be: paths, the way point on them, the tracker."""
+"""Guidance of the robot: paths, the way point that moves along them, and the trajectory tracker."""

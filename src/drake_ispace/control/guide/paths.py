@@ -1,4 +1,4 @@
-"""Paths on the floor, as a table over arc length, and the distance of points to them."""
+"""Paths on the floor as tables over arc length, and the distance of points from a path."""
 
 import itertools
 import os
@@ -12,7 +12,7 @@ from drake_ispace.blocks.messages import layout
 from drake_ispace.files.quantity import quantity
 
 KINDS = ("step", "pulse", "line", "square", "circle", "figure_eight", "polyline")
-#: A row of a path's table: arc length s [m], x, y [m], unit tangent, curvature [1/m].
+#: A row of a path's table: arc length s [m], x, y [m] in W, unit tangent in W, curvature [1/m].
 ROW = layout("Row", "s x y tangent_x tangent_y curvature")
 _SAME_M = 1e-9
 _FARTHEST_M = 1e9
@@ -22,28 +22,28 @@ _LARGEST_FILE = 1 << 20  # bytes
 
 @dataclass
 class Trajectory:
-    """The reference: a path and how the way point slides on it ("continuous tracking")."""
+    """The reference: a path and how the way point moves along it ("continuous tracking")."""
 
     kind: str = quantity("square", choices=KINDS)
-    # middle of the square, circle or figure eight; start of the others
+    # middle of the square, circle or figure eight; start of the line
     centre_m: list[float] = quantity([0.0, 0.0], "m", length=2)
     # side of the square
     side_m: float = quantity(1.2, "m", above=0.0)
     # of the circle; a figure eight is 4 radii long and 2 wide
     radius_m: float = quantity(0.6, "m", above=0.0)
-    # where step, pulse and line lead
+    # goal of step, pulse and line
     goal_m: list[float] = quantity([1.0, 0.0], "m", length=2)
-    # of a polyline: [[x, y], ...]
+    # points of a polyline: [[x, y], ...]
     points_m: list[list[float]] = quantity([], "m", length=None)
-    # or from a file with the header x,y and metres below; its place is taken from the current folder
+    # or a file with the header x,y and the points in metres; a relative file name refers to the current folder
     csv: str | None = quantity(None)
-    # how long the pulse stays at its goal
+    # time for which the pulse stays at its goal
     width_s: float = quantity(5.0, "s", above=0.0)
-    # section 6.8.2
+    # speed of the way point, section 6.8.2
     speed_m_s: float = quantity(0.25, "m/s", above=0.0)
-    # the way point rests at the path's start until then
+    # time at which the way point leaves the start of the path
     start_s: float = quantity(1.0, "s", minimum=0.0)
-    # of a closed path; 0: for ever
+    # number of laps of a closed path; 0: without end
     laps: int = quantity(1, minimum=0)
     # heading of the way point: fixed, or along the path
     heading: str = quantity("fixed", choices=("fixed", "tangent"))
@@ -52,12 +52,12 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Path:
-    """A path as rows over arc length.
+    """A path as a table over arc length.
 
     Attributes:
-        table: (n, 6) rows of arc length [m], x, y [m], unit tangent (2), curvature [1/m]. A corner is two rows of the
-            same arc length. A single row is a point.
-        closed: the end is the start.
+        table: (n, 6) rows of arc length [m], x, y [m] in W, unit tangent (2) in W, curvature [1/m]. A corner is two
+            rows of the same arc length. A path of a single row is a point.
+        closed: whether the path ends where it starts.
     """
 
     table: np.ndarray
@@ -69,11 +69,11 @@ class Path:
 
     @property
     def points_m(self) -> np.ndarray:
-        """(n, 2) vertices."""
+        """The vertices (n, 2) in W [m]."""
         return self.table[:, ROW.x : ROW.y + 1]
 
     def nearest(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance [m] to the path and arc length [m] of its nearest place, each (k,), for (k, 2) points."""
+        """Return the distance [m] of points (k, 2) [m] in W from the path and the nearest arc length [m], each (k,)."""
         if len(self.table) == 1:
             return np.linalg.norm(points_m - self.points_m[0], axis=1), np.zeros(len(points_m))
         gaps, arcs = np.empty(len(points_m)), np.empty(len(points_m))
@@ -81,12 +81,18 @@ class Path:
         return gaps, arcs
 
     def progress(self, point_m: np.ndarray, arc_m: float) -> float:
-        """How far [m] beyond `arc_m` the place nearest to a point (2,) lies, looked for within a sixth of the path
-        only, so that a path that crosses itself or goes round many times keeps its order."""
+        """Return by how much [m] the arc length of the place nearest to a point (2,) exceeds `arc_m`.
+
+        Only places within a sixth of the path's length before or after `arc_m` count, so that a path that crosses
+        itself is followed in order. The result is negative for a place before `arc_m`.
+        """
         return _ahead(self.table, self.closed, float(point_m[0]), float(point_m[1]), float(arc_m))
 
     def follow(self, points_m: np.ndarray) -> np.ndarray:
-        """Arc lengths [m] (k,) reached at points (k, 2) met one after the other: the sum of their `progress` from 0."""
+        """Return the arc lengths (k,) [m] reached at successive points (k, 2) in W [m].
+
+        The arc length starts at 0 and each point adds its `progress`, so that it keeps growing over several laps.
+        """
         arcs = np.empty(len(points_m))
         _follow(self.table, self.closed, np.ascontiguousarray(points_m, dtype=float), arcs)
         return arcs
@@ -94,7 +100,7 @@ class Path:
 
 @kernel
 def _project(table, edge, x, y):
-    """Squared distance and arc length of the place on an edge that is nearest to (x, y)."""
+    """Return the squared distance [m^2] from (x, y) to an edge and the arc length [m] of the nearest place on it."""
     ax, ay = table[edge, ROW.x], table[edge, ROW.y]
     ex, ey = table[edge + 1, ROW.x] - ax, table[edge + 1, ROW.y] - ay
     along = ((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30)
@@ -137,10 +143,12 @@ def _follow(table, closed, points, arcs):
 
 
 def build_path(trajectory: Trajectory, where: str) -> Path:
-    """The path of a trajectory.
+    """Return the path of a trajectory.
 
     Raises:
-        InputError: a line or polyline without two different points, or an unreadable file; `where` names the section.
+        InputError: a line or polyline has two equal successive points, a polyline has too few or too many points or
+            entries that are not [x, y], `csv` does not go with the other settings, or the file cannot be read. The
+            message begins with `where`, the path of the trajectory in the scenario.
     """
     centre = np.array(trajectory.centre_m)
     kind = trajectory.kind
@@ -150,7 +158,7 @@ def build_path(trajectory: Trajectory, where: str) -> Path:
         return _polyline(np.array([trajectory.goal_m]), closed=False)
     if kind == "line":
         if np.linalg.norm(centre - trajectory.goal_m) < _SAME_M:
-            raise InputError(f"{where}.goal_m: the line would start there, expected another place than centre_m")
+            raise InputError(f"{where}.goal_m: the line also starts there, expected another place than centre_m")
         return _polyline(np.array([centre, trajectory.goal_m]), closed=False)
     if kind == "square":
         half = trajectory.side_m / 2.0
@@ -176,7 +184,7 @@ def build_path(trajectory: Trajectory, where: str) -> Path:
     points = np.array(points)
     repeated = np.flatnonzero(np.linalg.norm(np.diff(points, axis=0), axis=1) < _SAME_M)
     if len(repeated):
-        raise InputError(f"{places[repeated[0] + 1]}: repeats the point before it, expected another place")
+        raise InputError(f"{places[repeated[0] + 1]}: repeats the previous point, expected another place")
     return _polyline(points, closed=bool(np.allclose(points[0], points[-1])))
 
 
@@ -193,7 +201,10 @@ def _polyline(points, closed):
 
 
 def _curve(at):
-    """A smooth closed curve at(angle) -> (n, 2), tabulated; chords of 1/720 turn miss a 0.6 m circle by 6 um."""
+    """Return the path along a smooth closed curve at(angle) -> (n, 2), tabulated at 720 angles.
+
+    The chords deviate from a circle of 0.6 m radius by 6 um.
+    """
     angle = np.linspace(0.0, 2.0 * np.pi, 721)
     step = 1e-4
     points, ahead, behind = at(angle), at(angle + step), at(angle - step)
@@ -205,7 +216,11 @@ def _curve(at):
 
 
 def _read_csv(name, source):
-    """Points and the numbers of their lines; `source` names the file in messages."""
+    """Return the points of a CSV file and the numbers of their lines; `source` names the file in messages.
+
+    Raises:
+        InputError: the file is not a regular file of UTF-8 text with the header x,y and finite numbers below it.
+    """
     header = "expected a CSV file with the header x,y"
     try:
         if not os.path.isfile(name):  # a pipe or a device might never end
@@ -239,7 +254,11 @@ def _read_csv(name, source):
 
 
 def check_inside(path: Path, width_m: float, depth_m: float, where: str) -> None:
-    """Raise InputError where a way point would lie outside of the space, centred at the origin of W."""
+    """Check that the path lies within the space of `width_m` x `depth_m` around the origin of W.
+
+    Raises:
+        InputError: a point of the path lies outside the space; the message begins with `where`.
+    """
     outside = (np.abs(path.points_m) > np.array([width_m, depth_m]) / 2.0 + 1e-9).any(axis=1)
     if outside.any():
         x, y = path.points_m[np.flatnonzero(outside)[0]]
@@ -250,7 +269,7 @@ def check_inside(path: Path, width_m: float, depth_m: float, where: str) -> None
 
 
 def start_pose(trajectory: Trajectory, path: Path) -> list[float]:
-    """x, y [m], phi [rad] where the path begins; the origin for a path that is a single point."""
+    """Return x, y [m], phi [rad] in W at the start of the path; x = y = 0 for a path that is a single point."""
     if path.length_m == 0.0:
         return [0.0, 0.0, trajectory.heading_rad]
     _, x, y, along_x, along_y, _ = path.table[0]

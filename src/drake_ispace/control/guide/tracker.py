@@ -1,13 +1,16 @@
-"""Trajectory tracker for the robot that cannot move sideways, (6.28)-(6.31), on the room's computer.
+"""Trajectory tracker for a robot that cannot move sideways, (6.28)-(6.31), on the room's computer.
 
-With d the distance to the way point and phi_h = phi_T - phi_r the bearing error:
+Let d be the distance to the way point and phi_h = phi_T - phi_r the bearing error. The tracker has three modes:
 
-* corrected (default): s_e = d cos(phi_h) - look_ahead, limited; phi_h folded into +-90 degrees, so that a point behind
-  is reached in reverse, and scaled by min(1, d / hold_radius), so that it fades at the way point instead of flipping.
-  The way point's speed is fed forward only with look-ahead: without it the robot overtakes the point and spins.
-  Look-ahead holds while the way point moves, forward or in reverse; at its end the robot closes up.
-* as_printed: (6.31) mixes world dx, dy with cos(phi_h), sin(phi_h): facing y with the target straight ahead s_e is 0.
-* jacobian: s_e = d, our reading of Fig. 6.2's blue line, "position feedback with Jacobian matrix" without a tracker.
+* corrected (default): s_e = d cos(phi_h) - look_ahead, limited. The bearing error phi_h is folded into +-90 degrees, so
+  that the robot backs up to a way point behind it. It is also scaled by min(1, d / hold_radius), so that it fades at
+  the way point instead of changing its sign. The look-ahead acts while the way point moves; when the way point stops,
+  the robot closes up to it. The way point's speed is fed forward only with look-ahead, because otherwise the robot
+  would overtake the way point and spin.
+* as_printed: (6.31) mixes dx, dy in W with cos(phi_h), sin(phi_h). A robot that faces y with the way point straight
+  ahead gets s_e = 0.
+* jacobian: s_e = d without look-ahead or limit. This is a reading of the blue line of Fig. 6.2, "position feedback with
+  Jacobian matrix".
 """
 
 from dataclasses import dataclass
@@ -26,25 +29,26 @@ MODES = ("corrected", "as_printed", "jacobian")
 
 @dataclass
 class Tracker:
-    """Parameters of the trajectory tracker."""
+    """Settings of the trajectory tracker."""
 
     mode: str = quantity("corrected", choices=MODES)
     look_ahead_m: float = quantity(0.2, "m", minimum=0.0)
     feed_forward: bool = quantity(True)
-    # inside of it the heading fades out
+    # distance from the way point within which the bearing error fades out
     hold_radius_m: float = quantity(0.1, "m", above=0.0)
-    # the largest s_e asked of the balance loop
+    # limit of s_e
     longest_error_m: float = quantity(0.5, "m", above=0.0)
 
 
 @kernel
 def step(xd, fix, way_point, out):
-    """x_d = the last fix in which the robot was seen."""
+    """Set x_d to the last fix in which the robot was seen."""
     copy(fix if fix[FIX.seen] > 0.0 else xd, out)
 
 
 @kernel
 def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_m, longest_error_m, out):
+    """Write the tracking error; all but the ticks is zero before the first fix and way point. mode: index in MODES."""
     out[:] = 0.0
     out[TRACKING_ERROR.tick], out[TRACKING_ERROR.way_point_tick] = xd[FIX.tick], way_point[WAY_POINT.tick]
     if xd[FIX.tick] < 0.0 or way_point[WAY_POINT.tick] < 0.0:
@@ -62,7 +66,7 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
         out[TRACKING_ERROR.s_e], out[TRACKING_ERROR.phi_h] = distance, bearing
         return
     speed = np.sqrt(way_point[WAY_POINT.vx] ** 2 + way_point[WAY_POINT.vy] ** 2)
-    side, folded = 1.0, bearing  # side -1: the point lies behind, the robot backs up to it
+    side, folded = 1.0, bearing  # side -1: the way point lies behind and the robot backs up to it
     if bearing > 0.5 * np.pi:
         side, folded = -1.0, bearing - np.pi
     elif bearing < -0.5 * np.pi:
@@ -75,7 +79,7 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
 
 
 class TrajectoryTracker(Block):
-    """The way point in the robot's own coordinates, by the room's fix, every 95 ms.
+    """Computes the tracking error from the room's fix and the way point every 95 ms.
 
     .. pydrake_system::
 
@@ -86,9 +90,10 @@ class TrajectoryTracker(Block):
         output_ports:
         - error
 
-    fix (5,): tick of capture, seen, x, y [m], phi [rad]; while not seen, the last seen one counts.
-    way_point (10,): messages.WAY_POINT. error (5,): tick of the fix, tick of the way point, s_e [m], phi_h [rad], speed
-    to feed forward [m/s]. P_e of (6.28).
+    fix (5,): tick of capture, seen, x, y [m], phi [rad] in W; while the robot is not seen, the block uses the last fix
+    in which it was. way_point (10,): layout messages.WAY_POINT, of which tick, position and velocity in W are used.
+    error (5,): tick of capture of the fix, tick of the way point, error s_e [m] along the robot's heading, bearing
+    error phi_h [rad], speed to feed forward [m/s]. P_e of (6.28).
 
     Args:
         tracker: mode and parameters.

@@ -1,4 +1,4 @@
-"""The way point: desired position P_d[i], slid along a path at constant speed by the room's computer."""
+"""The way point: the desired pose P_d[i], which the room's computer moves along a path at constant speed."""
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from drake_ispace.control.guide.paths import ROW, Path, Trajectory
 
 @kernel
 def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad, first, pulse_end_s, out):
-    """x_d = the message. `first` (2,): where the way point rests before a step or pulse."""
+    """Compute the way point at the present tick into x_d, which is the message.
+
+    table: the path's table, row by row; end_m: length of all laps [m]; first (2,): place of the way point before a step
+    or pulse, and after a pulse, x, y [m].
+    """
     out[:] = 0.0
     out[WAY_POINT.tick] = tick
     rows = table.shape[0] // len(ROW)
@@ -24,7 +28,7 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
         return
     travelled = min(max(speed_m_s * (time - start_s), 0.0), end_m)
     moving = start_s <= time and travelled < end_m
-    arc = min(travelled, length_m)  # at the end of the last lap, not at the start of another
+    arc = min(travelled, length_m)  # after the last lap the way point rests at the end, not at the start of another lap
     if moving and end_m > length_m:
         arc = travelled - length_m * np.floor(travelled / length_m)
     low, high = 0, rows - 1
@@ -57,7 +61,7 @@ def message(xd, out):
 
 
 class WayPoint(Block):
-    """The way point in force, renewed every 95 ms.
+    """Moves the way point along its path, with a new sample every 95 ms.
 
     .. pydrake_system::
 
@@ -66,17 +70,19 @@ class WayPoint(Block):
         - way_point
 
     way_point (10,): tick, then x, y [m], phi [rad], their rates [m/s, rad/s] and accelerations [m/s^2, rad/s^2] in W.
-    P_d of Fig. 6.5. Corners of a path are not rounded: there the rates jump.
+    P_d of Fig. 6.5. Corners of a path are not rounded, so the rates jump at a corner.
 
     Args:
-        trajectory: how the way point moves; path: of `build_path`; first: where it rests before a step or pulse [m].
+        trajectory: how the way point moves.
+        path: the path of the trajectory, from `build_path`.
+        first: x, y [m] in W of the way point before a step or pulse, and after a pulse.
     """
 
     def __init__(self, trajectory: Trajectory, path: Path, first=(0.0, 0.0)):
         laps = (trajectory.laps or np.inf) if path.closed else 1
         start = np.zeros(len(WAY_POINT))
         start[WAY_POINT.tick] = -1.0
-        start_s = ticks_in(trajectory.start_s) * TICK_S  # whole ticks, or 0.95 s would wait for the camera after it
+        start_s = ticks_in(trajectory.start_s) * TICK_S  # in whole ticks; 0.95 s exactly would miss its vision tick
         pulse_s = ticks_in(trajectory.width_s) * TICK_S if trajectory.kind == "pulse" else np.inf
         super().__init__(Spec(
             outputs={"way_point": Output(len(WAY_POINT), message)},
