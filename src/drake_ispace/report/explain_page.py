@@ -10,8 +10,9 @@ from pydrake.systems.framework import Diagram
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
+from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, over
+from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
@@ -77,7 +78,7 @@ def write_files(
     pictures = draw_diagrams(explanation, model, robot, folder)
     if shown := [row for row in explanation.gap if row.runs == HELD_OUT]:
         plot_gap(shown, folder / "residuals.png")
-    tell("simulating the closed loop")
+    tell("simulating the path")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
     if explanation.model is not None:
         write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
@@ -119,30 +120,32 @@ def write_path(
 ) -> dict | None:
     """Plot the measured path beside that of the model, as given and with the effects.
 
-    The model follows the reference of the first run for which that can be done; where there is none, the first run is
-    dead-reckoned.
+    The model follows the reference of the first run for which that can be done, with its own controller. Where there
+    is no such run, or the robot has another controller, the first run is dead-reckoned.
 
     Returns:
         {"run", "before_m", "after_m", "closed_loop"}: name of the run, root mean square distances [m] to the measured
         positions, and whether the model followed the reference. None where nothing was seen.
     """
+    models = [model] if explanation.model is None else [model, explanation.model]
+    controller = explanation.controller
+    followed = runs if controller is None or controller.unexplained <= FOREIGN else []
+    for recording in followed:
+        paths = [closed_loop(one, robot, recording) for one in models]
+        if paths[0] is not None:
+            distances = plot_path(recording.channels["kinect"], recording.channels["reference"], paths, out)
+            return _told(recording, distances, True)
     for recording in runs:
-        before = closed_loop(model, robot, recording)
-        if before is not None:
-            after = None if explanation.model is None else closed_loop(explanation.model, robot, recording)
-            return _path(recording, before, after, True, out)
-    for recording in runs:
-        before = reckoned(model, recording)
-        if before is not None:
-            after = None if explanation.model is None else reckoned(explanation.model, recording)
-            return _path(recording, before, after, False, out)
+        if found := reckoned(models, recording):
+            seen, *paths = found
+            return _told(recording, plot_path(seen, None, paths, out), False)
     return None
 
 
-def _path(recording, before, after, is_closed_loop, out):
-    distances = plot_path(recording, before, after, out)
+def _told(recording, distances, is_closed_loop):
     name = recording.path.name if recording.path is not None else "a run"
-    return {"run": name, "before_m": distances[0], "after_m": distances[1], "closed_loop": is_closed_loop}
+    before, after = [*distances, None][:2]
+    return {"run": name, "before_m": before, "after_m": after, "closed_loop": is_closed_loop}
 
 
 def _mark(explanation):
@@ -194,7 +197,7 @@ def _left(explanation):
     """What is left, as text."""
     return [
         {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
-         "since": r.since, "because": r.because, "runs": ", ".join(r.runs)} for r in explanation.remainders
+         "since": r.since, "because": r.because, "runs": most_in(r)} for r in explanation.remainders
     ]
 
 
