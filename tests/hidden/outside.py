@@ -1,7 +1,7 @@
 """Effects that no library names: forces in the generator, and flaws of sensors put upon its recordings.
 
-`outside_cases.yaml` holds the cases of the campaign, drawn once: effect, size, robot, motions, seed, and the channel and
-the variable in which each must show. `python -m hidden.outside` draws the file anew.
+`outside_cases.yaml` holds the cases of the campaign, drawn once: effect, size, robot, motions, seed, and the channel
+and the variable in which each must show. `python -m hidden.outside` draws the file anew.
 """
 
 from dataclasses import replace
@@ -74,7 +74,8 @@ def flawed(recording: Recording, flaw: str, size: float, seed: int) -> Recording
     channels = dict(recording.channels)
     if flaw.startswith("imu"):
         imu = channels["imu"]
-        channels["imu"] = replace(imu, values=_FLAWED_IMU[flaw](imu.values, channels["truth"].values[: len(imu.t)], size))
+        truth = channels["truth"].values[: len(imu.t)]
+        channels["imu"] = replace(imu, values=_FLAWED_IMU[flaw](imu.values, truth, size))
         return replace(recording, channels=channels)
     kinect = channels["kinect"]
     t, poses = kinect.t, kinect.values.copy()
@@ -89,7 +90,8 @@ def flawed(recording: Recording, flaw: str, size: float, seed: int) -> Recording
     elif flaw == "stamp_jitter":
         t = np.round(t + size * np.random.default_rng([seed, 9]).uniform(-0.5, 0.5, len(t)), 6)
         t = np.maximum.accumulate(np.maximum(t, 0.0) + 1e-6 * np.arange(len(t)))
-    channels["kinect"] = Channel(t, kinect.columns[:3], poses[:, :3], {}, None if flaw == "stamp_jitter" else kinect.period_s)
+    period_s = None if flaw == "stamp_jitter" else kinect.period_s
+    channels["kinect"] = Channel(t, kinect.columns[:3], poses[:, :3], {}, period_s)
     return replace(recording, channels=channels)
 
 

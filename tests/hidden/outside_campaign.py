@@ -2,9 +2,9 @@
 
     python -m hidden.outside_campaign --sound 18 --outside 60      (in the folder tests)
 
-prints a line a case as it ends, then the shares. A sound robot must not be called incomplete or unknown. A robot with an
-effect that is clearly visible (its residual twice that of the sound robot of the same seed) must not be called sound, and
-a named effect must not be said to close 90 % of the gap.
+prints a line a case as it ends, then the shares. A sound robot must not be called incomplete or unknown. A robot with
+an effect that is clearly visible (its residual twice that of the sound robot of the same seed) must not be called
+sound, and a named effect must not be said to close 90 % of the gap.
 """
 
 import argparse
@@ -39,7 +39,8 @@ def main():
         proud = [row for row in rows if row["verdict"] in ("named", "set") and (row["closed"] or 0.0) >= 0.9]
         print(f"outside: {len(rows)} cases, {len(visible)} clearly visible, {len(missed)} of these called sound")
         print(f"named with at least 90 % closed: {len(proud)} of {len(rows)}")
-        print(f"unknown or incomplete: {sum(row['verdict'] in ('unknown', 'incomplete') for row in rows)} of {len(rows)}")
+        honest = sum(row["verdict"] in ("unknown", "incomplete") for row in rows)
+        print(f"unknown or incomplete: {honest} of {len(rows)}")
 
 
 def sound(k: int) -> str:
@@ -49,7 +50,8 @@ def sound(k: int) -> str:
     runs = [generate(robot, str(m), {}, 20.0, 9000 + 10 * k + i, process_noise=level) for i, m in enumerate(motions)]
     started = time.perf_counter()
     answer = explain(f"{robot}_multirate", runs[:-1], runs[-1:])
-    print(f"sound {k:3d} {robot:8s} noise {level:3.1f}: {said(answer)} ({time.perf_counter() - started:.0f} s)", flush=True)
+    seconds = time.perf_counter() - started
+    print(f"sound {k:3d} {robot:8s} noise {level:3.1f}: {said(answer)} ({seconds:.0f} s)", flush=True)
     return answer.verdict
 
 
@@ -63,14 +65,14 @@ def outside(k: int, case: dict) -> dict | None:
     ratio = visibility(f"{case['robot']}_multirate", runs, healthy)
     answer = explain(f"{case['robot']}_multirate", runs[:-1], runs[-1:])
     print(
-        f"case {k:3d} {case['robot']:8s} {case['effect']:18s} {case['size']:<8g} residual x {ratio:4.1f}: {said(answer)}"
-        f" [{case['channel']}, {case['driver']}]", flush=True,
+        f"case {k:3d} {case['robot']:8s} {case['effect']:18s} {case['size']:<8g} residual x {ratio:5.1f}: "
+        f"{said(answer)} [{case['channel']}, {case['driver']}]", flush=True,
     )
     return {"verdict": answer.verdict, "closed": answer.closed, "ratio": ratio}
 
 
 def visibility(model: str, runs, healthy) -> float:
-    """The largest ratio, over next samples and dead reckoning, of the errors of these runs to those of healthy ones."""
+    """The largest ratio of the errors of these runs to those of healthy ones, over next samples and dead reckoning."""
     sizes = []
     for some in (runs, healthy):
         prediction = prepare(model, some).prediction

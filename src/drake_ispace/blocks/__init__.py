@@ -1,1 +1,1 @@
-"""What every block is made of: kernels, ticks, noise, frames, messages; and how input is refused."""
+"""The parts that every block is made of: kernels, ticks, noise, frames, messages; and how input is refused."""

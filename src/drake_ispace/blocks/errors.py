@@ -1,4 +1,4 @@
-"""The one exception that means: what the user handed in is wrong."""
+"""InputError, the one exception for input that is wrong."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches

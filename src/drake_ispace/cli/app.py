@@ -82,7 +82,7 @@ def _refuse(sentence):
 
 
 def _drop_output():
-    """What is still in the buffer has nowhere to go, and Python would complain about that at its end."""
+    """Discard buffered output that nobody reads any more, of which Python would complain when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,4 +1,4 @@
-"""What commands show: JSON, tables, a progress bar. rich is imported where it is needed: `--help` answers at once."""
+"""Output of the commands: JSON, tables, a progress bar. rich is imported only where it is needed, for speed."""
 
 import json
 import sys

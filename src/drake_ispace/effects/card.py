@@ -1,4 +1,4 @@
-"""What is known of an effect before any data: its card."""
+"""An effect's card: all that is known of the effect before any data."""
 
 import math
 from dataclasses import dataclass

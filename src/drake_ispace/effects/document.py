@@ -177,7 +177,7 @@ def _example(effect):
 
 
 def _number(value):
-    """As short as it reads, and as YAML reads it back."""
+    """A number in its shortest form that YAML reads back unchanged."""
     if math.isinf(value):
         return "no limit"
     text = f"{value + 0.0:.4g}"

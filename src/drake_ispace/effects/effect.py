@@ -23,7 +23,7 @@ WIRES = ("torque", "ground_force", "wheel_angle", "body_motion", "pose", "fix", 
 
 @dataclass(frozen=True)
 class Body:
-    """What an effect may know of the robot that has it.
+    """The robot, as far as an effect may know it.
 
     Attributes:
         robot: the one that has the effect. plant: the dataclass of its plant's parameters. wheels: their number.
@@ -42,7 +42,7 @@ class Body:
 
 
 def body_of(scenario, robot: Robot) -> Body:
-    """What effects may know of a robot of the scenario."""
+    """The Body of a robot of the scenario."""
     plant = getattr(scenario, robot.name).plant
     return Body(robot, plant, len(plant.geometry.wheels), scenario.seed)
 

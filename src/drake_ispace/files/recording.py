@@ -253,7 +253,7 @@ def _check_format(text: Any, where: Path) -> None:
 
 
 def _check_frame(robot: Any, channels: dict[str, Any], where: str | Path) -> None:
-    """What must hold before any table is looked at."""
+    """Refuse a recording.yaml that is wrong before any table is looked at."""
     if not isinstance(robot, str) or not robot.strip():
         raise InputError(f"{where}: robot is missing, expected omni, pendulum or the name of your own model")
     if not channels:

@@ -1,4 +1,4 @@
-"""What a recorded reference says of itself: where it is going, how fast, and where it turns a corner."""
+"""Direction, speed and corners of a recorded reference."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a plant remembers from tick to tick: this tick's slip noise and the anchors of the wheels' bristles.
+"""Memory of a plant from tick to tick: this tick's slip noise and the anchors of the wheels' bristles.
 
 A plant whose slip is not random and whose friction is smooth needs none of it: it then has no discrete state at all,
 and Drake's `Linearize` takes it as it is.

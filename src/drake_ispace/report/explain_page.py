@@ -32,6 +32,7 @@ _TITLES = {
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
 }
+_REFERENCE = "reference"  # what drives the model along it: its own controller
 _MIME = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
@@ -80,6 +81,10 @@ def write_files(
         plot_gap(shown, folder / "residuals.png")
     tell("simulating the path")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
+    if path is not None and path["closed_loop"]:
+        of_unseen = any(path["run"] == name_of(recording) for recording in held_out)
+        others = [row for row in explanation.gap if row.driven_by != _REFERENCE]
+        explanation.gap = [*others, _closed_loop_row(path, HELD_OUT if of_unseen else TRAINING)]
     if explanation.model is not None:
         write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
     explanation.save(folder / MARK)
@@ -143,9 +148,21 @@ def write_path(
 
 
 def _told(recording, distances, is_closed_loop):
-    name = recording.path.name if recording.path is not None else "a run"
     before, after = [*distances, None][:2]
-    return {"run": name, "before_m": before, "after_m": after, "closed_loop": is_closed_loop}
+    return {"run": name_of(recording), "before_m": before, "after_m": after, "closed_loop": is_closed_loop}
+
+
+def name_of(recording: Recording) -> str:
+    """The name of a recording on the page."""
+    return recording.path.name if recording.path is not None else "a run"
+
+
+def _closed_loop_row(path, runs) -> GapRow:
+    """The row of the gap for the model in closed loop along the reference."""
+    after = path["before_m"] if path["after_m"] is None else path["after_m"]
+    return GapRow(
+        runs, "ATE", "run", "position", "m", _REFERENCE, path["before_m"], after, None, None, None, None, None
+    )
 
 
 def _mark(explanation):
@@ -194,7 +211,7 @@ def _cells(row: GapRow) -> dict[str, str]:
 
 
 def _left(explanation):
-    """What is left, as text."""
+    """The Remainders as text."""
     return [
         {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
          "since": r.since, "because": r.because, "runs": most_in(r)} for r in explanation.remainders

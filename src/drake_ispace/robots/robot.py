@@ -1,4 +1,4 @@
-"""What the rest of the package may ask about a robot.
+"""The interface of a robot: all that the rest of the package may ask about it.
 
 A robot is one object. Scenarios, Diagrams, effects, recordings, pictures and `explain` ask it for its plant, its wires
 and its numbers, and nobody asks which robot it is. A robot of a user's own is a subclass, registered as an entry point
@@ -50,7 +50,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Truth:
-    """What a simulated run knows besides the pose: an output of the Diagram, its columns and their units."""
+    """The truth that a simulated run holds besides the pose: an output of the Diagram, its columns and their units."""
 
     signal: str
     columns: tuple[str, ...]
@@ -172,7 +172,7 @@ class Robot(abc.ABC):
 
     @property
     def offers(self) -> frozenset[str]:
-        """What an effect may need of a robot: its wires, its numbers, "slip", "traction", "centre_of_gravity"."""
+        """Names of all that an effect may need: wires, numbers, "slip", "traction", "centre_of_gravity"."""
         more = set()
         if self.in_room:
             more |= {"slip", "traction"} if self.has_traction_slip else {"slip"}
@@ -218,7 +218,7 @@ class Robot(abc.ABC):
         return plant
 
     def weight(self, plant) -> dict[str, Any]:
-        """What gravity pulls at: the parameters of a block of the wire `ground_force` on a sloping floor."""
+        """The weight on a sloping floor: the parameters of a block of the wire `ground_force` on a sloping floor."""
         return {"mass_kg": plant.mass_kg, "centre_of_gravity_m": np.zeros(2)}
 
     # ---- dynamics ----

@@ -30,7 +30,7 @@ class RoverSettings:
 
 
 class Rover(Robot):
-    """Any wheels, told how fast the body shall move; a recording's own name of the robot does not matter."""
+    """A robot on any wheels that takes a velocity of its body as command; it answers to any name."""
 
     name = "rover"
     settings = RoverSettings

@@ -50,7 +50,7 @@ class CampaignStopped(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a campaign gave.
+    """The results of a campaign.
 
     Attributes:
         table: a row per run, sorted by number: run, scenario, seed (of the noise; `simulate --seed` repeats it), every
@@ -68,7 +68,7 @@ class Campaign:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a campaign is to do; plain data, so that it can be sent to other machines.
+    """The task of a campaign, as plain data that can be sent to other machines.
 
     For every scenario and every parameter set, runs 0 to `runs` - 1. A run's draws depend on its number within its
     scenario and set only, so scenarios and sets are compared on the same random numbers. Numbers of the table go on
@@ -231,7 +231,7 @@ def _reduced(scenario, logs):
 
 @contextlib.contextmanager
 def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parallel]:
-    """What runs batches: threads here (the compiled function holds no lock), or the workers of a Dask cluster."""
+    """The workers that run batches: threads here (the compiled function holds no lock), or those of a Dask cluster."""
     options = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "3 * n_jobs"}
     if cluster is None:
         if threads is not None and not 1 <= threads <= 1024:

@@ -98,7 +98,7 @@ def split_vary(texts: Sequence[str]) -> dict[str, str]:
 
 
 def variable(names: Sequence[str]) -> list[str]:
-    """Those parameters of a rollout that a campaign may set: all but the keys of the random streams."""
+    """The parameters of a rollout that a campaign may set: all but the keys of the random streams."""
     return [name for name in names if ".noise_stream[" not in name]
 
 

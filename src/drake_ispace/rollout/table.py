@@ -22,7 +22,7 @@ _ROWS, _SECONDS = 500, 5.0  # of rows kept back at most
 
 
 class Rows:
-    """What a campaign has done so far, in memory, or in `folder` as well.
+    """The rows of a campaign so far, in memory, or in `folder` as well.
 
     Attributes:
         done: numbers of the runs whose rows exist; schema: of a row; folder: None to keep the rows in memory.

@@ -38,7 +38,7 @@ class Camera:
 
 @dataclass
 class _MarkersOfAll:
-    """What robots carry on their tops: a dark plate with a front and a rear square of two colours. Assumed."""
+    """The markers on the robots' tops: a dark plate with a front and a rear square of two colours. Assumed."""
 
     # sides of the square plate and of the square markers
     plate_m: float = quantity(0.30, "m", above=0.0, maximum=1.0)
@@ -59,7 +59,7 @@ Markers.__module__ = __name__  # for pickle
 
 @dataclass
 class Scenery:
-    """What the rendered room looks like. Assumed."""
+    """The looks of the rendered room. Assumed."""
 
     # opencv: ray casting in NumPy and OpenCV; vtk: Drake's RgbdSensor, needs libEGL
     renderer: str = quantity("opencv", choices=("opencv", "vtk"))

@@ -1,1 +1,1 @@
-"""What the robots measure on themselves, every tick."""
+"""The robots' own sensors, which are read every tick."""

@@ -18,7 +18,7 @@ from drake_ispace.files.quantity import quantity
 
 @dataclass
 class TiltFilter:
-    """What the filter believes of its sensors (standard deviations per sample)."""
+    """Standard deviations per sample that the filter assumes of its sensors."""
 
     angular_acceleration_rad_s2: float = quantity(30.0, "rad/s^2", above=0.0)
     bias_walk_rad_s_per_sqrt_s: float = quantity(1e-4, "rad/s/sqrt(s)", above=0.0)

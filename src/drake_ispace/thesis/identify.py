@@ -21,7 +21,7 @@ STRUCTURES = ("arx", "armax", "armaxd", "iv", "pem")
 
 @dataclass(frozen=True)
 class Identification:
-    """What `identify_run` found.
+    """The result of `identify_run`.
 
     Attributes:
         estimate: Table 4.1's coefficients, or the two of the friction by "pem".

@@ -1,4 +1,4 @@
-"""What is regressed on what: the regressor is a parameter of every method.
+"""Structures of the regression: the regressors, a parameter of every method.
 
 A `Problem` is Y = Theta'phi + error, one row a sample. The servo experiment's are (3.63)-(3.68), the friction
 experiment's Table 4.1, a plain time series' (3.4).

@@ -24,7 +24,7 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 @dataclass
 class MarkerSize:
-    """What a marker and a pair of markers measure."""
+    """The sizes of a marker and of a pair of markers."""
 
     spacing_m: float = quantity(0.2, "m", above=0.0)
     tolerance_m: float = quantity(0.01, "m", above=0.0)
@@ -52,8 +52,11 @@ class RobotMarkers:
 
 @dataclass
 class Scene:
-    """What a camera looks at. Frame W as in space.camera. Without `points` the camera's own place is used, with them
-    its size, focal lengths and distortion only, and all heights count as 0."""
+    """The scene that a camera looks at. Frame W as in space.camera.
+
+    Without `points` the camera's own place is used, with them its size, focal lengths and distortion only, and all
+    heights count as 0.
+    """
 
     width_m: float = quantity(2.5, "m", above=0.0, maximum=100.0)
     depth_m: float = quantity(2.0, "m", above=0.0, maximum=100.0)
@@ -108,7 +111,7 @@ def load_scene(name_or_file: str) -> Scene:
 
 
 def scene_eye(scene: Scene, where: str = "scene") -> Eye:
-    """What finds the scene's robots in its images.
+    """The eye that finds the scene's robots in its images.
 
     Raises:
         InputError: points or a camera that show no floor.

@@ -29,7 +29,7 @@ COLOURS = {
 
 
 def targets(space: Space, names: Sequence[str]) -> list[Target]:
-    """What to look for: the robots called `names` with the markers of `space`."""
+    """The targets of the search: the robots called `names` with the markers of `space`."""
     markers = space.markers
     area = markers.side_m**2
     limits = (area * (1.0 - markers.area_tolerance), area * (1.0 + markers.area_tolerance))
@@ -40,7 +40,7 @@ def targets(space: Space, names: Sequence[str]) -> list[Target]:
 
 
 def room_eye(space: Space, names: Sequence[str]) -> Eye:
-    """What finds the robots called `names` in images of the room's camera: a top view per height of markers."""
+    """The eye that finds the robots called `names` in images of the room's camera: a top view per height of markers."""
     view, looks = view_of(space.camera), []
     for height in sorted({marker_height(name, space) for name in names}):
         top = top_view_of(view, space.width_m, space.depth_m, space.localizer.pixel_m, height)

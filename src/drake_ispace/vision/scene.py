@@ -1,4 +1,4 @@
-"""What stands in the room for a renderer to draw: boxes with coloured squares on their tops, and the carpet."""
+"""The things in the room that a renderer draws: boxes with coloured squares on their tops, and the carpet."""
 
 from dataclasses import dataclass, replace
 
@@ -103,7 +103,7 @@ class Carpet:
         self._texture = contrast * (0.8 * fine / fine.std() + 0.6 * coarse / coarse.std())
 
     def grey(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What the carpet adds to its mean colour at the 2-D arrays x, y [m], in grey levels."""
+        """The texture of the carpet, added to its mean colour, at the 2-D arrays x, y [m], in grey levels."""
         column = np.mod(x / self._CELL_M + self._CELLS / 2, self._CELLS).astype(np.float32)
         row = np.mod(y / self._CELL_M + self._CELLS / 2, self._CELLS).astype(np.float32)
         return cv2.remap(self._texture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)

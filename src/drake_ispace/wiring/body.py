@@ -1,4 +1,4 @@
-"""What every robot of a Diagram has, whatever closes its loop: plant, sensors, odometry, way point and radio link."""
+"""The parts that every robot of a Diagram has: plant, sensors, odometry, way point and radio link."""
 
 from typing import TYPE_CHECKING
 

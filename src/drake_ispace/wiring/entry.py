@@ -1,4 +1,4 @@
-"""What the catalog says of a Diagram."""
+"""The catalog's entry of a Diagram."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

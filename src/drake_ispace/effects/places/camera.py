@@ -57,7 +57,7 @@ def placed(pose, place, out):
 
 @kernel
 def mounted(pose, place, yaw_rad, out):
-    """As `placed`, the markers turned by `yaw_rad` besides."""
+    """`placed`, with the markers turned by `yaw_rad` as well."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     out[0] = pose[0] + (c * place[0] - s * place[1])
     out[1] = pose[1] + (s * place[0] + c * place[1])

@@ -1,4 +1,4 @@
-"""What is done to a command that is held over a tick, whatever it commands: it comes late, lags or is scaled.
+"""Kernels that delay, lag or scale a command which is held over a tick, be it torque or velocity.
 
 A kernel's argument names are its wiring, so every wire has kernels of its own; they call the helpers here, in which
 `held` is the command of the tick.
@@ -22,7 +22,7 @@ LEAST_LIMIT = 1e-6  # smallest limit that a scenario may set
 
 @kernel
 def held_before(xd, held, age, i):
-    """What was held `age` ticks ago; x_d as in `keep`."""
+    """The command that was held `age` ticks ago; x_d as in `keep`."""
     return held[i] if age == 0 else xd[(age - 1) * held.shape[0] + i]
 
 

@@ -54,7 +54,7 @@ def _described(case, decision: Decision) -> Explanation:
     elif effects:
         verdict = "set" if any(effect.equivalents for effect in effects) else "named"
     untestable = _untestable(case, decision)
-    warnings = drift(decision) if named is not None else []
+    warnings = []
     for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
@@ -63,6 +63,7 @@ def _described(case, decision: Decision) -> Explanation:
         verdict, effects,
         DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),
         places, untestable, unknown=unknown, warnings=warnings,
+        drifts=drift(decision) if named is not None else [],
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
 

@@ -1,4 +1,4 @@
-"""What `explain` returns: a tree of plain dataclasses that prints itself and saves itself as JSON."""
+"""The answer of `explain`: a tree of plain dataclasses that prints itself and saves itself as JSON."""
 
 import dataclasses
 import json
@@ -154,6 +154,7 @@ class Explanation:
             "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
             not noise of a sound robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
+        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance.
         next_experiment: a sentence, empty where no question is open.
         model: the scenario with the named effects in it, None where there is none. difference: what differs in it from
             the defaults, as plain data. model_path: where it was written.
@@ -176,6 +177,7 @@ class Explanation:
     plant: list[PlantParameter] = field(default_factory=list)
     unknown: Unknown | None = None
     warnings: list[str] = field(default_factory=list)
+    drifts: list[str] = field(default_factory=list)
     next_experiment: str = ""
     model: Scenario | None = None
     model_path: str | None = None
@@ -213,7 +215,8 @@ class Explanation:
             **{name: [dataclasses.asdict(row) for row in getattr(self, name)] for name in _TABLES},
             "controller": None if self.controller is None else dataclasses.asdict(self.controller),
             "closed_loop": self.closed_loop,
-            "warnings": self.warnings, "next_experiment": self.next_experiment, "difference": self.difference,
+            "warnings": self.warnings, "drifts": self.drifts, "next_experiment": self.next_experiment,
+            "difference": self.difference,
             "runs": self.runs, "held_out": self.held_out, "model": self.model_path, "seconds": self.seconds,
         }
         return plain(data)
@@ -236,7 +239,7 @@ class Explanation:
 
     def __str__(self) -> str:
         lines = [_VERDICTS[self.verdict] + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
-        lines += [f"! {warning}" for warning in self.warnings]
+        lines += [f"! {warning}" for warning in [*self.drifts, *self.warnings]]
         for effect in self.effects:
             others = f", or {', '.join(effect.equivalents)}" if effect.equivalents else ""
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")

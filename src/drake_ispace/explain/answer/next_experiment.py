@@ -1,4 +1,4 @@
-"""What to measure next where these runs leave a question open."""
+"""The next experiment, where these runs leave a question open."""
 
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.explanation import NamedEffect, Unknown, Untestable

@@ -7,7 +7,8 @@ from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
 
 _OVER = {RUN: "over whole runs", "step": "at the next sample"}
-_BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command"}
+_BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",
+       "reference": "in closed loop along the reference"}
 
 
 def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
@@ -24,7 +25,7 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     if not has_effects:
         return f"{where}: {what} is off by {amount(row.before, row.unit)}"
     before, after, noise = (amount(x, row.unit) for x in (row.before, row.after, math.hypot(row.sensors, row.chance)))
-    share = f"{100.0 * row.closed:.0f} % of the gap closed"
+    share = f"{100.0 * row.closed + 0.0:.0f} % of the gap closed".replace("-0 %", "0 %")
     return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}: {share}"
 
 
@@ -44,7 +45,7 @@ def is_place(row: GapRow) -> bool:
 
 
 def sentence_of(remainder: Remainder) -> str:
-    """What is left, on which channel and runs, how large, with what it goes, and since when."""
+    """A sentence on a Remainder: channel, size, what it goes with, since when, and in which runs."""
     runs = f"; most in {most_in(remainder)}" if remainder.runs else ""
     goes = "with nothing measured" if remainder.driver == NOTHING else f"with {remainder.driver}"
     size = amount(remainder.size, remainder.unit)

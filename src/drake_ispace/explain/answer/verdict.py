@@ -21,7 +21,8 @@ def _judge(answer: Explanation) -> None:
     """Correct the verdict.
 
     Effects that do not suffice make it "incomplete"; a model that lacks nothing known but leaves more than noise makes
-    it "unknown". An effect at a size that makes no sense, or that makes a channel of unseen runs worse, is not named.
+    it "unknown". An effect at a size that makes no sense, that is not the same in every run, or that makes a channel of
+    unseen runs worse, is not named.
     """
     beyond = [
         f"{name} of {effect.name} is {p.estimate:.3g} {p.unit}, which is on a bound or beyond what makes sense"
@@ -32,7 +33,7 @@ def _judge(answer: Explanation) -> None:
         f"{row.unit}" for row in made_worse(answer.gap)
     ]
     answer.warnings = beyond + worse + answer.warnings
-    if answer.verdict in ("named", "set") and (beyond or worse or answer.remainders):
+    if answer.verdict in ("named", "set") and (beyond or worse or answer.drifts or answer.remainders):
         answer.verdict = "incomplete"
     elif answer.verdict == "none" and answer.remainders:
         answer.verdict = "unknown"

@@ -28,7 +28,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class LeftOver:
-    """What is still detectable beside the named effects, perhaps as a flaw of their form.
+    """A disagreement that is still detectable beside the named effects, perhaps a flaw of their form.
 
     Attributes:
         candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.

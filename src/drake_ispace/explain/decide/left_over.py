@@ -1,4 +1,4 @@
-"""What is still detectable once the effects are named."""
+"""The test for a disagreement that is still detectable once effects are named."""
 
 from collections.abc import Sequence
 

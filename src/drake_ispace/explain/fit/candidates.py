@@ -11,7 +11,7 @@ from drake_ispace.effects.effect import Body, Effect
 
 
 class Cause(Protocol):
-    """What a Candidate stands for: an Effect of the library, or a Generic disagreement that has no card."""
+    """The cause that a Candidate stands for: an Effect of the library, or a Generic disagreement that has no card."""
 
     @property
     def name(self) -> str:

@@ -155,7 +155,7 @@ def _check_comparable(case):
 
 
 def part_of(prediction: Prediction, runs: slice) -> Prediction:
-    """The same model against some of the runs."""
+    """A Prediction of some of the runs by the same model."""
     parts = {name: getattr(prediction, name)[runs] for name in ("tracks", "starts", "anchored")}
     return replace(prediction, **parts)
 

@@ -46,7 +46,7 @@ class OwnGeometry:
 
 @dataclass(frozen=True)
 class OwnPlant:
-    """What effects may know of the plant.
+    """The plant, as far as effects may know it.
 
     mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m].
     """

@@ -30,7 +30,7 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
-from drake_ispace.explain.prove.noise import FORCES, ProcessNoise
+from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
@@ -43,7 +43,7 @@ NOTHING = "nothing measured"
 
 @dataclass(frozen=True)
 class Remainder:
-    """What is left of the gap and is not noise of a sound robot.
+    """A part of the gap that the answer leaves and that is not noise of a sound robot.
 
     Attributes:
         channel: sensor and quantity, "position" or "heading", or "force" and its coordinate.
@@ -76,7 +76,7 @@ def remainders(
     prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values], after: Sequence[Errors],
     noise: ProcessNoise, sensors: Mapping[Measure, float], chance: Mapping[Measure, float],
 ) -> list[Remainder]:
-    """What the answer leaves, the worst first; nothing where it suffices.
+    """The Remainders of an answer, the worst first; none where it suffices.
 
     Args:
         prediction: model and runs. windows, values, after: of each run, the effects in the model and its errors.
@@ -100,7 +100,7 @@ def _too_noisy(noise, names):
         Remainder(
             source, NOTHING, strength, "times the assumed force", "", strength / noise.limits[source],
             "from the start of a run", names, "no plausible noise is as strong",
-        ) for source, strength in noise.needed.items() if source in FORCES and strength > noise.limits[source]
+        ) for source, strength in noise.needed.items() if source not in WALKS and strength > noise.limits[source]
     ]
 
 

@@ -39,7 +39,7 @@ _FALLING_S = (0.05, 0.1, 0.2)  # the same of a robot that falls by itself, which
 
 @dataclass(frozen=True, order=True)
 class Measure:
-    """What is compared.
+    """A quantity in which model and measurement are compared.
 
     Attributes:
         metric: "ATE", "RPE" or "prediction". horizon: "run", "5s", "1s", ... channel: "position", "heading" or a

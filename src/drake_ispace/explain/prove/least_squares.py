@@ -1,4 +1,4 @@
-"""The same effects, fitted by plain least squares of free-run simulations: a yardstick for the sizes of the answer.
+"""Plain least squares of free-run simulations: a yardstick for the sizes of the answer.
 
 It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter.
 """
@@ -46,13 +46,13 @@ def plain_fit(
 
         def of_run(i):
             parts = errors(prediction, i, windows[i], values)
-            return np.concatenate([
+            return np.concatenate([np.empty(0), *(
                 np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
                 for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons[i]
                 and (m.metric != ATE or m.driven_by == WHEELS)
-            ])
+            )])
 
-        return np.concatenate(list((pool.map if pool else map)(of_run, range(len(windows)))))
+        return np.concatenate([np.empty(0), *(pool.map if pool else map)(of_run, range(len(windows)))])
 
     # over long horizons a heading may be wrong by turns; from the sizes that suit short ones on it is not
     short = [{w.shortest} for w in windows]

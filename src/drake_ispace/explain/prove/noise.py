@@ -1,4 +1,4 @@
-"""What noise leaves of the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
+"""Noise in the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
 
 Noise of known size is added to the recorded runs anew, and the spread of the errors is what noise of that size leaves.
 Sensor noise is what counts, pixels and densities of the scenario say, or what fixes show of a robot at rest. Process
@@ -25,6 +25,7 @@ from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import (
     PREDICTION,
     RPE,
+    STEP,
     WHEELS,
     Errors,
     Measure,
@@ -57,8 +58,8 @@ class ProcessNoise:
 
     Attributes:
         needed: source -> strength that the runs need, in units of the robot's assumed noise. "force 1" to "force 3"
-            are rms forces along the coordinates of the plant's ground force (where velocity is commanded: velocities
-            along the axes of the body), "slip" and "turn" the random walk of place and heading.
+            and "jolt 1" to "jolt 3" are forces along the coordinates of the plant's ground force (where velocity is
+            commanded: velocities along the axes of the body), "slip" and "turn" the random walk of place and heading.
         limits: source -> the largest plausible strength.
     """
 
@@ -109,7 +110,10 @@ def _resting_fix_noise(prediction):
     return np.sqrt(np.mean(deviations**2, axis=0))
 
 
-SENSORS, FORCES = "sensors", ("force 1", "force 2", "force 3")
+SENSORS = "sensors"
+FORCES = ("force 1", "force 2", "force 3")  # as slow as the filter assumes
+WALKS = ("slip", "turn")
+JOLTS = ("jolt 1", "jolt 2", "jolt 3")  # of the same spectral density, new at every tick
 #: For each run Measure -> (k, d) changes of errors by noise, all draws pooled.
 Spread = list[Errors]
 
@@ -139,7 +143,10 @@ class Spreads:
         robot = replay.body.robot
         if "encoder" in replay.feeds and robot.unknown_forces is not None:
             for axis in np.flatnonzero(robot.unknown_forces):
-                sources[FORCES[axis]] = lambda track, g, axis=axis: replay.pushed(track, self._forces(track, axis, g))
+                for source, correlation_s in ((FORCES[axis], CORRELATION_S), (JOLTS[axis], 0.0)):
+                    sources[source] = lambda track, g, axis=axis, correlation_s=correlation_s: replay.pushed(
+                        track, self._forces(track, axis, correlation_s, g)
+                    )
         if {"encoder", "kinect"} <= replay.feeds:
             sources["slip"] = lambda track, g: self._walked(track, np.array([1.0, 1.0, 0.0]), g)
             sources["turn"] = lambda track, g: self._walked(track, np.array([0.0, 0.0, 1.0]), g)
@@ -177,14 +184,15 @@ class Spreads:
         )
         return replace(track, measured=measured, sightings=sightings)
 
-    def _forces(self, track, axis, generator):
+    def _forces(self, track, axis, correlation_s, generator):
+        """(rows, 3) force along one coordinate; correlation_s: 0 for a new force at every tick."""
         robot = self._prediction.replay.body.robot
         force, size = np.zeros((len(track.command), 3)), robot.unknown_forces[axis]
         if robot.driven == COMMAND:  # the drive's acceleration leaves its command, and is called back
-            keep = np.exp(-TICK_S / _DRIVE_S)
             size *= np.sqrt(CORRELATION_S * _DRIVE_S)
-        else:
-            keep = np.exp(-TICK_S / CORRELATION_S)
+            correlation_s = _DRIVE_S if correlation_s else 0.0
+        keep = np.exp(-TICK_S / correlation_s) if correlation_s else 0.0
+        size *= 1.0 if correlation_s else np.sqrt(2.0 * CORRELATION_S / TICK_S)
         white = generator.standard_normal(len(force)) * np.sqrt(1.0 - keep**2)
         force[:, axis] = size * lfilter([1.0], [1.0, -keep], white)
         return force
@@ -207,8 +215,8 @@ def process_noise(
 ) -> ProcessNoise:
     """The strengths that errors need beyond sensor noise.
 
-    Those of the forces follow from the covariance of all wheels and rates at the shortest horizon of the windows, those
-    of slip from dead reckoning over 1 s.
+    Those of the forces follow from the covariances of all wheels and rates at the next sample and at the shortest
+    horizon of the windows, those of slip from dead reckoning over 1 s.
 
     Args:
         horizon: name of the shortest horizon. after: errors of each run. sensors: spread under sensor noise. unit:
@@ -222,24 +230,34 @@ def process_noise(
         if source in unit and own in pooled:
             extra = max(rms([pooled[own]]) ** 2 - rms([noise[own]]) ** 2, 0.0)
             needed[source] = float(np.sqrt(extra) / max(rms([parts_of[source][own]]), 1e-300))
-    forces = [source for source in FORCES if source in unit]
-    shown = [
-        m for m in pooled if (m.metric, m.horizon) == (PREDICTION, horizon) and not m.channel.startswith("imu: a")
-    ]
-    if forces and shown:
-        of_noise = _covariance(noise, shown)
-        parts = [_covariance(parts_of[source], shown) for source in forces]
-        scale = 1.0 / np.sqrt(np.diag(of_noise + sum(parts)))
-        extra, *parts = [(c * np.outer(scale, scale)).ravel() for c in (_covariance(pooled, shown) - of_noise, *parts)]
+    forces = [source for source in (*FORCES, *JOLTS) if source in unit]
+    blocks = [_shown(pooled, name) for name in (STEP, horizon)]
+    if forces and all(blocks):
+        columns = []
+        for measures in blocks:
+            of_noise = _covariance(noise, measures)
+            parts = [_covariance(parts_of[source], measures) for source in forces]
+            scale = 1.0 / np.sqrt(np.diag(of_noise + sum(parts)))
+            extra = _covariance(pooled, measures) - of_noise
+            columns.append([(part * np.outer(scale, scale)).ravel() for part in (extra, *parts)])
+        extra, *parts = (np.concatenate(column) for column in zip(*columns, strict=True))
         strengths = np.sqrt(nnls(np.column_stack(parts), extra)[0])
         needed |= dict(zip(forces, map(float, strengths), strict=True))
-    limits = {source: robot.most_unknown if source in FORCES else robot.most_slip for source in needed}
+    limits = {source: robot.most_slip if source in WALKS else robot.most_unknown for source in needed}
     return ProcessNoise(needed, limits)
 
 
 def pooled_of(runs: Sequence[Errors]) -> Errors:
     """Measure -> (k, d) errors of all runs."""
     return {m: np.vstack([run[m] for run in runs if m in run]) for m in {m for run in runs for m in run}}
+
+
+def _shown(pooled, horizon):
+    """The wheels and rates that show forces; an accelerometer shows them through the tilt as well, which drifts."""
+    return [
+        m for m in sorted(pooled) if (m.metric, m.horizon) == (PREDICTION, horizon)
+        and not m.channel.startswith("imu: a")
+    ]
 
 
 def _covariance(errors, measures):

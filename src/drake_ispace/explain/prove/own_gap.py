@@ -63,13 +63,14 @@ def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
 def _noise(
     prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
 ) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
-    """What the encoder's samples, and unknown torques as strong as the model assumes, leave of the errors."""
+    """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves."""
     replay, (absolute, relative) = prediction.replay, after[0]
     keep, pushed = np.exp(-TICK_S / CORRELATION_S), []
     for i, track in enumerate(tracks):
         for draw in range(_DRAWS):
             white = np.random.default_rng([seed, 4, i, draw]).standard_normal(track.command.shape)
             torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
+            torque[: int(np.argmax(np.any(track.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
             moved = errors(replay, replace(track, command=track.command + torque), merged(sizes.point), sizes.plant)
             pushed.append(moved - after[i][absolute])
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))

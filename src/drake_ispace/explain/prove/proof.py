@@ -1,4 +1,4 @@
-"""What proving an answer brings."""
+"""The result of proving an answer."""
 
 from dataclasses import dataclass, field
 

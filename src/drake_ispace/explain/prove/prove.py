@@ -11,7 +11,7 @@ from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.case import UNNAMED, Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
-from drake_ispace.explain.prove.adequacy import Remainder, remainders
+from drake_ispace.explain.prove.adequacy import NOTHING, Remainder, remainders
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.least_squares import plain_fit
@@ -110,8 +110,8 @@ def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoi
 
 
 def _distinct(left: list[Remainder]) -> list[Remainder]:
-    """The worst Remainder of every channel."""
+    """One Remainder for every channel: that which says with what it goes, or else the worst."""
     worst: dict[str, Remainder] = {}
-    for remainder in sorted(left, key=lambda r: -r.ratio):
+    for remainder in sorted(left, key=lambda r: (r.driver == NOTHING, -r.ratio)):
         worst.setdefault(remainder.channel, remainder)
     return list(worst.values())

@@ -32,7 +32,7 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Metadata:
-    """What `metadata.csv` says about the robot.
+    """The robot as `metadata.csv` describes it.
 
     Attributes:
         kind: "omni3" or "diff".

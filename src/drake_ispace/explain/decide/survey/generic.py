@@ -91,7 +91,7 @@ def generic_signatures(
 
 @dataclass(frozen=True)
 class Motion:
-    """What a run did, at every tick of it and of the lead after it.
+    """The motion of a run, at every tick of it and of the lead after it.
 
     Attributes:
         body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].

@@ -13,7 +13,7 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 
 @dataclass(frozen=True)
 class Signature:
-    """What an effect of one size would take away from the residuals.
+    """The change of the residuals that an effect of one size would bring.
 
     Attributes:
         candidate: the effect. z: its coordinates. at: index of the coordinate that is not neutral.

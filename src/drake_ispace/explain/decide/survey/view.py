@@ -1,4 +1,4 @@
-"""What effects and nuisances change in the residuals around one point, and the noise that none of them explains."""
+"""Changes of the residuals by effects and nuisances around one point, and the noise that none explains."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
