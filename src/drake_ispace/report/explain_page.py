@@ -77,7 +77,7 @@ def write_files(
     robot = robot_of(model, [*runs, *held_out])
     tell("drawing")
     pictures = draw_diagrams(explanation, model, robot, folder)
-    if shown := [row for row in explanation.gap if row.runs == HELD_OUT]:
+    if shown := [row for row in explanation.gap if row.runs == HELD_OUT and None not in (row.sensors, row.chance)]:
         plot_gap(shown, folder / "residuals.png")
     tell("simulating the path")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
@@ -184,7 +184,7 @@ def page(
         cards={name: library()[name].card for name in _mentioned(explanation) if name in library()},
         lines=changed_lines(model, explanation), blocks=[(title, embedded(folder / name)) for name, title in pictures],
         lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),
-        residuals=embedded(folder / "residuals.png") if cells[HELD_OUT] else None,
+        residuals=embedded(folder / "residuals.png") if (folder / "residuals.png").is_file() else None,
         path_picture=embedded(folder / "path.png") if path is not None else None, diagram=model.diagram,
     )
 

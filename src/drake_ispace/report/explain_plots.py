@@ -18,7 +18,7 @@ _MODELS = ((BEFORE, "model as given"), (AFTER, "with the effect"))
 def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
     """Plot the errors on unseen runs before and after, over what sensors and chance leave, which is 1 on the axis.
 
-    Places over every horizon, and each sensor at its shortest one.
+    Places over every horizon, and each sensor at its shortest one. What noise leaves must be known of every row.
 
     Raises:
         InputError: the folder cannot be written.
@@ -47,7 +47,7 @@ def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
 
 
 def _drawn(rows):
-    """Rows with a known level of noise; of a sensor only that of the shortest horizon but the next sample."""
+    """The rows that are drawn: of a sensor only that of the shortest horizon but the next sample."""
     shortest = {}
     for row in rows:
         if row.metric == PREDICTION and row.horizon != STEP:
@@ -55,8 +55,7 @@ def _drawn(rows):
             if seconds(row.horizon) < seconds(known.horizon):
                 shortest[row.channel, row.kind] = row
     return [
-        row for row in rows if row.sensors is not None and row.chance is not None
-        and (row.metric != PREDICTION or any(row is other for other in shortest.values()))
+        row for row in rows if row.metric != PREDICTION or any(row is other for other in shortest.values())
     ]
 
 
