@@ -13,6 +13,7 @@ from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over
+from drake_ispace.explain.prove.free_run import RUN, STEP
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
@@ -33,6 +34,7 @@ _TITLES = {
     "unknown": "The model lacks something that no effect of the library stands for",
 }
 _REFERENCE = "reference"  # what drives the model along it: its own controller
+_AHEAD = {RUN: "whole run", STEP: "next sample"}
 _MIME = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
@@ -84,7 +86,7 @@ def write_files(
     if path is not None and path["closed_loop"]:
         of_unseen = any(path["run"] == name_of(recording) for recording in held_out)
         others = [row for row in explanation.gap if row.driven_by != _REFERENCE]
-        explanation.gap = [*others, _closed_loop_row(path, HELD_OUT if of_unseen else TRAINING)]
+        explanation.gap = [_closed_loop_row(path, HELD_OUT if of_unseen else TRAINING), *others]
     if explanation.model is not None:
         write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
     explanation.save(folder / MARK)
@@ -204,7 +206,7 @@ def _cells(row: GapRow) -> dict[str, str]:
     cells = {name: "–" if value is None else amount(value, row.unit) for name, value in numbers.items()}
     interval = "–" if row.ci90 is None else f"{share(row.ci90[0])} to {share(row.ci90[1])} %"
     return cells | {
-        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}", "horizon": row.horizon,
+        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}", "horizon": _AHEAD.get(row.horizon, row.horizon.replace("s", " s")),
         "driven_by": row.driven_by, "closed": "–" if row.closed is None else f"{share(row.closed)} %",
         "interval": interval,
     }
