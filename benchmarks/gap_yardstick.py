@@ -1,10 +1,10 @@
 """Is the gap that `explain` prints the gap that a user would measure? Each answer beside plain arithmetic on its runs.
 
 The yardstick shares no code with `explain`: wheels are turned into a path in a few lines of NumPy, and the omni
-robot's recorded torque is integrated by Newton's law at 1 ms. It knows the sizes of an answer and nothing else of it. Runs come
-from the independent generator of the tests, from a two-wheeled robot with three things hidden at once, and (--data) from
-the public OptiOdom runs. Closed is 1 - (after^2 - least^2) / (before^2 - least^2); least is the error of the true model
-by the same arithmetic, zero where nobody knows it.
+robot's recorded torque is integrated by Newton's law at 1 ms. It knows the sizes of an answer and nothing else of it.
+Runs come from the independent generator of the tests, from a two-wheeled robot with three things hidden at once, and
+(--data) from the public OptiOdom runs. Closed is 1 - (after^2 - least^2) / (before^2 - least^2); least is the error of
+the true model by the same arithmetic, zero where nobody knows it.
 
     python benchmarks/gap_yardstick.py [--json] [--quick] [--tiny] [--seed SEED] [--data ../shared/data]
 """

@@ -56,8 +56,8 @@ def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
     absolute = Measure(ATE, RUN, channel, unit, "torque")
     relative = Measure(ATE, RUN, f"{channel}, relative", "1", "torque")
     size = max(rms([measured(replay, track) for track in tracks]), 1e-300)
-    found = [errors(replay, track, merged(sizes.point), sizes.plant) for track in tracks]
-    return [{absolute: one, relative: one / size} for one in found]
+    each = [errors(replay, track, merged(sizes.point), sizes.plant).reshape(-1, 1) for track in tracks]
+    return [{absolute: run, relative: run / size} for run in each]
 
 
 def _noise(
@@ -72,8 +72,8 @@ def _noise(
             torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
             torque[: int(np.argmax(np.any(track.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
             moved = errors(replay, replace(track, command=track.command + torque), merged(sizes.point), sizes.plant)
-            pushed.append(moved - after[i][absolute])
+            pushed.append(moved.reshape(-1, 1) - after[i][absolute])
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
     size = rms([after[0][absolute]]) / max(rms([after[0][relative]]), 1e-300)
-    sensors, chance = float(std * np.sqrt(after[0][absolute].shape[1])), rms(pushed)
+    sensors, chance = float(std), rms(pushed)
     return {absolute: sensors, relative: sensors / size}, {absolute: chance, relative: chance / size}

@@ -1,6 +1,6 @@
 """The proof of an answer: the gap on training and on unseen runs, and what is left there that is not noise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -41,11 +41,16 @@ class _Judged:
     process: dict[str, Spread]
     noise: ProcessNoise
 
-    def part(self, runs: slice) -> tuple[dict[Measure, float], dict[Measure, float]]:
-        """Measure -> root mean square of what sensors, and what chance, leave of some of the runs."""
+    def part(
+        self, runs: slice, strengths: Mapping[str, float] | None = None
+    ) -> tuple[dict[Measure, float], dict[Measure, float]]:
+        """Measure -> root mean square of what sensors, and what chance, leave of some of the runs.
+
+        strengths: of process noise, default those that are needed and plausible.
+        """
         sensors = {m: rms([e]) for m, e in pooled_of(self.sensors[runs]).items()}
         squares = dict.fromkeys(sensors, 0.0)
-        for source, strength in self.noise.plausible.items():
+        for source, strength in (strengths or self.noise.plausible).items():
             for m, e in pooled_of(self.process[source][runs]).items():
                 squares[m] += (strength * rms([e])) ** 2
         return sensors, {m: float(np.sqrt(square)) for m, square in squares.items()}
@@ -92,8 +97,8 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    every_run = slice(0, len(values))
-    left = remainders(every, judged.windows, values, judged.after, judged.noise, *judged.part(every_run))
+    every_run, tolerated = slice(0, len(values)), judged.noise.tolerated
+    left = remainders(every, judged.windows, values, judged.after, judged.noise, *judged.part(every_run, tolerated))
     return Proof(by, rows, _distinct(left), judged.noise, plain)
 
 
