@@ -179,7 +179,8 @@ def page(
     explanation: Explanation, model: Scenario, pictures: Sequence[tuple[str, str]], path: dict | None, folder: Path
 ) -> str:
     """The HTML page, with the pictures in it that lie in `folder`."""
-    names = " and ".join(effect.name.replace("_", " ") for effect in explanation.effects)
+    *names, last = [effect.name.replace("_", " ") for effect in explanation.effects] or [""]
+    names = f"{', '.join(names)} and {last}" if names else last
     cells = {which: [_cells(row) for row in explanation.gap if row.runs == which] for which in (HELD_OUT, TRAINING)}
     return render(
         "explain.html.j2", title=_TITLES[explanation.verdict].format(names), e=explanation, path=path,
@@ -206,7 +207,8 @@ def _cells(row: GapRow) -> dict[str, str]:
     cells = {name: "–" if value is None else amount(value, row.unit) for name, value in numbers.items()}
     interval = "–" if row.ci90 is None else f"{share(row.ci90[0])} to {share(row.ci90[1])} %"
     return cells | {
-        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}", "horizon": _AHEAD.get(row.horizon, row.horizon.replace("s", " s")),
+        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}",
+        "horizon": _AHEAD.get(row.horizon, row.horizon.replace("s", " s")),
         "driven_by": row.driven_by, "closed": "–" if row.closed is None else f"{share(row.closed)} %",
         "interval": interval,
     }

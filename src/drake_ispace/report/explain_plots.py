@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from drake_ispace.explain.answer.sentences import amount
 from drake_ispace.explain.prove.free_run import PREDICTION, STEP
@@ -33,7 +34,9 @@ def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
     axis.plot(before, heights, "o", color=BEFORE, ms=8, label="model as given")
     axis.plot(after, heights, "o", color=AFTER, ms=6, label="with the effect")
     axis.set_xscale("log")
-    axis.xaxis.set_major_formatter(plt.matplotlib.ticker.FormatStrFormatter("%g"))
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.margins(x=0.12)
     for height, row in zip(heights, rows, strict=True):
         closed = "" if row.closed is None else f",  {100 * row.closed:.0f} % closed"
