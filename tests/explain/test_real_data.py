@@ -27,7 +27,7 @@ def names(found):
 
 def smaller(found, runs):
     """By what share whole runs of that kind came out better."""
-    row = next(r for r in found["gap"] if (r["kind"], r["metric"], r["channel"]) == (runs, "ATE", "position"))
+    row = next(r for r in found["gap"] if (r["kind"], r["metric"]) == (runs, "ATE") and r["unit"] in ("m", "rad/s"))
     return 1.0 - row["after"] / row["before"]
 
 

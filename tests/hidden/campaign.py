@@ -108,6 +108,8 @@ def said(found: Explanation, truth: dict[str, float], name: str) -> dict:
         "minus_log10_p": found.detection.minus_log10_p,
         "detectability": detectability(found.detection.minus_log10_p),
         "closed": found.closed,
+        "headline": None if found.headline is None else dataclasses.asdict(found.headline),
+        "left": [[r.channel, r.driver, r.ratio] for r in found.remainders],
         "unknown": unknown,
         "untestable": [entry.effect for entry in found.untestable],
         "warnings": found.warnings,

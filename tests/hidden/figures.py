@@ -28,7 +28,7 @@ def answers(record: dict) -> dict[str, float]:
         return {_NOTHING: 1.0}
     if record["verdict"] == "unknown":
         return {_UNKNOWN: 1.0}
-    names = returned(record)
+    names = returned(record) | ({_UNKNOWN} if record["verdict"] == "incomplete" else set())
     return dict.fromkeys(names, 1.0 / len(names))
 
 

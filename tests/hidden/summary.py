@@ -33,6 +33,11 @@ def is_wrong(record: dict) -> bool:
     return record["verdict"] == "named" and record["name"] not in returned(record)
 
 
+def has_doubts(record: dict) -> bool:
+    """Whether it was said that there is something that no named effect stands for."""
+    return record["verdict"] in ("unknown", "incomplete")
+
+
 def has_more(record: dict) -> bool:
     """Whether more effects than one were said to be missing at once."""
     return len(record["names"]) > 1
@@ -82,6 +87,7 @@ def rows(records: Sequence[dict]) -> list[tuple[str, str, str]]:
         ("a wrong name alone", rate(*share_of(found, is_wrong)), "<= 1 %"),
         ("more than one effect named", rate(*share_of(found, has_more)), ""),
         ("'unknown' said of a library effect", rate(*share_of(found, lambda r: r["verdict"] == "unknown")), ""),
+        ("'incomplete' said of a library effect", rate(*share_of(found, lambda r: r["verdict"] == "incomplete")), ""),
         ("mean size of the set", _number(np.mean(sizes) if sizes else None), "<= 1.3"),
         ("false alarms, all noise levels", rate(*share_of(nothing, is_detected)), "0.3 to 2 %"),
     ]
@@ -92,9 +98,11 @@ def rows(records: Sequence[dict]) -> list[tuple[str, str, str]]:
     return table + [
         ("median parameter error", _percent(np.median(errors) if errors else None), "<= 3 %"),
         ("90 % intervals that cover", rate(sum(covered), len(covered)), "85 to 95 %"),
+        ("gap too small to show in metres", f"{len(found) - len(gaps)} of {len(found)}", ""),
         ("held-out gap closed, median", _percent(np.median(gaps) if gaps else None), ">= 95 %"),
         ("held-out gap closed, 10th percentile", _percent(np.quantile(gaps, 0.1) if gaps else None), ">= 85 %"),
         ("unknown effect: found", rate(len(unknown), len(judged(records, "unknown"))), ""),
+        ("unknown effect: 'unknown' or 'incomplete'", rate(*share_of(unknown, has_doubts)), ""),
         ("unknown effect: one wrong name", rate(*share_of(unknown, lambda r: r["verdict"] == "named")), "<= 5 %"),
         ("median seconds of a diagnosis", _number(_median_seconds(records)), "<= 60"),
         ("robot lost / error", f"{_count(records, 'lost')} / {_count(records, 'error')}", ""),

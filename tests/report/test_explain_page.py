@@ -11,8 +11,10 @@ import pytest
 
 import answers
 from drake_ispace.alignment import to_recording
+from drake_ispace.explain.answer.explanation import ControllerCheck
 from drake_ispace.hiding import hide
 from drake_ispace.report.closed_loop import closed_loop
+from drake_ispace.report.dead_reckoning import reckoned
 from drake_ispace.report.explain_page import changed_lines, new_blocks, write_explanation
 from drake_ispace.report.explain_plots import distances
 from drake_ispace.rollout.engine import simulate_compiled
@@ -66,7 +68,7 @@ def test_a_page_needs_no_other_file(written, verdict):
     assert len(sources) == len(os.listdir(written[verdict])) - len({"explanation.json", "index.html", "model.yaml"}
                                                                    & set(os.listdir(written[verdict])))
     assert all(source.startswith("data:image/") for source in sources) and "href" not in page
-    assert page.count("<table>") == page.count("</table>") and page.rstrip().endswith("</html>")
+    assert page.count("<table") == page.count("</table>") and page.rstrip().endswith("</html>")
 
 
 def test_the_page_tells_effect_interval_and_gap(written):
@@ -93,6 +95,7 @@ def test_no_effect_and_an_unknown_one_say_so(written):
 def test_an_incomplete_answer_says_what_is_left_and_marks_its_model(written):
     page, model = text_of(written["incomplete"]), (written["incomplete"] / "model.yaml").read_text()
     assert "coulomb friction, and something more</h1>" in page and "41 % goes with speed" in page
+    assert page.index("What is missing") < page.index("What is left") < page.index("Where it shows")
     assert model.startswith("# incomplete: has coulomb_friction") and load_scenario(
         str(written["incomplete"] / "model.yaml")).omni.effects == FRICTION
 
@@ -155,6 +158,22 @@ def test_the_true_effect_brings_the_simulation_to_the_measurement(model, runs):
             for one in (model, right)
         ]
         assert rms[1] < 0.7 * rms[0]
+
+
+def test_a_robot_with_another_controller_gets_a_dead_reckoned_path(model, runs, tmp_path):
+    foreign = answers.named(model, controller=ControllerCheck(0.5, 1.0))
+    told = write_explanation(foreign, model, runs[:1], runs[1:], tmp_path / "out").closed_loop
+    assert told["run"] == "circle" and not told["closed_loop"]
+    assert told["before_m"] == pytest.approx(told["after_m"], abs=1e-3)  # wheels turn as measured, friction or not
+
+
+def test_dead_reckoned_paths_keep_the_clock_of_the_prediction(model, runs):
+    """Of a recording that starts late."""
+    late = replace(runs[0], channels={
+        name: replace(channel, t=channel.t + 7.0) for name, channel in runs[0].channels.items()
+    })
+    seen, path = reckoned([model], late)
+    assert seen.t[0] < 0.2 and np.sqrt(np.mean(distances(seen, path)[1] ** 2)) < 0.01
 
 
 def test_a_reference_that_cannot_be_followed_gives_a_dead_reckoned_path(model, runs, tmp_path):

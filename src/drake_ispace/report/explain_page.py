@@ -10,8 +10,10 @@ from pydrake.systems.framework import Diagram
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
+from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, over
+from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over
+from drake_ispace.explain.prove.free_run import RUN, STEP
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
@@ -31,6 +33,8 @@ _TITLES = {
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
 }
+_REFERENCE = "reference"  # what drives the model along it: its own controller
+_AHEAD = {RUN: "whole run", STEP: "next sample"}
 _MIME = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
@@ -75,13 +79,14 @@ def write_files(
     robot = robot_of(model, [*runs, *held_out])
     tell("drawing")
     pictures = draw_diagrams(explanation, model, robot, folder)
-    if shown := [row for row in explanation.gap if row.runs == HELD_OUT]:
+    if shown := [row for row in explanation.gap if row.runs == HELD_OUT and None not in (row.sensors, row.chance)]:
         plot_gap(shown, folder / "residuals.png")
-    tell("simulating the closed loop")
+    tell("simulating the path")
     path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
     if path is not None and path["closed_loop"]:
         of_unseen = any(path["run"] == name_of(recording) for recording in held_out)
-        explanation.gap.append(_closed_loop_row(path, HELD_OUT if of_unseen else TRAINING))
+        others = [row for row in explanation.gap if row.driven_by != _REFERENCE]
+        explanation.gap = [_closed_loop_row(path, HELD_OUT if of_unseen else TRAINING), *others]
     if explanation.model is not None:
         write_text(folder / "model.yaml", _mark(explanation) + dump_yaml(explanation.difference))
     explanation.save(folder / MARK)
@@ -122,29 +127,31 @@ def write_path(
 ) -> dict | None:
     """Plot the measured path beside that of the model, as given and with the effects.
 
-    The model follows the reference of the first run for which that can be done; where there is none, the first run is
-    dead-reckoned.
+    The model follows the reference of the first run for which that can be done, with its own controller. Where there
+    is no such run, or the robot has another controller, the first run is dead-reckoned.
 
     Returns:
         {"run", "before_m", "after_m", "closed_loop"}: name of the run, root mean square distances [m] to the measured
         positions, and whether the model followed the reference. None where nothing was seen.
     """
+    models = [model] if explanation.model is None else [model, explanation.model]
+    controller = explanation.controller
+    followed = runs if controller is None or controller.unexplained <= FOREIGN else []
+    for recording in followed:
+        paths = [closed_loop(one, robot, recording) for one in models]
+        if paths[0] is not None:
+            distances = plot_path(recording.channels["kinect"], recording.channels["reference"], paths, out)
+            return _told(recording, distances, True)
     for recording in runs:
-        before = closed_loop(model, robot, recording)
-        if before is not None:
-            after = None if explanation.model is None else closed_loop(explanation.model, robot, recording)
-            return _path(recording, before, after, True, out)
-    for recording in runs:
-        before = reckoned(model, recording)
-        if before is not None:
-            after = None if explanation.model is None else reckoned(explanation.model, recording)
-            return _path(recording, before, after, False, out)
+        if found := reckoned(models, recording):
+            seen, *paths = found
+            return _told(recording, plot_path(seen, None, paths, out), False)
     return None
 
 
-def _path(recording, before, after, is_closed_loop, out):
-    distances = plot_path(recording, before, after, out)
-    return {"run": name_of(recording), "before_m": distances[0], "after_m": distances[1], "closed_loop": is_closed_loop}
+def _told(recording, distances, is_closed_loop):
+    before, after = [*distances, None][:2]
+    return {"run": name_of(recording), "before_m": before, "after_m": after, "closed_loop": is_closed_loop}
 
 
 def name_of(recording: Recording) -> str:
@@ -156,7 +163,7 @@ def _closed_loop_row(path, runs) -> GapRow:
     """The row of the gap for the model in closed loop along the reference."""
     after = path["before_m"] if path["after_m"] is None else path["after_m"]
     return GapRow(
-        runs, "ATE", "run", "position", "m", "reference", path["before_m"], after, None, None, None, None, None
+        runs, "ATE", "run", "position", "m", _REFERENCE, path["before_m"], after, None, None, None, None, None
     )
 
 
@@ -172,7 +179,8 @@ def page(
     explanation: Explanation, model: Scenario, pictures: Sequence[tuple[str, str]], path: dict | None, folder: Path
 ) -> str:
     """The HTML page, with the pictures in it that lie in `folder`."""
-    names = " and ".join(effect.name.replace("_", " ") for effect in explanation.effects)
+    *names, last = [effect.name.replace("_", " ") for effect in explanation.effects] or [""]
+    names = f"{', '.join(names)} and {last}" if names else last
     cells = {which: [_cells(row) for row in explanation.gap if row.runs == which] for which in (HELD_OUT, TRAINING)}
     return render(
         "explain.html.j2", title=_TITLES[explanation.verdict].format(names), e=explanation, path=path,
@@ -199,7 +207,8 @@ def _cells(row: GapRow) -> dict[str, str]:
     cells = {name: "–" if value is None else amount(value, row.unit) for name, value in numbers.items()}
     interval = "–" if row.ci90 is None else f"{share(row.ci90[0])} to {share(row.ci90[1])} %"
     return cells | {
-        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}", "horizon": row.horizon,
+        "channel": f"{row.channel}{f', {row.kind}' if row.kind else ''}",
+        "horizon": _AHEAD.get(row.horizon, row.horizon.replace("s", " s")),
         "driven_by": row.driven_by, "closed": "–" if row.closed is None else f"{share(row.closed)} %",
         "interval": interval,
     }
@@ -209,7 +218,7 @@ def _left(explanation):
     """The Remainders as text."""
     return [
         {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
-         "since": r.since, "because": r.because, "runs": ", ".join(r.runs)} for r in explanation.remainders
+         "since": r.since, "because": r.because, "runs": most_in(r)} for r in explanation.remainders
     ]
 
 

@@ -4,20 +4,22 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from drake_ispace.explain.answer.sentences import amount
 from drake_ispace.explain.prove.free_run import PREDICTION, STEP
 from drake_ispace.explain.prove.gap import GapRow, seconds
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import Channel
 from drake_ispace.report.plots import plt, save
 
 BEFORE, AFTER, MEASURED = "#c0392b", "#27ae60", "#2980b9"
+_MODELS = ((BEFORE, "model as given"), (AFTER, "with the effect"))
 
 
 def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
     """Plot the errors on unseen runs before and after, over what sensors and chance leave, which is 1 on the axis.
 
-    Places over every horizon, and each sensor at its shortest one.
+    Places over every horizon, and each sensor at its shortest one. What noise leaves must be known of every row.
 
     Raises:
         InputError: the folder cannot be written.
@@ -32,7 +34,9 @@ def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
     axis.plot(before, heights, "o", color=BEFORE, ms=8, label="model as given")
     axis.plot(after, heights, "o", color=AFTER, ms=6, label="with the effect")
     axis.set_xscale("log")
-    axis.xaxis.set_major_formatter(plt.matplotlib.ticker.FormatStrFormatter("%g"))
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.margins(x=0.12)
     for height, row in zip(heights, rows, strict=True):
         closed = "" if row.closed is None else f",  {100 * row.closed:.0f} % closed"
@@ -46,7 +50,7 @@ def plot_gap(rows: Sequence[GapRow], out: Path) -> None:
 
 
 def _drawn(rows):
-    """Rows with a known level of noise; of a sensor only that of the shortest horizon but the next sample."""
+    """The rows that are drawn: of a sensor only that of the shortest horizon but the next sample."""
     shortest = {}
     for row in rows:
         if row.metric == PREDICTION and row.horizon != STEP:
@@ -54,8 +58,7 @@ def _drawn(rows):
             if seconds(row.horizon) < seconds(known.horizon):
                 shortest[row.channel, row.kind] = row
     return [
-        row for row in rows if row.sensors is not None and row.chance is not None
-        and (row.metric != PREDICTION or any(row is other for other in shortest.values()))
+        row for row in rows if row.metric != PREDICTION or any(row is other for other in shortest.values())
     ]
 
 
@@ -64,20 +67,21 @@ def _label(row):
     return f"{row.channel}{driven}, {row.horizon}{f', {row.kind}' if row.kind else ''}".replace("$", r"\$")
 
 
-def plot_path(recording: Recording, before: Channel, after: Channel | None, out: Path) -> tuple[float, float | None]:
+def plot_path(
+    seen: Channel, reference: Channel | None, paths: Sequence[Channel | None], out: Path
+) -> list[float | None]:
     """Plot what the camera saw and what it would have seen of the model, on the floor and over time.
 
     Args:
-        recording: measured, with the channel "kinect". before, after: channel "kinect" of the model as given, and of
-            the model with the effects (None: there are none).
+        seen: channel "kinect" as measured. reference: None where the model did not follow it. paths: channel "kinect"
+            of the model as given and, where there are effects, of the model with them (None: it refuses the path).
 
     Returns:
-        Root mean square distance [m] to the measured positions of the model as given, and with the effects.
+        Root mean square distance [m] of each path to the measured positions.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    seen, reference = recording.channels["kinect"], recording.channels.get("reference")
     figure, (floor, time) = plt.subplots(
         1, 2, figsize=(12.5, 5.4), layout="constrained", gridspec_kw={"width_ratios": [1.15, 1.0]}
     )
@@ -85,7 +89,7 @@ def plot_path(recording: Recording, before: Channel, after: Channel | None, out:
         floor.plot(reference.values[:, 0], reference.values[:, 1], "--", color="0.4", lw=1.0, label="reference")
     floor.plot(seen.values[:, 0], seen.values[:, 1], ".", color=MEASURED, ms=5, label="measured")
     rms_m = []
-    for channel, colour, label in ((before, BEFORE, "model as given"), (after, AFTER, "with the effect")):
+    for channel, (colour, label) in zip(paths, _MODELS, strict=False):
         if channel is None:
             rms_m.append(None)
             continue
@@ -93,15 +97,16 @@ def plot_path(recording: Recording, before: Channel, after: Channel | None, out:
         t, distance_m = distances(seen, channel)
         rms_m.append(float(np.sqrt(np.mean(distance_m**2))))
         time.plot(t, 1e3 * distance_m, color=colour, lw=1.3, label=f"{label}: {1e3 * rms_m[-1]:.1f} mm rms")
+    title = "Dead reckoning against measurement" if reference is None else "Simulation against measurement"
     floor.set(xlabel="x [m]", ylabel="y [m]", title="What the camera sees", aspect="equal")
-    time.set(xlabel="time [s]", ylabel="distance to the measurement [mm]", title="Simulation against measurement")
+    time.set(xlabel="time [s]", ylabel="distance to the measurement [mm]", title=title)
     time.set_ylim(0.0, 1.25 * time.get_ylim()[1])
     floor.margins(0.08)
     for axis, place in ((floor, "best"), (time, "upper right")):
         axis.grid(alpha=0.3)
         axis.legend(fontsize=9, loc=place)
     save(figure, out)
-    return rms_m[0], rms_m[1]
+    return rms_m
 
 
 def distances(seen: Channel, simulated: Channel) -> tuple[np.ndarray, np.ndarray]:

@@ -28,7 +28,7 @@ from drake_ispace.wiring.catalog import entry_of
 
 _SETTLING_TICKS = 400  # until estimates that start from the scenario's pose have reached the robot's
 _CORNER_TICKS = 120  # around a corner of the reference, whose jump of speed lies between two samples of the camera
-_FOREIGN = 0.12  # share of the torque that the scenario's controller may leave (its own one leaves 0 to 0.09)
+FOREIGN = 0.12  # share of the torque that the scenario's controller may leave (its own one leaves 0 to 0.09)
 _NEEDED = ("reference", "torque", "encoder", "kinect")
 
 
@@ -40,7 +40,7 @@ def check_controllers(answer: Explanation, case: Case) -> None:
         return
     share, gain = (float(np.median([getattr(check, name) for check in known])) for name in ("unexplained", "gain"))
     answer.controller = ControllerCheck(share, gain)
-    if share > _FOREIGN:
+    if share > FOREIGN:
         answer.warnings.append(
             f"the controller is not the model's: {100.0 * share:.0f} % of the recorded torque is not what it makes of "
             f"the measured sensors (it fits best {gain:.2f} times as large); effects are found from the recorded "

@@ -1,6 +1,7 @@
 """The gap and what is left of it, in sentences a user can act on."""
 
 import math
+from pathlib import Path
 
 from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
@@ -16,9 +17,11 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     row: None where the gap is too small.
     """
     if row is None:
-        return "the gap is too small to show in metres" if has_effects else ""
+        too_small = "the gap is too small to show in metres" if proof else "no run was left to prove it on"
+        return too_small if has_effects else ""
     where = f"{proof or 'unseen runs'}{f', {row.kind}' if row.kind else ''}"
-    what = f"{row.channel} {_BY.get(row.driven_by, '')} {over(row.horizon)}".replace("  ", " ")
+    by = "" if row.channel.startswith("simulated") else _BY.get(row.driven_by, "")
+    what = f"{row.channel} {by} {over(row.horizon)}".replace("  ", " ")
     if not has_effects:
         return f"{where}: {what} is off by {amount(row.before, row.unit)}"
     before, after, noise = (amount(x, row.unit) for x in (row.before, row.after, math.hypot(row.sensors, row.chance)))
@@ -43,13 +46,18 @@ def is_place(row: GapRow) -> bool:
 
 def sentence_of(remainder: Remainder) -> str:
     """A sentence on a Remainder: channel, size, what it goes with, since when, and in which runs."""
-    runs = f"; most in {', '.join(remainder.runs)}" if remainder.runs else ""
+    runs = f"; most in {most_in(remainder)}" if remainder.runs else ""
     goes = "with nothing measured" if remainder.driver == NOTHING else f"with {remainder.driver}"
     size = amount(remainder.size, remainder.unit)
     return (
         f"{remainder.channel}: {size} {over(remainder.horizon)}, goes {goes}, {remainder.since} ({remainder.because})"
         f"{runs}"
     ).replace(" ,", ",")
+
+
+def most_in(remainder: Remainder) -> str:
+    """The runs in which it is largest, each by its file and folder."""
+    return ", ".join("/".join(Path(run).parts[-2:]) for run in remainder.runs)
 
 
 def over(horizon: str) -> str:
@@ -61,4 +69,4 @@ def amount(value: float, unit: str) -> str:
     """A number with its unit; metres below one as millimetres."""
     if unit == "m" and abs(value) < 1.0:
         return f"{1e3 * value:.3g} mm"
-    return f"{value:.3g} {unit}"
+    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"

@@ -1,0 +1,62 @@
+"""The verdict follows from what an answer leaves on unseen runs."""
+
+from dataclasses import replace
+
+import pytest
+
+import answers
+from drake_ispace.explain.answer.explanation import Estimate
+from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.scenario import load_scenario
+
+MODEL = load_scenario("omni_multirate")
+WORSE = replace(answers.GAP[1], before=0.006, after=0.02)
+
+
+def judged(answer, rows=answers.GAP, remainders=()):
+    """The answer, after a proof with these rows and remainders."""
+    add_proof(answer, None, Proof("held-out runs", list(rows), list(remainders), None, None))
+    return answer
+
+
+def on_bound(answer):
+    """The answer with its size on a bound."""
+    (effect,) = answer.effects
+    return replace(answer, effects=[
+        replace(effect, parameters={"torque_n_m": Estimate(0.01, (0.008, 0.01), "N*m", on_bound=True)})
+    ])
+
+
+def test_effects_that_leave_noise_keep_their_verdict():
+    assert judged(answers.named(MODEL)).verdict == "named"
+    assert judged(answers.named(MODEL, verdict="set")).verdict == "set"
+
+
+@pytest.mark.parametrize("verdict", ["named", "set"])
+@pytest.mark.parametrize("change, rows, remainders", [
+    (on_bound, answers.GAP, ()), (lambda answer: answer, [*answers.GAP, WORSE], ()),
+    (lambda answer: answer, answers.GAP, [answers.LEFT]),
+], ids=["bound", "worse", "remainder"])
+def test_what_does_not_suffice_is_incomplete(verdict, change, rows, remainders):
+    assert judged(change(answers.named(MODEL, verdict=verdict)), rows, remainders).verdict == "incomplete"
+
+
+def test_the_reasons_are_warnings():
+    answer = judged(on_bound(answers.named(MODEL)), [WORSE])
+    assert "torque_n_m of coulomb_friction is 0.01 N*m" in answer.warnings[0]
+    assert answer.warnings[1].startswith("position (wheels, run) got worse on unseen runs: 0.006 -> 0.02 m")
+
+
+def test_nothing_detected_but_more_than_noise_left_is_unknown():
+    answer = judged(answers.nothing(), remainders=[answers.LEFT])
+    assert answer.verdict == "unknown" and answer.unknown is None and "encoder: wheel 2" in str(answer)
+
+
+def test_nothing_detected_and_noise_left_is_none():
+    assert judged(answers.nothing()).verdict == "none"
+
+
+def test_an_answer_has_the_rows_of_its_proof():
+    answer = judged(answers.named(MODEL), remainders=[answers.LEFT])
+    assert (answer.gap, answer.proof, answer.remainders) == (answers.GAP, "held-out runs", [answers.LEFT])
