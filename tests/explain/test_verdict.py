@@ -37,7 +37,8 @@ def test_effects_that_leave_noise_keep_their_verdict():
 @pytest.mark.parametrize("change, rows, remainders", [
     (on_bound, answers.GAP, ()), (lambda answer: answer, [*answers.GAP, WORSE], ()),
     (lambda answer: answer, answers.GAP, [answers.LEFT]),
-], ids=["bound", "worse", "remainder"])
+    (lambda answer: replace(answer, drifts=["torque_n_m of coulomb_friction drifts"]), answers.GAP, ()),
+], ids=["bound", "worse", "remainder", "drift"])
 def test_what_does_not_suffice_is_incomplete(verdict, change, rows, remainders):
     assert judged(change(answers.named(MODEL, verdict=verdict)), rows, remainders).verdict == "incomplete"
 

@@ -112,7 +112,7 @@ def said(found: Explanation, truth: dict[str, float], name: str) -> dict:
         "left": [[r.channel, r.driver, r.ratio] for r in found.remainders],
         "unknown": unknown,
         "untestable": [entry.effect for entry in found.untestable],
-        "warnings": found.warnings,
+        "warnings": [*found.drifts, *found.warnings],
         "seconds": round(found.seconds, 2),
     }
 
