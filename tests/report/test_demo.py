@@ -13,6 +13,7 @@ from drake_ispace.report import demo as demo_module
 from drake_ispace.report.demo import write_demo
 
 PIXEL = b"\x89PNG"
+LINES = ["hidden: a slope", "found: a slope", "gap: 33 mm before, 3 mm after: 99 % closed"]
 EMPTY = {"meta", "img", "br", "hr", "link", "input"}
 
 
@@ -57,7 +58,7 @@ def write_quickly(folder, seed, tell):
         "path": {"run": "square", "before_m": 0.0331, "after_m": 0.0033},
         "pictures": ["explained_path.png"], "seconds": 61.0,
     }
-    return shown, {"hidden": {}, "explanation": {}, "path": None, "seed": seed}
+    return shown, {"hidden": {}, "explanation": {}, "path": None, "seed": seed, "lines": LINES}
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +139,12 @@ def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch
     assert printed.pop("page") == str(tmp_path / "demo" / "index.html")
     assert json.loads((tmp_path / "demo" / "demo.json").read_text()) == printed
     assert os.listdir(tmp_path) == ["demo"] and "old" not in (tmp_path / "demo" / "index.html").read_text("utf-8")[:3]
+
+
+def test_the_terminal_ends_with_what_was_hidden_what_was_found_and_the_gap(tmp_path, monkeypatch, said):
+    monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
+    monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)
+    assert said("demo", "--seconds", "0.2", "--out", tmp_path / "demo").splitlines()[-3:] == LINES
 
 
 def test_a_demonstration_that_fails_leaves_the_former_one(tmp_path, monkeypatch):
