@@ -9,12 +9,14 @@ sound, and a named effect must not be said to close 90 % of the gap.
 
 import argparse
 import time
+from types import SimpleNamespace
 
 import numpy as np
 
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, STEP, errors, rms, windows_of
+from drake_ispace.explain.prove.prove import prove
 from hidden.generator import RobotLost, generate
 from hidden.motions import MOTIONS
 from hidden.outside import cases, runs_of
@@ -24,6 +26,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sound", type=int, default=18, help="number of sound sets of runs")
     parser.add_argument("--outside", type=int, default=60, help="number of cases outside the library")
+    parser.add_argument("--left", type=int, default=0, help="number of sound sets of which only what is left is tested")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     options = parser.parse_args()
     told = [sound(k) for k in range(options.first, options.first + options.sound)]
@@ -31,6 +34,9 @@ def main():
         wrong = sum(verdict not in ("none",) for verdict in told)
         unsound = sum(verdict in ("incomplete", "unknown") for verdict in told)
         print(f"sound: {len(told)} sets, {wrong} not 'none', {unsound} incomplete or unknown")
+    if options.left:
+        unsound = [k for k in range(options.first, options.first + options.left) if left_of(k)]
+        print(f"left: {len(unsound)} of {options.left} sound sets leave more than noise: {unsound}")
     chosen = cases()[options.first : options.first + options.outside]
     rows = [row for row in (outside(k, case) for k, case in enumerate(chosen, options.first)) if row]
     if rows:
@@ -43,11 +49,27 @@ def main():
         print(f"unknown or incomplete: {honest} of {len(rows)}")
 
 
-def sound(k: int) -> str:
-    """The verdict on a sound robot; process noise 0.3, 1 and 2 in turn, the two robots in turn."""
+def sound_runs(k: int):
+    """Robot, level of process noise and runs of a sound robot; noise 0.3, 1 and 2 in turn, the two robots in turn."""
     robot, level = ("omni", "pendulum")[k % 2], (0.3, 1.0, 2.0)[k // 2 % 3]
     motions = np.random.default_rng(k).permutation(MOTIONS)[:4]
     runs = [generate(robot, str(m), {}, 20.0, 9000 + 10 * k + i, process_noise=level) for i, m in enumerate(motions)]
+    return robot, level, runs
+
+
+def left_of(k: int) -> list:
+    """What is left of a sound robot without any effect, whatever the detection says."""
+    robot, level, runs = sound_runs(k)
+    case = prepare(f"{robot}_multirate", runs[:-1], runs[-1:])
+    left = prove(case, SimpleNamespace(named=None), 0).remainders
+    if left:
+        print(f"left of {k} {robot} noise {level}: {'; '.join(f'{r.channel} ~ {r.driver}' for r in left)}", flush=True)
+    return left
+
+
+def sound(k: int) -> str:
+    """The verdict on a sound robot."""
+    robot, level, runs = sound_runs(k)
     started = time.perf_counter()
     answer = explain(f"{robot}_multirate", runs[:-1], runs[-1:])
     seconds = time.perf_counter() - started
