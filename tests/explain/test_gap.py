@@ -51,6 +51,15 @@ def test_the_headline_is_of_a_place_on_unseen_runs(other):
     assert headline([replace(ROW, **other)]) is None
 
 
-def test_a_channel_is_made_worse_only_beyond_what_noise_leaves():
-    better, worse = replace(ROW, before=0.05, after=0.055), replace(ROW, before=0.05, after=0.08)
-    assert made_worse([better, worse, replace(worse, runs="training")]) == [worse]
+@pytest.mark.parametrize("after, is_worse", [(0.052, False), (0.08, True), (0.03, False)])
+def test_a_channel_is_made_worse_only_beyond_what_noise_leaves(after, is_worse):
+    (row,) = rows(0.05, after)
+    assert row.worse is is_worse and (made_worse([row]) == [row]) is is_worse
+    assert made_worse([replace(row, runs="training")]) == []
+
+
+def test_a_simulation_that_may_be_anywhere_proves_nothing():
+    errors = [[{POSITION: np.full((20, 2), size)} for _ in range(6)] for size in (9.0, 1.5)]
+    noise = {POSITION: 0.1}, {POSITION: 2.5}
+    assert rows_of(Columns(*errors, None, *noise, size_m=0.6), "held_out", "", 0)[0].closed is None
+    assert rows_of(Columns(*errors, None, *noise, size_m=6.0), "held_out", "", 0)[0].closed == 1.0

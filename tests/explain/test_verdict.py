@@ -11,7 +11,7 @@ from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.scenario import load_scenario
 
 MODEL = load_scenario("omni_multirate")
-WORSE = replace(answers.GAP[1], before=0.006, after=0.02)
+WORSE = replace(answers.GAP[1], before=0.006, after=0.02, worse=True)
 
 
 def judged(answer, rows=answers.GAP, remainders=()):

@@ -82,8 +82,9 @@ def write_files(
     if shown := [row for row in explanation.gap if row.runs == HELD_OUT and None not in (row.sensors, row.chance)]:
         plot_gap(shown, folder / "residuals.png")
     tell("simulating the path")
-    path = explanation.closed_loop = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
-    if path is not None and path["closed_loop"]:
+    path = write_path(explanation, model, robot, [*held_out, *runs], folder / "path.png")
+    explanation.closed_loop = path if path is not None and path["closed_loop"] else None
+    if explanation.closed_loop is not None:
         of_unseen = any(path["run"] == name_of(recording) for recording in held_out)
         others = [row for row in explanation.gap if row.driven_by != _REFERENCE]
         explanation.gap = [_closed_loop_row(path, HELD_OUT if of_unseen else TRAINING), *others]

@@ -20,8 +20,10 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.free_run import (
+    ATE,
     HORIZONS_S,
     PREDICTION,
+    RPE,
     STEP,
     WHEELS,
     Errors,
@@ -34,7 +36,8 @@ from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
-_TOO_LARGE = 2.0  # times what sensors and plausible process noise leave
+#: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
+_TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ
 _FOLDS = 4  # into which the only run is cut
@@ -113,7 +116,7 @@ def _too_large(after, sensors, chance, names):
         sizes = [rms([run[m]]) for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         size = rms([run[m] for run in after if m in run])
-        if size > _TOO_LARGE * max(floor, 1e-300):
+        if size > _TOO_LARGE[m.metric] * max(floor, 1e-300):
             found.append(Remainder(
                 m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
                 _worst(sizes, names), f"sensors and plausible process noise leave {floor:.2g} {m.unit}",

@@ -23,6 +23,7 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import (
+    HORIZONS_S,
     PREDICTION,
     RPE,
     STEP,
@@ -233,10 +234,8 @@ def process_noise(
     pooled, noise = pooled_of(after), pooled_of(sensors)
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
-        own = Measure(RPE, "1s", channel, unit_of, WHEELS)
-        if source in unit and own in pooled:
-            extra = max(rms([pooled[own]]) ** 2 - rms([noise[own]]) ** 2, 0.0)
-            needed[source] = float(np.sqrt(extra) / max(rms([parts_of[source][own]]), 1e-300))
+        if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of)):
+            needed[source] = min(strengths)
     forces = [source for source in (*FORCES, *JOLTS) if source in unit]
     blocks = [_shown(pooled, name) for name in (STEP, horizon)]
     if forces and all(blocks):
@@ -257,6 +256,20 @@ def process_noise(
 def pooled_of(runs: Sequence[Errors]) -> Errors:
     """Measure -> (k, d) errors of all runs."""
     return {m: np.vstack([run[m] for run in runs if m in run]) for m in {m for run in runs for m in run}}
+
+
+def _walk(pooled, noise, walk, channel, unit) -> list[float]:
+    """Strengths of a random walk: by the errors of dead reckoning over 1 s, and by their growth from 1 s to 5 s.
+
+    Errors that do not grow are no walk, and errors that are small over 1 s are no strong one.
+    """
+    known = [m for m in (Measure(RPE, f"{s:g}s", channel, unit, WHEELS) for s in HORIZONS_S) if m in pooled]
+    extra = [rms([pooled[m]]) ** 2 - rms([noise[m]]) ** 2 for m in known]
+    squares = [rms([walk[m]]) ** 2 for m in known]
+    pairs = zip([extra[:1], np.diff(extra)], [squares[:1], np.diff(squares)], strict=True) if known else ()
+    return [
+        float(np.sqrt(max(e[0], 0.0) / max(w[0], 1e-300))) for e, w in pairs if len(e) and w[0] > 0.0
+    ]
 
 
 def _shown(pooled, horizon):

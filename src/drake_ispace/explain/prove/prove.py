@@ -60,7 +60,16 @@ class _Judged:
         fitted = None if plain is None else [
             errors(self.prediction, i, self.windows[i], merged(plain)) for i in range(len(self.windows))[runs]
         ]
-        return Columns(self.before[runs], self.after[runs] if after is None else after, fitted, *self.part(runs))
+        after = self.after[runs] if after is None else after
+        return Columns(self.before[runs], after, fitted, *self.part(runs), self._size_m(runs))
+
+    def _size_m(self, runs: slice) -> float:
+        """Root mean square distance of the fixes from the mean of their run [m]."""
+        squares = [
+            np.sum((track.poses[:, :2] - track.poses[:, :2].mean(axis=0)) ** 2, axis=1)
+            for track in self.prediction.tracks[runs] if len(track.fix_t)
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else np.inf
 
 
 def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | None = None) -> Proof:
