@@ -37,7 +37,7 @@ _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, 
 _WITHIN_COUNT = 0.4  # standard deviation of a wheel's place within a count, in counts
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
 #: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
-_IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
+IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
 #: The roll rate of a leaning body, -yaw rate times tilt, mostly shows the error of the tilt, which nothing measures.
 #: Its sign and size change as the robot turns, so that no stationary noise can stand for it.
 _NOT_PREDICTED = "wx"
@@ -195,7 +195,7 @@ class Prediction:
                 end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
                 offset[start:end, column] = _WITHIN_COUNT * count
                 yield offset
-        for column, size in enumerate(_IMU_OFFSETS.values() if p > wheels else (), wheels):
+        for column, size in enumerate(IMU_OFFSETS.values() if p > wheels else (), wheels):
             if column in self.columns:
                 offset = np.zeros((1, p))
                 offset[0, column] = size
@@ -245,7 +245,7 @@ def predict(replay: Replay, tracks: Sequence[Track], tune: bool = True) -> Predi
     robot, wheels = replay.body.robot, replay.body.wheels
     if robot.driven == COMMAND and tune:
         replay = tuned(replay, tracks, starts)
-    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(_IMU_OFFSETS) if robot.has_imu else [])
+    names = [f"wheel {i + 1}" for i in range(wheels)] + (list(IMU_OFFSETS) if robot.has_imu else [])
     # without encoders, or without the IMU of a robot that has one, nothing holds the model on the motion: residuals
     # would show unknown forces, not physics that the model lacks
     followed = replay.feeds >= {"encoder", robot.driven} | ({"imu"} if robot.has_imu else set())

@@ -15,7 +15,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
-from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
@@ -40,6 +40,7 @@ _PREDICTED = 0.2  # share of the squared error that a variable may predict in ru
 _TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ
+_MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
 _FOLDS = 4  # into which the only run is cut
 NOTHING = "nothing measured"
 
@@ -113,15 +114,24 @@ def _too_large(after, sensors, chance, names):
     for m in sorted({m for run in after for m in run}):
         if (m.metric == PREDICTION) != (m.horizon == STEP) or (m.metric != PREDICTION and m.driven_by != WHEELS):
             continue
-        sizes = [rms([run[m]]) for run in after if m in run]
+        errors = [_without_offset(m, run[m]) for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
-        size = rms([run[m] for run in after if m in run])
+        sizes, size = [rms([one]) for one in errors], rms(errors)
         if size > _TOO_LARGE[m.metric] * max(floor, 1e-300):
             found.append(Remainder(
                 m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
                 _worst(sizes, names), f"sensors and plausible process noise leave {floor:.2g} {m.unit}",
             ))
     return found
+
+
+def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
+    """Errors (k, d) of a run, less as much of their mean as the offset of a sound IMU can make."""
+    sensor, _, name = m.channel.partition(": ")
+    if sensor != "imu":
+        return rows
+    most = _MOST_OFFSET * IMU_OFFSETS[name]
+    return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
 def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], sensors) -> Remainder | None:
@@ -196,7 +206,7 @@ def _unlike(motion, names):
 
 
 def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, _Series]:
-    """Errors of wheels and IMU over the shortest horizon; the IMU's without their mean, which a sound IMU may have."""
+    """Errors of wheels and IMU over the shortest horizon."""
     m = motion_of(prediction, prediction.tracks[i])
     drivers = drivers_of(m, False) | {"wheel angle": of_wheel_angle(m)}
     middle = windows.dense + windows.lengths[windows.shortest] // 2
@@ -204,8 +214,7 @@ def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> 
     series = {}
     for measure, rows in after.items():
         if (measure.metric, measure.horizon) == (PREDICTION, windows.shortest):
-            offset = rows.mean(axis=0) if measure.channel.startswith("imu") else 0.0
-            series[measure] = _Series(middle * TICK_S, rows - offset, drivers)
+            series[measure] = _Series(middle * TICK_S, _without_offset(measure, rows), drivers)
     return series
 
 
