@@ -44,7 +44,6 @@ _LEAST_RESTING = 10  # fixes of a robot at rest, from which on they say what the
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 _DRIVE_S = 0.5  # correlation time of a drive that leaves its command
 
-
 SENSORS = "sensors"
 FORCES = ("force 1", "force 2", "force 3")  # as slow as the filter assumes
 WALKS = ("slip", "turn")
