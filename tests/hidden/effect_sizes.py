@@ -77,11 +77,13 @@ TYPICAL = {
 TYPICAL_UNKNOWN = {
     "omni": {
         "quadratic_drag": 12.0, "carpet_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02,
-        "motor_warm_up_gain": 0.5, "cogging": 0.012, "cable_pull": 1.0,
+        "motor_warm_up_gain": 0.5, "cogging": 0.012, "cable_pull": 1.0, "one_wheel_friction": 0.012,
+        "motor_offset": 0.008, "forward_friction": 0.015, "wheel_drag": 0.00015, "eccentric_encoder": 0.15,
     },
     "pendulum": {
         "quadratic_drag": 8.0, "carpet_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03,
-        "motor_warm_up_gain": 0.3, "cogging": 0.015, "cable_pull": 0.4,
+        "motor_warm_up_gain": 0.3, "cogging": 0.015, "cable_pull": 0.4, "one_wheel_friction": 0.02,
+        "motor_offset": 0.02, "forward_friction": 0.02, "wheel_drag": 0.0004, "eccentric_encoder": 0.05,
     },
 }
 
