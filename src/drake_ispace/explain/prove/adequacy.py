@@ -79,12 +79,14 @@ class _Series:
 def remainders(
     prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values], after: Sequence[Errors],
     noise: ProcessNoise, sensors: Mapping[Measure, float], chance: Mapping[Measure, float],
+    assumed: Mapping[Measure, float],
 ) -> list[Remainder]:
     """The Remainders of an answer, the worst first; none where it suffices.
 
     Args:
         prediction: model and runs. windows, values, after: of each run, the effects in the model and its errors.
-        noise: that the errors need. sensors, chance: measure -> root mean square that noise may leave.
+        noise: that the errors need. sensors, chance: measure -> root mean square that noise may leave. assumed: the
+            same of process noise that is as strong as assumed.
     """
     motion = [_sensed(prediction, i, w, e) for i, (w, e) in enumerate(zip(windows, after, strict=True))]
     rooms = [_places(prediction, i, v) for i, v in enumerate(values)]
@@ -93,7 +95,8 @@ def remainders(
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
-            if remainder := _predicted(m, own, sensors):
+            pooled = _as_pooled(m)
+            if remainder := _predicted(m, own, float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))):
                 found.append(remainder)
     found += _unlike(motion, names)
     return sorted(found, key=lambda remainder: -remainder.ratio)
@@ -134,17 +137,17 @@ def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
     return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
-def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], sensors) -> Remainder | None:
+def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> Remainder | None:
     """The variable that predicts most of an error in runs from which this was not learned.
 
-    None where it is a small part of the error, or smaller than what the sensors alone leave: pixels and counts repeat
-    themselves with the place.
+    None where it is a small part of the error, or smaller than the usual error of a sound robot: pixels and counts
+    repeat themselves with the place.
     """
     names, series = zip(*runs, strict=True)
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
     driver = max(shares, key=shares.get)
     size = rms([run.errors for run in series]) * float(np.sqrt(max(shares[driver], 0.0)))
-    if shares[driver] < _PREDICTED or size < sensors.get(_as_pooled(m), 0.0):
+    if shares[driver] < _PREDICTED or size < usual:
         return None
     return Remainder(
         m.channel, driver, size, m.unit, m.horizon, shares[driver] / _PREDICTED, _since(series),

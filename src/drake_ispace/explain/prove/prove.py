@@ -107,7 +107,9 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
     after = [errors(training, i, fitted_to.windows[i], merged(point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     every_run, tolerated = slice(0, len(values)), judged.noise.tolerated
-    left = remainders(every, judged.windows, values, judged.after, judged.noise, *judged.part(every_run, tolerated))
+    assumed = judged.part(every_run, dict.fromkeys(judged.noise.needed, 1.0))[1]
+    noise_leaves = *judged.part(every_run, tolerated), assumed
+    left = remainders(every, judged.windows, values, judged.after, judged.noise, *noise_leaves)
     return Proof(by, rows, _distinct(left), judged.noise, plain)
 
 
