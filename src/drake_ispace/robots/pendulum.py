@@ -124,6 +124,20 @@ class Pendulum(Robot):
     def effort(self, plant):
         return pendulum.linear_terms(plant)[2]
 
+    @property
+    def unweighted(self):
+        return [0, 1]
+
+    def rates(self, plant, wheel_rates, lean_rate):
+        moved = wheel_rates @ plant.geometry.forward.T
+        return np.column_stack([moved[:, 0] + plant.wheel_radius_m * lean_rate, moved[:, 2], lean_rate])
+
+    def turning(self, rates):
+        return np.zeros_like(rates)
+
+    def lean_arm(self, settings):
+        return settings.plant.wheel_radius_m + settings.imu.height_m
+
     def error_system(self, plant, imu_height_m=0.0):
         """x = [s, phi, theta and their rates]; e: both wheels, then the IMU's six."""
         a, _ = pendulum.linear_model(plant)

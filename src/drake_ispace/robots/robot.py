@@ -244,6 +244,24 @@ class Robot(abc.ABC):
         effort = self.effort(plant)
         return effort.T @ np.linalg.solve(self.mass_matrix(plant), effort)
 
+    @property
+    def unweighted(self) -> list[int]:
+        """The coordinates of `ground` along which its own weight does not push it."""
+        return [0, 1, 2]
+
+    def rates(self, plant, wheel_rates: np.ndarray, lean_rate: np.ndarray | None) -> np.ndarray:
+        """(n, 3) velocities along `ground`, from those of the wheels (n, wheels) and of the lean (n,) [rad/s]."""
+        return wheel_rates @ plant.geometry.forward.T
+
+    def turning(self, rates: np.ndarray) -> np.ndarray:
+        """(n, 3) what accelerations along `ground` have more than the derivatives of `rates` (n, 3): its axes turn."""
+        vx, vy, wz = rates.T
+        return np.column_stack([-wz * vy, wz * vx, np.zeros_like(wz)])
+
+    def lean_arm(self, settings) -> float:
+        """Height [m] by which the IMU moves forward for each radian that the body leans, wheels held to it."""
+        return 0.0
+
     def friction(self, plant) -> Friction:
         """Friction of the wheels that the plant has; none where velocity is commanded."""
         return plant.friction if self.driven == TORQUE else Friction()

@@ -1,0 +1,147 @@
+"""Is it the data? Every mistake that a log may have is tried, by comparing its channels with each other.
+
+The wheels are compared with the camera, then torque, command and IMU with the wheels. What is found is repaired in a
+copy before the next comparison, so that one mistake is not found twice.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.explain.check.clocks import clocks
+from drake_ispace.explain.check.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
+from drake_ispace.explain.check.finding import Finding, named
+from drake_ispace.explain.check.foreign import foreign
+from drake_ispace.explain.check.links import base_of, links
+from drake_ispace.explain.check.samples import sample_findings
+from drake_ispace.explain.check.stamps import stamp_findings
+from drake_ispace.explain.check.steps import step_findings
+from drake_ispace.explain.check.wheels_and_camera import wheels_or_camera
+from drake_ispace.faults.repair import CutOut, parts
+from drake_ispace.files.recording import Recording
+from drake_ispace.robots.library import robots
+from drake_ispace.robots.recordings import load
+from drake_ispace.robots.robot import COMMAND, TORQUE
+from drake_ispace.scenario import Scenario, as_scenario
+from drake_ispace.wiring.catalog import entry_of
+
+_ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
+_SHORTEST_S = 3.0  # part of a run that is kept
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was found.
+
+    Attributes:
+        names: of the runs. findings: the surest first, those without a comparison before them. repaired: the runs after
+            all repairs of whole channels; stretches are not cut out of them.
+    """
+
+    names: list[str]
+    findings: list[Finding]
+    repaired: list[Recording]
+
+    @property
+    def whole(self) -> list[Finding]:
+        """Findings on whole runs."""
+        return [finding for finding in self.findings if not finding.limited]
+
+    @property
+    def limited(self) -> list[Finding]:
+        """Findings on stretches of time."""
+        return [finding for finding in self.findings if finding.limited]
+
+    def repaired_parts(self) -> list[list[Recording]]:
+        """The repaired runs without the stretches that are to be cut out, each as the parts that remain of it."""
+        return [
+            parts(run, [repair for finding in self.findings if i in finding.runs for repair in finding.repairs
+                        if isinstance(repair, CutOut)], _SHORTEST_S)
+            for i, run in enumerate(self.repaired)
+        ]
+
+
+def check(
+    model: Scenario | str | Path, runs: Sequence[Recording | str | Path], tell: Callable[[str], None] = lambda text: None
+) -> Checked:
+    """Find the faults of recordings of one robot.
+
+    Args:
+        model: that describes the robot. runs: one or several. tell: called with the name of each step.
+
+    Raises:
+        InputError: a run that cannot be read or is of another robot.
+    """
+    loaded = [run if isinstance(run, Recording) else load(run) for run in runs]
+    names = [str(run.path) if run.path else f"run {i + 1}" for i, run in enumerate(loaded)]
+    scenario = as_scenario(model)
+    known = [robots()[name] for name in entry_of(scenario).robots]
+    for name, run in zip(names, loaded, strict=True):
+        if not any(robot.answers_to(run.robot) for robot in known):
+            raise InputError(f"{name}: the run is of robot {run.robot}, expected {' or '.join(r.name for r in known)}")
+    robot = next(robot for robot in known if robot.answers_to(loaded[0].robot))
+    return _Search(loaded, names, robot, getattr(scenario, robot.name)).run(tell)
+
+
+class _Search:
+    """The runs as far as they are repaired, and what was found so far."""
+
+    def __init__(self, runs, names, robot, settings):
+        self.runs, self.names, self.robot, self.settings = list(runs), names, robot, settings
+        self.findings: list[Finding] = []
+
+    def run(self, tell) -> Checked:
+        """All checks, in order."""
+        tell("checking the recordings")
+        counts = float(self.settings.encoder.counts_per_turn)
+        self._each(lambda run, i: stamp_findings(run, i))
+        self._each(lambda run, i: sample_findings(run, i, counts))
+        tell("comparing wheels and camera")
+        self._repeatedly(wheels_or_camera)
+        self._clocks("kinect")
+        tell("comparing torque, command and IMU with the wheels")
+        for channel, find in (("imu", imu_columns_of), (TORQUE, torque_columns_of), (COMMAND, command_columns_of)):
+            self._repeatedly(find)
+            self._clocks(channel)
+        self._each(lambda run, i: step_findings(run, self._bases()[i], i))
+        self._add(foreign(self.runs, self._bases()))
+        findings = sorted(self.findings, key=lambda finding: -(finding.drop_in_deviance or float("inf")))
+        return Checked(self.names, [named(finding, self.names) for finding in findings], self.runs)
+
+    def _bases(self):
+        return [base_of(run, self.robot, self.settings) for run in self.runs]
+
+    def _each(self, find: Callable[[Recording, int], Iterable[Finding]]):
+        self._add(_joined([finding for i, run in enumerate(self.runs) for finding in find(run, i)]))
+
+    def _repeatedly(self, find):
+        for _ in range(_ROUNDS):
+            finding = find(self.runs, self._bases())
+            if finding is None:
+                return
+            self._add([finding])
+
+    def _clocks(self, channel):
+        bases = self._bases()
+        there = [(i, links(run, base).get(channel), base) for i, (run, base) in enumerate(zip(self.runs, bases, strict=True))
+                 if base is not None and channel in run.channels]
+        self._add(clocks([one for one in there if one[1] is not None]))
+
+    def _add(self, findings: list[Finding]):
+        for finding in findings:
+            self.findings.append(finding)
+            for repair in finding.repairs:
+                for i in finding.runs:
+                    if not isinstance(repair, CutOut):
+                        self.runs[i] = repair.apply(self.runs[i])
+
+
+def _joined(findings: list[Finding]) -> list[Finding]:
+    """Findings of different runs that are the same, as one."""
+    joined: dict[tuple, Finding] = {}
+    for finding in findings:
+        key = (finding.fault, finding.what, finding.channel, finding.from_s, finding.repairs)
+        same = joined.get(key)
+        joined[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
+    return list(joined.values())

@@ -1,0 +1,200 @@
+"""Do the clocks of the channels agree? Offsets, drifts and jumps against the wheels' clock.
+
+Motion itself is the clock: what a channel says of it is compared with what the wheels say some time earlier or later.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_ispace.explain.check.agreement import SAID
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.links import FEWEST, Base, Link, inside
+from drake_ispace.explain.check.regression import scores
+from drake_ispace.faults.repair import Clock
+
+LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
+_LAGS_S = np.arange(-100, 101) * 0.05
+_USUAL = np.abs(_LAGS_S) <= LATENCY_S + 1e-9
+_FINE_S = np.arange(-10, 11) * 0.01
+_RATES = tuple(sign * size for size in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05) for sign in (1.0, -1.0))
+_DRIFT, _JUMP = 2.0, 4.0  # priors, as losses of log likelihood
+_NEAR = 0.2  # a residual that counts as small, as a share of the motion
+_INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
+
+
+@dataclass(frozen=True)
+class Path:
+    """Where on the wheels' clock a channel's time t lies: t + lag_s + rate (t - middle_s), and later_s more from jump_s."""
+
+    lag_s: float = 0.0
+    rate: float = 0.0
+    middle_s: float = 0.0
+    later_s: float = 0.0
+    jump_s: float = np.inf
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """(n,) times [s] on the wheels' clock."""
+        return t + self.lag_s + self.rate * (t - self.middle_s) + np.where(t >= self.jump_s, self.later_s, 0.0)
+
+    @property
+    def loss(self) -> float:
+        """Of log likelihood, a prior."""
+        return _JUMP if self.later_s else _DRIFT if self.rate else 0.0
+
+
+class _Trial:
+    """A channel of one run under other clocks; loss (lags, windows): of each window, less that without any relation."""
+
+    def __init__(self, number: int, link: Link, base: Base):
+        self.number, self.link, self.base = number, link, base
+        self.loss = _losses(link, base)
+        self.total = np.nansum(self.loss, axis=1)
+        self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
+        usual = _LAGS_S[_USUAL][np.argmin(self.total[_USUAL])]
+        near = usual + _FINE_S[np.abs(usual + _FINE_S) <= LATENCY_S + 1e-9]
+        self.given = max(self.score(Path(float(lag))) for lag in near)
+
+    def score(self, path: Path) -> float:
+        """Log likelihood along a path over that without any relation, of the windows that lie inside of the run."""
+        since, until = path.at(self.link.since_s), path.at(self.link.until_s)
+        kept = inside(self.base, since, until)
+        if kept.sum() < FEWEST:
+            return -np.inf
+        y, x = self.link.measured[kept], self.link.predicted(since[kept], until[kept])
+        besides = None if self.link.besides is None else self.link.besides(since[kept], until[kept])
+        both = np.stack([x, np.zeros_like(x)]), np.stack([y, y])
+        related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides)
+        return float(related - unrelated) - path.loss
+
+    def gain(self, path: Path) -> float:
+        """By how much a path is more likely than any latency that a sound channel may have."""
+        return self.score(path) - self.given
+
+    def sharpened(self, path: Path) -> Path:
+        """The path with the most likely lag near its own."""
+        return _middle_of_best([replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S], self.score)
+
+    def best(self) -> tuple[Path, float]:
+        """The most likely path, and its gain: that of no path where nothing promises enough."""
+        rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
+        paths = [self.sharpened(path) for path in rough]
+        gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
+        return (paths[path], gained) if path >= 0 else (Path(), 0.0)
+
+    def offset(self) -> Path | None:
+        """The best constant offset; None where it is no more than a latency."""
+        lag = float(_LAGS_S[np.argmin(self.total)])
+        return None if abs(lag) <= LATENCY_S + 1e-9 else Path(lag)
+
+    def along(self, rate: float) -> tuple[float, Path]:
+        """Loss and path with a clock that is slow by that rate, at its best offset."""
+        steps = 0.5 * (self.link.since_s + self.link.until_s) - self.middle_s
+        at = np.arange(len(_LAGS_S))[:, None] + np.rint(rate * steps / (_LAGS_S[1] - _LAGS_S[0])).astype(int)
+        there = (at >= 0) & (at < len(_LAGS_S))
+        known = np.nan_to_num(self.loss)[np.clip(at, 0, len(_LAGS_S) - 1), np.arange(len(steps))]
+        total = np.where(there, known, 0.0).sum(axis=1)
+        lag = int(np.argmin(total))
+        return float(total[lag]), Path(float(_LAGS_S[lag]), rate, self.middle_s)
+
+    def drift(self) -> Path | None:
+        """The best path with a clock that is fast or slow; None where a run is too short to see one."""
+        lasts = self.link.until_s[-1] - self.link.since_s[0]
+        rates = [rate for rate in _RATES if abs(rate) * lasts >= LATENCY_S]
+        return min((self.along(rate) for rate in rates), key=lambda found: found[0])[1] if rates else None
+
+    def jump(self) -> Path | None:
+        """The best path with a clock that jumps once by more than a latency."""
+        known = np.nan_to_num(self.loss)
+        before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
+        ends = np.arange(FEWEST // 2, known.shape[1] - FEWEST // 2)
+        if not len(ends):
+            return None
+        total = before[:, ends - 1].min(axis=0) + after[:, ends].min(axis=0)
+        end = int(ends[np.argmin(total)])
+        first, second = _LAGS_S[np.argmin(before[:, end - 1])], _LAGS_S[np.argmin(after[:, end])]
+        if abs(first - second) <= LATENCY_S:
+            return None
+        return Path(float(first), 0.0, 0.0, float(second - first), float(self.link.since_s[end]))
+
+    def repair(self, path: Path) -> Clock:
+        """What puts the channel on the wheels' clock."""
+        if path.later_s:
+            return Clock(self.link.channel, 1.0, path.later_s, path.jump_s)
+        return Clock(self.link.channel, 1.0 + path.rate, path.lag_s - path.rate * path.middle_s)
+
+    def interval(self, path: Path) -> tuple[float, float]:
+        """The lags [s] that are about as likely, 90 %."""
+        near = [replace(path, lag_s=path.lag_s + float(d)) for d in 2.0 * _FINE_S]
+        scored = np.array([self.score(one) for one in near])
+        likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
+        return min(likely), max(likely)
+
+    def finding(self, path: Path, drop: float) -> Finding:
+        """The path as a finding."""
+        since = until = interval = None
+        if path.later_s:
+            fault, what = "clock_jump", f"clock jumps by {-path.later_s:.3g} s at {path.jump_s:.4g} s"
+            since, until = path.jump_s, float(self.link.until_s[-1])
+        elif path.rate:
+            fault = "clock_drift"
+            what = f"clock {100 * abs(path.rate):.2g} % {'slow' if path.rate > 0 else 'fast'} against the wheels'"
+        else:
+            fault, interval = "clock_offset", self.interval(path)
+            what = f"clock {abs(path.lag_s):.3g} s {'late' if path.lag_s < 0 else 'early'} against the wheels'"
+        return Finding(
+            fault, what, "", (self.number,), self.link.channel, since, until, drop, interval=interval,
+            repairs=(self.repair(path),),
+        )
+
+
+def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
+    """The mistakes of one channel's clock: the same in all runs if that explains as much as one of each run's own.
+
+    links: number of the run, link and base of every run that has the channel.
+    """
+    trials = [_Trial(*one) for one in links if _moves(one[1])]
+    own = [(trial, *trial.best()) for trial in trials]
+    own = [(trial, path, gain) for trial, path, gain in own if gain >= SAID]
+    apart = sum(gain for *_, gain in own)
+    if len(trials) > 1:
+        total = np.sum([trial.total for trial in trials], axis=0)
+        common = Path(float(_LAGS_S[np.argmin(total)]))
+        if abs(common.lag_s) > LATENCY_S + 1e-9:
+            near = [replace(common, lag_s=common.lag_s + float(d)) for d in _FINE_S]
+            common = _middle_of_best(near, lambda path: sum(trial.score(path) for trial in trials))
+            gains = [trial.gain(common) for trial in trials]
+            if sum(gains) >= max(SAID, apart - len(trials)) and min(gains) > -SAID:
+                strongest = trials[int(np.argmax(gains))]
+                finding = strongest.finding(common, 2.0 * sum(gains))
+                return [replace(finding, runs=tuple(trial.number for trial in trials))]
+    return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
+
+
+def _middle_of_best(paths, score):
+    """The path in the middle of those that are as likely as the best, within a loss of a half."""
+    scored = np.array([score(path) for path in paths])
+    near = np.flatnonzero(scored >= scored.max() - 0.5)
+    return paths[int(near[len(near) // 2])]
+
+
+def _moves(link):
+    """Whether a channel moves by enough to tell the time."""
+    if len(link.since_s) < FEWEST:
+        return False
+    sizes = [np.sqrt((link.measured[:, list(group)] ** 2).sum(axis=1).mean()) for group in link.groups]
+    return any(size > 3.0 * link.noise[list(group)].max() for size, group in zip(sizes, link.groups, strict=True))
+
+
+def _losses(link, base):
+    """(lags, windows) losses of each window at each lag, less those without any relation; NaN outside of the run."""
+    y, near = link.measured, np.empty(link.measured.shape[1])
+    for group in map(list, link.groups):
+        size = np.sqrt((y[:, group] ** 2).sum(axis=1).mean())
+        near[group] = np.hypot(_NEAR * size, link.noise[group]) + 1e-12
+    since, until = link.since_s + _LAGS_S[:, None], link.until_s + _LAGS_S[:, None]
+    x = link.predicted(since.ravel(), until.ravel()).reshape(*since.shape, -1)
+    loss = np.log1p(((y - x) / near) ** 2).sum(axis=2) - np.log1p((y / near) ** 2).sum(axis=1)
+    there = np.array([inside(base, link.since_s, link.until_s, lag) for lag in _LAGS_S])
+    return np.where(there, loss, np.nan)

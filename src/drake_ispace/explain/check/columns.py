@@ -1,0 +1,106 @@
+"""Mistakes that the columns of torque, command and IMU may have: signs, order and units, each as a matrix on them."""
+
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from drake_ispace.explain.check.hypotheses import ANGLES, LENGTHS, ONE, TWO
+from drake_ispace.plants.slip import GRAVITY
+
+#: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
+TORQUES = {"mN m": 1e-3, "N cm": 1e-2, "kgf cm": 0.0980665, "N mm": 1e-3, "percent of a newton metre": 1e-2}
+_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A way to read the columns of a channel: values = matrix times recorded ones, plus offset.
+
+    Attributes:
+        fault: its name; empty: as given. what: in words. loss: of log likelihood, a prior. related: 0 where the channel
+            says nothing of the robot's motion.
+    """
+
+    fault: str
+    what: str
+    matrix: np.ndarray
+    loss: float = ONE
+    offset: np.ndarray | None = None
+    related: float = 1.0
+
+
+def innocent(columns: int) -> list[Columns]:
+    """The two readings of a channel that accuse nobody."""
+    unit = np.eye(columns)
+    return [Columns("", "as given", unit), Columns("", "no relation", unit, related=0.0)]
+
+
+def torque_columns(wheels: int) -> list[Columns]:
+    """All readings of the torques of so many wheels, that as given first."""
+    unit = np.eye(wheels)
+    found = [*innocent(wheels), Columns("torque_sign", "all torques of the other sense", -unit)]
+    for i in range(wheels):
+        sign = np.ones(wheels)
+        sign[i] = -1.0
+        found.append(Columns("torque_sign", f"the torque of wheel {i + 1} of the other sense", np.diag(sign)))
+    for order in permutations(range(wheels)) if wheels <= 5 else ():
+        moved = sum(k != i for i, k in enumerate(order))
+        if moved:
+            said = ", ".join(str(k + 1) for k in order)
+            found.append(Columns("torques_swapped", f"the torques in the order {said}", unit[list(order)],
+                                 ONE if moved == 2 else TWO))
+    for factor in sorted(set(TORQUES.values())):
+        names = " or ".join(name for name, value in TORQUES.items() if value == factor)
+        found.append(Columns("wrong_unit", f"torques in {names}", factor * unit))
+    return found
+
+
+def command_columns() -> list[Columns]:
+    """All readings of the columns vx, vy, wz, that as given first."""
+    found = innocent(3)
+    for signs in product((1.0, -1.0), repeat=3):
+        wrong = [name for name, sign in zip(("vx", "vy", "wz"), signs, strict=True) if sign < 0.0]
+        if wrong:
+            found.append(Columns("command_sign", f"{' and '.join(wrong)} of the other sense", np.diag(signs),
+                                 ONE if len(wrong) == 1 else TWO))
+    for x, y in product((1.0, -1.0), repeat=2):
+        swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        found.append(Columns("command_axes_swapped", "vx and vy change places", swap, ONE if x == y == 1.0 else TWO))
+    speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": 1.0 / 3.6}
+    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+    for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **turns}.items()):
+        wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
+        if wrong:
+            found.append(Columns("wrong_unit", " and ".join(wrong), np.diag([metre, metre, radian]), TWO * (len(wrong) - 1)))
+    return found
+
+
+def accelerometer_columns() -> list[Columns]:
+    """All mistaken readings of ax, ay, az."""
+    found = _turned("ax, ay, az")
+    for name, factor in (("g", GRAVITY), ("thousandths of g", GRAVITY / 1000.0), ("mm/s^2", 1e-3)):
+        found.append(Columns("wrong_unit", f"ax, ay, az in {name}", factor * np.eye(3)))
+    found.append(Columns("gravity_missing", "gravity is taken off az", np.eye(3), ONE, np.array([0.0, 0.0, GRAVITY])))
+    return found
+
+
+def gyro_columns() -> list[Columns]:
+    """All mistaken readings of wx, wy, wz."""
+    found = _turned("wx, wy, wz")
+    for name, factor in ((*ANGLES.items(), ("rpm", 2.0 * np.pi / 60.0))):
+        found.append(Columns("wrong_unit", f"wx, wy, wz in {name if name == 'rpm' else name + '/s'}", factor * np.eye(3)))
+    return found
+
+
+def _turned(names):
+    """Every order and sign of three axes but the right one."""
+    columns, found = names.split(", "), []
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            matrix = np.diag(signs) @ np.eye(3)[list(order)]
+            said = ", ".join(("-" if s < 0 else "") + columns[k] for k, s in zip(order, signs, strict=True))
+            wrong = sum(s < 0 for s in signs) + sum(k != i for i, k in enumerate(order))
+            if wrong:
+                found.append(Columns("imu_axes", f"axes are {said}", matrix, ONE if wrong <= 2 else TWO))
+    return found

@@ -1,0 +1,162 @@
+"""Do torque, command and IMU say the same motion as the wheels, and if not, which mistake of their columns makes them?"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_ispace.explain.check.agreement import compared, disagreement, row
+from drake_ispace.explain.check.columns import (
+    Columns,
+    accelerometer_columns,
+    command_columns,
+    gyro_columns,
+    innocent,
+    torque_columns,
+)
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.links import (
+    BLOCK,
+    FEWEST,
+    Base,
+    command_link,
+    felt,
+    held_integral,
+    inside,
+    integral,
+    torque_link,
+    turn_link,
+)
+from drake_ispace.explain.check.motion import arm
+from drake_ispace.explain.check.regression import scores
+from drake_ispace.faults.repair import Mixed
+from drake_ispace.files.recording import Recording
+from drake_ispace.plants.slip import GRAVITY
+from drake_ispace.robots.robot import COMMAND, TORQUE
+
+_FORCES, _TURNS = ("ax", "ay", "az"), ("wx", "wy", "wz")
+Runs, Bases = Sequence[Recording], Sequence[Base | None]
+
+
+def torque_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+    """The mistake of the torques' columns under which they agree with the wheels' acceleration."""
+    base = _first(bases)
+    if base is None or base.robot.driven != TORQUE:
+        return None
+    given, plant = torque_columns(len(base.geometry.wheels)), base.settings.plant
+    effort = base.robot.effort(plant)[base.robot.unweighted]
+    effort = effort / np.abs(effort).max(axis=1, keepdims=True)
+
+    def one(run, own):
+        link = torque_link(run, own) if TORQUE in run.channels else None
+        return row(given, None if link is None else _of_wheels(run, own, link, given, effort))
+
+    return _found(runs, bases, given, one, TORQUE, None)
+
+
+def _of_wheels(run, base, link, given, effort):
+    """As `compared`, of the torque of each wheel: some of their sums push nothing, and are not in the link."""
+    kept = inside(base, link.since_s, link.until_s)
+    if kept.sum() < FEWEST:
+        return None
+    since, until = link.since_s[kept], link.until_s[kept]
+    impulses = held_integral(run.channels[TORQUE], since, until)
+    y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
+    x = _related(given) * link.predicted(since, until)
+    return scores(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until))
+
+
+def _related(given):
+    return np.array([columns.related for columns in given])[:, None, None]
+
+
+def command_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+    """The mistake of the command's columns under which it agrees with the wheels' motion."""
+    base, given = _first(bases), command_columns()
+    if base is None or base.robot.driven != COMMAND:
+        return None
+    unit = np.array([1.0, 1.0, arm(base.geometry)])
+    matrices = [columns.matrix * unit[:, None] / unit for columns in given]
+
+    def one(run, own):
+        link = command_link(run, own) if COMMAND in run.channels else None
+        return row(given, None if link is None else compared(link, own, matrices, _related(given)))
+
+    return _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"))
+
+
+def imu_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+    """The mistake of the IMU's columns under which it agrees with gravity and the wheels' motion."""
+    unit = np.eye(3)
+    given = innocent(6)
+    given += [_six(gyro, unit, gyro.matrix) for gyro in gyro_columns()]
+    given += [_six(force, force.matrix, unit) for force in accelerometer_columns()]
+    given += [_six(both, both.matrix, both.matrix) for both in gyro_columns() if both.fault == "imu_axes"]
+
+    def one(run, own):
+        return row(given, *_imu_parts(run, own, given)) if "imu" in run.channels else row(given)
+
+    return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS))
+
+
+def _six(columns, force, gyro):
+    """The reading of all six columns of an IMU."""
+    what = columns.what
+    if columns.fault == "imu_axes" and not np.array_equal(force, np.eye(3)) and not np.array_equal(gyro, np.eye(3)):
+        what = f"{what}, and the accelerometer's alike"
+    both = np.block([[force, np.zeros((3, 3))], [np.zeros((3, 3)), gyro]])
+    offset = None if columns.offset is None else np.concatenate([columns.offset, np.zeros(3)])
+    return Columns(columns.fault, what, both, columns.loss, offset)
+
+
+def _imu_parts(run, base, given):
+    """Log likelihoods of the turn about the vertical, of gravity, and of the specific force along x and y."""
+    imu, parts = run.channels["imu"], []
+    link = turn_link(run, base)
+    kept = inside(base, link.since_s, link.until_s)
+    if kept.sum() >= FEWEST:
+        since, until = link.since_s[kept], link.until_s[kept]
+        six = np.hstack([integral(imu, _FORCES, since, until), integral(imu, _TURNS, since, until)])
+        lasts = (until - since)[:, None]
+        read = [six @ c.matrix.T + (0.0 if c.offset is None else lasts * c.offset) for c in given]
+        turn = np.stack([values[:, 5:] for values in read])
+        x = _related(given) * link.predicted(since, until)
+        parts.append(scores(x, turn, ((0,),), np.zeros((len(given), 1))))
+        force = np.stack([values[:, :3] for values in read])
+        x = _related(given) * lasts * np.array([0.0, 0.0, GRAVITY])
+        parts.append(scores(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))
+    edges, block, predicted = felt(run, base)
+    kept = inside(base, *edges.T)
+    if kept.sum() >= 2 * BLOCK:
+        since, until = edges[kept].T
+        force = integral(imu, _FORCES, since, until) / (until - since)[:, None]
+        y = np.stack([_levelled(force @ c.matrix[:3, :3].T, block[kept])[:, :2] for c in given])
+        x = np.stack([_levelled(predicted(c.matrix[3:, 3:])[kept], block[kept]) for c in given])
+        parts.append(scores(_related(given) * x, y, ((0, 1),), np.zeros((len(given), 2))))
+    return parts
+
+
+def _levelled(values, block):
+    """values (n, d) less a straight line in each block."""
+    levelled = values.copy()
+    for k in np.unique(block):
+        at = np.flatnonzero(block == k)
+        line = np.vander(np.arange(len(at)), 2)
+        levelled[at] -= line @ np.linalg.lstsq(line, values[at], rcond=None)[0]
+    return levelled
+
+
+def _first(bases):
+    return next((base for base in bases if base is not None), None)
+
+
+def _found(runs, bases, given, one, channel, columns):
+    scored = np.array([
+        row(given) if base is None else one(run, base) for run, base in zip(runs, bases, strict=True)
+    ])
+
+    def repairs(reading):
+        names = columns or next(run.channels[channel].columns for run in runs if channel in run.channels)
+        offset = () if reading.offset is None else tuple(reading.offset.tolist())
+        return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
+
+    return disagreement(scored, given, lambda reading: channel, repairs)

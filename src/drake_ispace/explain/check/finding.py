@@ -1,0 +1,54 @@
+"""What a check found: a fault, where it is, how sure that is, and what undoes it."""
+
+from dataclasses import dataclass, replace
+
+from drake_ispace.faults.repair import Repair
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault of the data, or of the model's dimensions.
+
+    Attributes:
+        fault: name of its card. what: in words. run: name; all: every run has it. runs: numbers of the runs that have
+            it. channel: that is at fault, "model" for the model's dimensions. from_s, to_s: stretch of time [s], on the
+            recorded clock; None: the whole run.
+        drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
+            plausible size included, -2 log likelihood ratio; None: the channel shows it without the others.
+        rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
+        repairs: what undoes it, in this order; empty: nothing can.
+    """
+
+    fault: str
+    what: str
+    run: str
+    runs: tuple[int, ...]
+    channel: str
+    from_s: float | None = None
+    to_s: float | None = None
+    drop_in_deviance: float | None = None
+    rivals: tuple[str, ...] = ()
+    interval: tuple[float, float] | None = None
+    repairs: tuple[Repair, ...] = ()
+
+    @property
+    def limited(self) -> bool:
+        """Whether only a stretch of time is at fault."""
+        return self.from_s is not None
+
+    @property
+    def repair(self) -> str:
+        """What undoes it, in one line."""
+        return "; ".join(str(one) for one in self.repairs) or "record it again"
+
+    def to_data(self) -> dict:
+        """Plain data, ready for JSON."""
+        names = ("fault", "what", "run", "channel", "from_s", "to_s", "drop_in_deviance", "rivals", "interval", "repair")
+        data = {name: getattr(self, name) for name in names}
+        return data | {name: None if data[name] is None else list(data[name]) for name in ("rivals", "interval")}
+
+
+def named(finding: Finding, names: list[str]) -> Finding:
+    """The finding with `run` from its `runs` and the names of all runs."""
+    whole = len(finding.runs) == len(names) > 1
+    return replace(finding, run="all" if whole else ", ".join(names[i] for i in finding.runs))

@@ -1,0 +1,138 @@
+"""Mistakes that a whole log may have between wheels and camera, each as a way to read the two."""
+
+from dataclasses import dataclass, field
+from itertools import combinations, permutations, product
+
+import numpy as np
+
+from drake_ispace.explain.check.motion import AS_GIVEN, View
+from drake_ispace.plants.wheels import WheelGeometry
+
+#: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "km": 1e3}
+ANGLES = {"deg": np.pi / 180.0, "rev": 2.0 * np.pi, "mrad": 1e-3}
+_FACTORS = (2.0, 4.0, 0.5, 0.25)  # of counts per turn: edges of a quadrature decoder
+_GEARS = (3.0, 5.0, 8.0, 9.0, 10.0, 12.0, 16.0, 20.0, 30.0, 50.0, 100.0)
+#: Prior, as a loss of log likelihood: of one thing; of one of two or more at the same time; of a free number.
+ONE, TWO, FREE = 0.0, 2.0, 4.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A way to read wheels and camera.
+
+    Attributes:
+        fault: its name; empty: as given. what: in words. channel: that is at fault. loss: of log likelihood, a prior.
+        wheels: (n, n) matrix on the wheels' angles. body: (3, 3) matrix on the motion that the model makes of them.
+        view: of the camera.
+    """
+
+    fault: str
+    what: str
+    channel: str
+    wheels: np.ndarray
+    body: np.ndarray = field(default_factory=lambda: np.eye(3))
+    view: View = AS_GIVEN
+    loss: float = ONE
+
+
+def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
+    """All readings of a robot with these wheels, that as given first."""
+    n = len(geometry.wheels)
+    unit = np.eye(n)
+    return [
+        Reading("", "as given", "", unit), Reading("", "no relation", "", 0.0 * unit), *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
+        *_dimensions(unit), *_views(unit),
+    ]
+
+
+def _wheel_signs(unit):
+    n = len(unit)
+    yield Reading("encoder_sign", "all wheels count backwards", "encoder", -unit)
+    for size in range(1, n):
+        for chosen in combinations(range(n), size):
+            sign = np.where(np.isin(range(n), chosen), -1.0, 1.0)
+            yield Reading("wheel_sign", f"{_numbers(chosen)} counts backwards", "encoder", np.diag(sign),
+                          loss=ONE if size == 1 else TWO)
+
+
+def _wheel_orders(unit):
+    n = len(unit)
+    if n > 5:  # of more wheels only two that change places
+        orders = [_exchanged(n, i, j) for i, j in combinations(range(n), 2)]
+    else:
+        orders = [order for order in permutations(range(n)) if order != tuple(range(n))]
+    for order in orders:
+        moved = sum(k != i for i, k in enumerate(order))
+        said = ", ".join(str(k + 1) for k in order)
+        yield Reading("wheels_swapped", f"the wheels in the order {said}", "encoder", unit[list(order)],
+                      loss=ONE if moved == 2 else TWO)
+
+
+def _exchanged(n, i, j):
+    order = list(range(n))
+    order[i], order[j] = j, i
+    return tuple(order)
+
+
+def _factors(unit, counts_per_turn):
+    n = len(unit)
+    units = dict(ANGLES)
+    if counts_per_turn > 0.0:
+        units["counts"] = 2.0 * np.pi / counts_per_turn
+    for name, factor in units.items():
+        yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
+    for factor in (*_FACTORS, *_GEARS, *(1.0 / gear for gear in _GEARS)):
+        rare = ONE if factor in _FACTORS else TWO
+        yield Reading("counts_per_turn", f"turns {1.0 / factor:.3g} times too large", "encoder", factor * unit, loss=rare)
+    for i in range(n):
+        for factor in (*_FACTORS, ANGLES["deg"]):
+            diagonal = np.ones(n)
+            diagonal[i] = factor
+            fault = "wrong_unit" if factor == ANGLES["deg"] else "counts_per_turn"
+            yield Reading(fault, f"wheel {i + 1} turns {1.0 / factor:.3g} times too far", "encoder", np.diag(diagonal))
+
+
+def _dimensions(unit):
+    for factor in (2.0, 0.5):
+        yield Reading("half_track", f"the model turns {1.0 / factor:.3g} times as far as the robot", "model", unit,
+                      np.diag([1.0, 1.0, factor]))
+
+
+def _views(unit):
+    """Axes of the room and sense and zero of the heading; then units of places and headings."""
+    for fault, what, view, loss in _axes():
+        yield Reading(fault, what, "kinect", unit, view=view, loss=loss)
+    for (length, metre), (angle, radian) in product({"m": 1.0, **LENGTHS}.items(), {"rad": 1.0, **ANGLES}.items()):
+        wrong = [text for text, factor in ((f"places in {length}", metre), (f"headings in {angle}", radian)) if factor != 1]
+        if wrong:
+            view = View(((metre, 0.0), (0.0, metre)), radian)
+            yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, loss=TWO * (len(wrong) - 1))
+
+
+def _axes():
+    """Every distinct way to mistake axes and heading; a room turned by a quarter is a heading that is off by one."""
+    mirrored = {
+        "the y axis is mirrored": ((1.0, 0.0), (0.0, -1.0)), "the x axis is mirrored": ((-1.0, 0.0), (0.0, 1.0)),
+    }
+    swapped = {
+        "x and y change places": ((0.0, 1.0), (1.0, 0.0)), "x and y change places and signs": ((0.0, -1.0), (-1.0, 0.0)),
+    }
+    for what, axes in mirrored.items():
+        yield "camera_axis_mirrored", what, View(axes), ONE
+    for what, axes in swapped.items():
+        yield "camera_axes_swapped", what, View(axes), ONE
+    for quarter in range(4):
+        off = {1: "-90", 2: "180", 3: "90"}.get(quarter)
+        by = f", headings off by {off} degrees" if off else ""
+        turn, loss = quarter * np.pi / 2.0, TWO if off else ONE
+        if off:
+            yield "heading_offset", f"headings off by {off} degrees", View(offset_rad=turn), ONE
+        yield "heading_sign", f"headings of the other sense{by}", View(scale=-1.0, offset_rad=turn), loss
+        room = View(((1.0, 0.0), (0.0, -1.0)), -1.0, turn)
+        yield "camera_axis_mirrored", f"the room is mirrored, y and headings{by}", room, loss
+
+
+def _numbers(chosen):
+    names = [str(i + 1) for i in chosen]
+    return f"wheel {names[0]}" if len(names) == 1 else f"wheels {' and '.join(names)}"

@@ -1,0 +1,223 @@
+"""What each channel says of the robot's motion, beside what the wheels say: motions over windows, of equal length.
+
+The wheels' clock is the reference. A channel may be moved against it in time.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from drake_ispace.explain.check.motion import (
+    AS_GIVEN, View, arm, camera_noise, has_motion, seen, turned, windows,
+)
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.plants.slip import GRAVITY
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
+
+FEWEST = 6  # windows, below which a channel is not compared
+_DRIVE_S, _GYRO_S, _COMMAND_S = 0.2, 0.7, 0.7  # windows of torque, IMU and command
+_RATE_S = 0.05  # half of the time over which angles are differentiated
+BLOCK = 20  # windows of the accelerometer, 2 s
+
+
+@dataclass(frozen=True)
+class Base:
+    """A model and what the wheels of one run of it say.
+
+    Attributes:
+        robot, settings: of the model. encoder: the channel.
+    """
+
+    robot: Robot
+    settings: Any
+    encoder: Channel
+
+    @property
+    def geometry(self):
+        """The wheels."""
+        return self.settings.plant.geometry
+
+    def moved(self, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
+        """(n, 3) motion of the body [m, m, rad] in its own axes, as the wheels say."""
+        return turned(self.encoder, since_s, until_s) @ self.geometry.forward.T
+
+    def wheel_rates(self, t: np.ndarray) -> np.ndarray:
+        """(n, wheels) [rad/s] of the wheels."""
+        return turned(self.encoder, t - _RATE_S, t + _RATE_S) / (2.0 * _RATE_S)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A channel beside the wheels.
+
+    Attributes:
+        channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
+            the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
+            share; None: none.
+    """
+
+    channel: str
+    since_s: np.ndarray
+    until_s: np.ndarray
+    measured: np.ndarray
+    predicted: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    groups: tuple[tuple[int, ...], ...]
+    noise: np.ndarray
+    besides: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+
+
+def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
+    """The wheels of a run; None without an encoder that can be compared."""
+    encoder = run.channels.get("encoder")
+    if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
+        return None
+    return Base(robot, settings, encoder)
+
+
+def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
+    """Channel -> Link of every channel of the run that can be compared; starts: series of windows of the camera."""
+    found = {}
+    for name, make in (("kinect", camera_link), ("imu", turn_link), (TORQUE, torque_link), (COMMAND, command_link)):
+        link = make(run, base, starts) if name in run.channels else None
+        if link is not None and len(link.since_s) >= FEWEST:
+            found[name] = link
+    return found
+
+
+def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIVEN) -> Link | None:
+    """The camera's motion, in body axes; turns as lengths."""
+    if not has_motion(run):
+        return None
+    kinect = run.channels["kinect"]
+    stretches, unit = windows(kinect, starts=starts), np.array([1.0, 1.0, arm(base.geometry)])
+    return Link(
+        "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches, view) * unit,
+        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)),
+        np.sqrt(2.0) * camera_noise(kinect, view) * unit,
+    )
+
+
+def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+    """The gyro's turns about the vertical."""
+    imu = run.channels["imu"]
+    stretches = _grid(imu, _GYRO_S, starts)
+    measured = integral(imu, ("wz",), *stretches)
+    return Link(
+        "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), np.zeros(1)
+    )
+
+
+def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+    """The torques' impulse, beside the momentum that the wheels say; friction may take any share of it.
+
+    Of coordinates on which weight acts, nothing is compared.
+    """
+    plant, robot, torque = base.settings.plant, base.robot, run.channels[TORQUE]
+    if robot.driven != TORQUE or robot.ground is None or len(torque.columns) != len(base.geometry.wheels):
+        return None
+    if robot.has_imu and "imu" not in run.channels:
+        return None
+    free = robot.unweighted
+    mass, effort = robot.mass_matrix(plant)[free], robot.effort(plant)[free]
+    size = np.abs(effort).max(axis=1)  # rows as torques
+    stretches = _grid(torque, _DRIVE_S, starts, hold=True)
+    pitch = run.channels.get("imu") if robot.has_imu else None
+
+    def rates(t):
+        wheels = base.wheel_rates(t)
+        lean = None if pitch is None else integral(pitch, ("wy",), t - _RATE_S, t + _RATE_S)[:, 0] / (2.0 * _RATE_S)
+        return robot.rates(plant, wheels, lean)
+
+    def predicted(since, until):
+        before, after = rates(since), rates(until)
+        turning = robot.turning(0.5 * (before + after)) * (until - since)[:, None]
+        return (after - before + turning) @ mass.T / size
+
+    def friction(since, until):
+        turns, sense = turned(base.encoder, since, until), np.sign(base.wheel_rates(0.5 * (since + until)))
+        return np.stack([turns @ effort.T, (until - since)[:, None] * sense @ effort.T], axis=2) / size[:, None]
+
+    impulse = held_integral(torque, *stretches) @ effort.T / size
+    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), np.zeros(len(free)), friction)
+
+
+def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+    """The commanded motion, of a robot that takes a velocity; turns as lengths."""
+    command = run.channels[COMMAND]
+    if base.robot.driven != COMMAND:
+        return None
+    stretches, unit = _grid(command, _COMMAND_S, starts, hold=True), np.array([1.0, 1.0, arm(base.geometry)])
+    return Link(
+        COMMAND, *stretches, held_integral(command, *stretches) * unit,
+        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), np.zeros(3),
+    )
+
+
+def felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """The specific force along x and y that an accelerometer on a body that leans a little should feel.
+
+    Returns:
+        edges (n, 2) [s] of windows, whole blocks of BLOCK of them; number of the block (n,) of each; and a function of
+        a matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
+    """
+    imu = run.channels["imu"]
+    t = np.arange(imu.t[0] + 3.0 * _RATE_S, imu.t[-1] - 3.0 * _RATE_S, 2.0 * _RATE_S)
+    t = t[: len(t) // BLOCK * BLOCK]
+    columns = ("wx", "wy", "wz")
+    angles = integral(imu, columns, np.full(len(t), imu.t[0]), t)
+    rates = [integral(imu, columns, t + k * _RATE_S, t + (k + 1) * _RATE_S) / _RATE_S for k in (-1, 0)]
+    spins = (rates[1] - rates[0]) / _RATE_S
+    velocity, arm_m = rates_at(base, t), base.robot.lean_arm(base.settings)
+    accelerations = (rates_at(base, t + _RATE_S) - rates_at(base, t - _RATE_S)) / (2.0 * _RATE_S)
+
+    def predicted(gyro):
+        lean, spin = (angles @ gyro.T)[:, 1], (spins @ gyro.T)[:, 1]
+        along = accelerations[:, 0] - velocity[:, 1] * velocity[:, 2] + arm_m * spin - GRAVITY * lean
+        return np.column_stack([along, accelerations[:, 1] + velocity[:, 0] * velocity[:, 2]])
+
+    return np.column_stack([t - _RATE_S, t + _RATE_S]), np.arange(len(t)) // BLOCK, predicted
+
+
+def rates_at(base: Base, t: np.ndarray) -> np.ndarray:
+    """(n, 3) velocity of the body [m/s, m/s, rad/s], as the wheels say."""
+    return base.wheel_rates(t) @ base.geometry.forward.T
+
+
+def integral(channel: Channel, columns: tuple[str, ...], since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
+    """(n, columns) integrals over windows of a signal that is sampled, by the trapezoidal rule."""
+    steps = np.diff(channel.t)[:, None]
+    values = np.column_stack([channel.column(name) for name in columns])
+    total = np.vstack([np.zeros(len(columns)), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
+    return np.column_stack([
+        np.interp(until_s, channel.t, sums) - np.interp(since_s, channel.t, sums) for sums in total.T
+    ])
+
+
+def held_integral(channel: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
+    """(n, columns) integrals over windows of a signal that is held from sample to sample."""
+    total = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(np.diff(channel.t)[:, None] * channel.values[:-1], axis=0)])
+    return np.column_stack([
+        np.interp(until_s, channel.t, sums) - np.interp(since_s, channel.t, sums) for sums in total.T
+    ])
+
+
+def _grid(channel, window_s, starts, hold=False):
+    """Windows end to end over the channel's time, without those in which it has a gap."""
+    margin = 2.0 * _RATE_S
+    edges = np.arange(channel.t[0] + margin, channel.t[-1] - margin, window_s / starts)
+    since, until = edges[:-starts], edges[starts:]
+    if not len(since):
+        return since, until
+    # a window with a gap: fewer samples in it than in half of the typical one
+    inside = np.searchsorted(channel.t, until) - np.searchsorted(channel.t, since)
+    kept = inside >= 0.5 * np.median(inside)
+    return since[kept], until[kept]
+
+
+def inside(base: Base, since_s: np.ndarray, until_s: np.ndarray, lag_s: float = 0.0) -> np.ndarray:
+    """(n,) which windows lie inside the wheels' time, moved by lag_s."""
+    t = base.encoder.t
+    return (since_s + lag_s - 2 * _RATE_S >= t[0]) & (until_s + lag_s + 2 * _RATE_S <= t[-1])
+

@@ -1,0 +1,97 @@
+"""One run as the checks see it: the motion that the camera saw, and what the model makes of the wheels' motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.plants.wheels import WheelGeometry
+
+WINDOW_S = 0.7
+_LONGEST = 2.0  # a window with a gap in it may last as many times as long
+
+
+@dataclass(frozen=True)
+class View:
+    """How the camera's poses are to be read: p' = axes p, phi' = scale phi + offset_rad."""
+
+    axes: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
+    scale: float = 1.0
+    offset_rad: float = 0.0
+
+
+AS_GIVEN = View()
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Stretches of a run: since_s, until_s (n,) [s] on the camera's clock, and their fixes' numbers first, last (n,)."""
+
+    since_s: np.ndarray
+    until_s: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+
+def windows(kinect: Channel, window_s: float = WINDOW_S, starts: int = 1) -> Windows:
+    """Windows that begin and end with a fix, end to end; starts: how many series, begun a share of a window apart."""
+    pairs = set()
+    for k in range(starts):
+        i = int(np.searchsorted(kinect.t, kinect.t[0] + k * window_s / starts))
+        while i < len(kinect.t):
+            j = int(np.searchsorted(kinect.t, kinect.t[i] + window_s - 1e-9))
+            if j < len(kinect.t) and kinect.t[j] - kinect.t[i] <= _LONGEST * window_s:
+                pairs.add((i, j))
+            i = max(j, i + 1)
+    first, last = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T
+    return Windows(kinect.t[first], kinect.t[last], first, last)
+
+
+def seen(kinect: Channel, stretches: Windows, view: View = AS_GIVEN) -> np.ndarray:
+    """(n, 3) motion [m, m, rad] in the body's axes at mid-heading, as the camera saw it."""
+    place, phi = kinect.values[:, :2] @ np.array(view.axes).T, heading(kinect, view)
+    moved = place[stretches.last] - place[stretches.first]
+    middle = 0.5 * (phi[stretches.last] + phi[stretches.first])
+    c, s = np.cos(middle), np.sin(middle)
+    return np.column_stack([
+        c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1], phi[stretches.last] - phi[stretches.first]
+    ])
+
+
+def heading(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
+    """(k,) heading [rad] of the fixes, continuous."""
+    return np.unwrap(view.scale * kinect.column("phi")) + view.offset_rad
+
+
+def turned(encoder: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
+    """(n, wheels) by which the wheels turned [rad] in the stretches."""
+    return np.column_stack([
+        np.interp(until_s, encoder.t, angle) - np.interp(since_s, encoder.t, angle) for angle in encoder.values.T
+    ])
+
+
+def within(channel: Channel, stretches: Windows, lag_s: float = 0.0) -> np.ndarray:
+    """(n,) which stretches lie inside the channel's time, the channel's clock being lag_s ahead."""
+    return (stretches.since_s + lag_s >= channel.t[0]) & (stretches.until_s + lag_s <= channel.t[-1])
+
+
+def arm(geometry: WheelGeometry) -> float:
+    """Length [m] that makes a turn and a distance comparable: root mean square distance of the wheels from the centre."""
+    return float(np.sqrt(np.mean([wheel.x_m**2 + wheel.y_m**2 for wheel in geometry.wheels]))) or 1.0
+
+
+def camera_noise(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
+    """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor.
+
+    From third differences, in which a smooth motion nearly vanishes.
+    """
+    values = np.column_stack([kinect.values[:, :2] @ np.array(view.axes).T, heading(kinect, view)])
+    if len(values) < 5:
+        return np.zeros(3)
+    return 1.4826 * np.median(np.abs(np.diff(values, n=3, axis=0)), axis=0) / np.sqrt(20.0)
+
+
+def has_motion(recording: Recording) -> bool:
+    """Whether a run has wheels and a camera that can be compared."""
+    channels = recording.channels
+    return all(name in channels and len(channels[name].t) > 2 for name in ("kinect", "encoder"))

@@ -1,0 +1,72 @@
+"""How well one measured motion follows another, compared over many hypotheses at once.
+
+The model of every hypothesis is y = x (1 + S) + z f + e. S stands for physics: wheels that are a few per cent larger,
+slip, a turned camera. It is a small matrix with a normal prior, and bounded. z are motions that may have any share f,
+such as that of friction in a torque. e has Student's distribution, so that a stretch that does not fit does not decide.
+"""
+
+import numpy as np
+
+SLACK, MOST_SLACK = 0.10, 0.45  # of S: standard deviation and bound
+_FREEDOM = 4.0  # of Student's distribution
+#: Residuals below this share of the motion are not told apart: no physics is that exact.
+_FLOOR = 0.1
+_MOST_ROWS = 40.0  # that count as independent
+_ROUNDS = 8
+_FREE = 1e-9  # precision of the prior of f, of a motion of size one
+
+
+def scores(
+    x: np.ndarray, y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray, z: np.ndarray | None = None
+) -> np.ndarray:
+    """(h,) logarithms of likelihood of h hypotheses.
+
+    Args:
+        x, y: (h, n, d) of n windows, in units in which the d components compare. groups: of components that share a
+            scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k) motions of any share.
+    """
+    slack, residual = _fitted(x, y, z)
+    left, size = _scale(residual) ** 2 + noise**2, np.empty_like(noise)
+    for group in groups:
+        size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
+    ratio = np.sqrt(left / (size + noise**2 + 1e-24))
+    rows = min(x.shape[1], _MOST_ROWS)
+    improbable = (slack**2).sum(axis=(1, 2)) / (2.0 * SLACK**2)
+    return -rows * np.log(np.clip(ratio, _FLOOR, 1.0)).sum(axis=-1) - improbable
+
+
+def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
+    """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
+    return _fitted(x[None], y[None], z)[1][0]
+
+
+def _fitted(x, y, z):
+    """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares."""
+    h, n, d = x.shape
+    z = np.zeros((n, d, 0)) if z is None else z / np.sqrt((z**2).mean(axis=0) + 1e-24)
+    k = z.shape[2]
+    design = np.concatenate([
+        np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
+    ], axis=3)
+    prior = np.diag([1.0 / SLACK**2] * d + [_FREE] * k)
+    shares, residual = np.zeros((h, d, d + k)), y - x
+    for _ in range(_ROUNDS):
+        scale = np.maximum(_scale(residual), 1e-12)
+        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
+        weighted = design * weight[..., None]
+        normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior
+        moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
+        shares = np.linalg.solve(normal, moment[..., None])[..., 0]
+        shares[..., :d] = np.clip(shares[..., :d], -MOST_SLACK, MOST_SLACK)
+        residual = y - x - np.einsum("hndi,hdi->hnd", design, shares)
+    return shares[..., :d], residual
+
+
+def _scale(values):
+    """(h, d) scale of Student's distribution along axis 1."""
+    squares = values**2
+    scale = np.median(squares, axis=1) / 0.55 + 1e-24  # where the iteration begins: the median of t squared
+    for _ in range(_ROUNDS):
+        weights = (_FREEDOM + 1.0) / (_FREEDOM + squares / scale[:, None])
+        scale = (weights * squares).mean(axis=1) + 1e-24
+    return np.sqrt(scale)

@@ -1,0 +1,146 @@
+"""What the samples of one channel show by themselves: counters that wrap, rows that repeat, values that stop or clip."""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
+from drake_ispace.files.recording import Channel, Recording
+
+_STUCK_S = 0.4  # rows that repeat for longer have stopped
+_BLOCK = 20  # rows that come twice
+_FEW = 10  # different rows in them
+_WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
+_ALIKE = 0.05  # by which the heights of such steps differ
+_LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
+_CLIPPED = 0.01  # share of samples at the very same extreme value
+_NOISY = ("imu", "torque")  # never the same twice
+
+
+def sample_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+    """Faults of the samples of a run that need no other channel."""
+    for name, channel in run.channels.items():
+        if name in ("truth", "reference", "command") or len(channel.t) < 2 * _BLOCK:
+            continue
+        if name == "encoder":
+            yield from _wraps(channel, number, counts_per_turn)
+        if name != "kinect":
+            yield from _repeated(name, channel, number)
+        yield from _reversed(name, channel, number)
+        if name in _NOISY:
+            yield from _stuck(name, channel, number)
+            yield from _clipped(name, channel, number)
+
+
+def _wraps(channel: Channel, number: int, counts_per_turn: float) -> Iterator[Finding]:
+    """A counter that starts anew: steps of one height, far above all others."""
+    heights, columns = [], []
+    for name in channel.columns:
+        steps = np.diff(channel.column(name))
+        size = np.abs(steps)
+        usual = np.quantile(size, 0.98)
+        far = size > max(_WRAP * usual, _WRAP * np.median(size[size > 0.0]) if (size > 0.0).any() else np.inf)
+        if not far.any() or far.sum() > 0.02 * len(steps) + 5:
+            continue
+        if np.ptp(size[far]) > _ALIKE * size[far].max() + 2.0 * usual:
+            continue
+        heights.append(float(np.median(size[far])))
+        columns.append(name)
+    if not heights or np.ptp(heights) > _ALIKE * max(heights) + 1e-9:
+        return
+    turn = _known_turn(float(np.median(heights)), counts_per_turn)
+    if turn is None:
+        return
+    known, fault = turn
+    rival = "counter_wrap" if fault == "angle_wrap" else "angle_wrap"
+    yield Finding(fault, f"starts anew after {known:.6g}", "", (number,), "encoder", rivals=(rival,),
+                  repairs=(Unwrapped("encoder", channel.columns, known),))
+
+
+def _known_turn(height, counts_per_turn):
+    """The turn after which counters start anew that is nearest to a height, and the name of its fault."""
+    turns = {2.0 * np.pi: "angle_wrap", 360.0: "angle_wrap", 1.0: "angle_wrap", 4.0 * np.pi: "angle_wrap"}
+    units = [1.0, 2.0 * np.pi / counts_per_turn, 360.0 / counts_per_turn] if counts_per_turn > 0 else [1.0]
+    turns |= {2.0**bits * unit: "counter_wrap" for unit in units for bits in range(4, 33)}
+    if counts_per_turn > 0:
+        turns[counts_per_turn] = "angle_wrap"
+    nearest = min(turns, key=lambda turn: abs(turn - height))
+    return (nearest, turns[nearest]) if abs(nearest - height) <= 0.1 * height else None
+
+
+def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+    """A block of rows that comes a second time."""
+    values = np.ascontiguousarray(channel.values)
+    _, codes = np.unique(values, axis=0, return_inverse=True)
+    codes = codes.ravel()
+    windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
+    lively = (np.diff(windows, axis=1) != 0).sum(axis=1) >= _FEW
+    first: dict[bytes, int] = {}
+    for i in np.flatnonzero(lively).tolist():
+        j = first.setdefault(windows[i].tobytes(), i)
+        if i - j >= _BLOCK:
+            end = i + _BLOCK
+            while end < len(codes) and codes[end] == codes[end - i + j]:
+                end += 1
+            yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
+                          float(channel.t[i]), float(channel.t[end - 1]),
+                          repairs=(Dropped(name, float(channel.t[i]), float(channel.t[end - 1])),))
+            return
+
+
+def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+    """A stretch in the opposite order: the two largest steps vanish together when it is turned round."""
+    values = channel.values[:, :3] if name == "kinect" else channel.values
+    if name == "kinect":
+        values = np.column_stack([values[:, :2], np.unwrap(values[:, 2])])
+    scale = np.quantile(np.abs(np.diff(values, axis=0)), 0.95, axis=0) + 1e-12
+    scaled = values / scale
+    size = np.abs(np.diff(scaled, axis=0)).max(axis=1)
+    largest = np.sort(np.argsort(-size)[:_LARGEST_STEPS])
+    limit = 4.0 * np.quantile(size, 0.99)
+    best = None
+    for a, b in combinations(largest[size[largest] > limit].tolist(), 2):
+        before = np.hypot(size[a], size[b])
+        after = np.hypot(np.abs(scaled[a] - scaled[b]).max(), np.abs(scaled[a + 1] - scaled[b + 1]).max())
+        if after < 0.1 * before and (best is None or after < best[0]):
+            best = after, a, b
+    if best is not None and best[2] - best[1] > 2:
+        since, until = float(channel.t[best[1] + 1]), float(channel.t[best[2]])
+        yield Finding("rows_reversed", "rows in the opposite order", "", (number,), name, since, until,
+                      repairs=(Mirrored(name, since, until),))
+
+
+def _stuck(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+    """A noisy channel that repeats itself: for a while, or a column of it always."""
+    dead = [column for column in channel.columns if np.ptp(channel.column(column)) == 0.0]
+    if dead:
+        values = ", ".join(f"{column} is always {channel.column(column)[0]:.4g}" for column in dead)
+        yield Finding("channel_dead", values, "", (number,), name, repairs=(Without(name),))
+        return
+    for first, last in stretches(~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)):
+        if channel.t[last] - channel.t[first] >= _STUCK_S:
+            since, until = float(channel.t[first]), float(channel.t[last])
+            yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
+                          repairs=(CutOut(since, until),))
+
+
+def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+    """Columns that stay at one extreme value."""
+    found = []
+    for column in channel.columns:
+        values = channel.column(column)
+        for extreme in (values.max(), values.min()):
+            at = values == extreme
+            if at.mean() > _CLIPPED and at[1:][at[:-1]].any() and np.unique(values).size > 50:
+                found.append(f"{column} at {extreme:.4g}")
+    if found:
+        rivals = ("torque_limit",) if name == "torque" else ()
+        yield Finding("channel_clipped", ", ".join(found), "", (number,), name, rivals=rivals)
+
+
+def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
+    """First and last sample of every stretch in which flags (n - 1,), one for each pair of neighbours, hold."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,146 @@
+"""What the camera's fixes show beside the wheels over short times: outliers, jumps, a frozen channel, a robot carried."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.links import Base, camera_link, inside
+from drake_ispace.explain.check.motion import Windows, camera_noise, has_motion, seen
+from drake_ispace.explain.check.regression import residuals
+from drake_ispace.explain.check.samples import stretches
+from drake_ispace.faults.repair import CutOut, Dropped
+from drake_ispace.files.recording import Recording
+
+_SPIKE_S = 0.35  # after which a step that cancels is an outlier
+_STEP_M = 0.12  # of the camera between two fixes that no wheel shows
+_STEP_NOISE = 8.0  # the same, in standard deviations of the camera
+_SINCE_S = 0.4  # rows that repeat for longer have stopped
+_MOVED_M = 0.08  # by which the robot moved all the same
+_CARRIED_M, _CARRIED_SHARE = 0.15, 0.5  # of a stretch that wheels and camera tell differently; of the larger of the two
+_MOST = 0.4  # share of a run, beyond which nothing is a stretch
+_SERIES = 4  # of overlapping windows
+
+
+def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Faults that are limited in time, as camera and wheels tell them."""
+    if base is None or not has_motion(run):
+        return
+    stopped = list(_frozen(run, base, number))
+    yield from stopped
+    ends = [(f.from_s - _SPIKE_S, f.to_s + _SPIKE_S) for f in stopped]
+    steps = [step for step in _camera_steps(run, base, number)
+             if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
+    yield from steps
+    if not steps and not stopped:
+        yield from _carried(run, base, number)
+
+
+def _camera_steps(run, base, number):
+    """Fixes that are off and come back, and places that change from one fix to the next without the wheels."""
+    kinect = run.channels["kinect"]
+    k = len(kinect.t)
+    each = Windows(kinect.t[:-1], kinect.t[1:], np.arange(k - 1), np.arange(1, k))
+    short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
+    difference = np.linalg.norm((seen(kinect, each) - base.moved(each.since_s, each.until_s))[:, :2], axis=1)
+    usual = _STEP_NOISE * max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
+    large = np.flatnonzero(short & (difference > max(_STEP_M, usual)))
+    if len(large) > 0.4 * k:
+        return
+    place = kinect.values[:, :2]
+    done, spikes = -1, []
+    for i in large.tolist():
+        if i <= done:
+            continue
+        back = next((
+            j for j in large.tolist() if j > i and kinect.t[j] - kinect.t[i + 1] <= _SPIKE_S
+            and np.linalg.norm(place[j + 1] - place[i]) < 0.5 * difference[i]
+        ), None)
+        if back is not None:
+            spikes.append((i + 1, back))
+            done = back
+        else:
+            since, until = float(kinect.t[i]), float(kinect.t[i + 1])
+            yield Finding("camera_jump", f"the place jumps by {difference[i]:.3g} m", "", (number,), "kinect", since, until,
+                          rivals=("robot_carried",), repairs=(CutOut(since, until),))
+    if spikes:
+        repairs = tuple(Dropped("kinect", float(kinect.t[a]), float(kinect.t[b])) for a, b in spikes)
+        yield Finding("camera_outliers", f"{sum(b - a + 1 for a, b in spikes)} fixes are off by more than "
+                      f"{difference[[a - 1 for a, _ in spikes]].min():.2g} m", "", (number,), "kinect",
+                      repairs[0].from_s, repairs[-1].to_s, repairs=repairs)
+
+
+def _frozen(run, base, number):
+    """Rows of encoder or camera that repeat while the other one moves."""
+    kinect, encoder = run.channels["kinect"], run.channels["encoder"]
+    for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
+        for first, last in stretches(~np.any(np.diff(encoder.values[:, column], axis=0) != 0.0, axis=1)):
+            since, until = float(encoder.t[first]), float(encoder.t[last])
+            if until - since < _SINCE_S or until <= kinect.t[0] or since >= kinect.t[-1]:
+                continue
+            shown = _camera_motion(kinect, since, until)
+            turned = base.geometry.inverse @ shown
+            radius = min(wheel.radius_m for wheel in base.geometry.wheels)
+            missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
+            if missed < _MOVED_M:
+                continue
+            after = np.abs(np.diff(encoder.values[last : last + 2, column], axis=0)).max(initial=0.0) * radius
+            jumps = after > 0.5 * missed
+            if wheel is None and not jumps:
+                yield Finding("robot_carried", "the camera sees a motion that no wheel makes", "", (number,), "all", since,
+                              until, rivals=("channel_frozen",), repairs=(CutOut(since, until),))
+            else:
+                names = "rows repeat" if wheel is None else f"{encoder.columns[wheel]} repeats"
+                yield Finding("channel_frozen", names, "", (number,), "encoder", since, until,
+                              repairs=(CutOut(since, until),))
+            if wheel is None:
+                return
+    for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
+        since, until = float(kinect.t[first]), float(kinect.t[last])
+        if until - since >= _SINCE_S and np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2]) > _MOVED_M:
+            yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
+                          repairs=(CutOut(since, until),))
+
+
+def _camera_motion(kinect, since, until):
+    """(3,) motion in body axes from the fix before to the fix after."""
+    i = max(int(np.searchsorted(kinect.t, since, side="right")) - 1, 0)
+    j = min(int(np.searchsorted(kinect.t, until)), len(kinect.t) - 1)
+    pair = Windows(kinect.t[[i]], kinect.t[[j]], np.array([i]), np.array([j]))
+    return seen(kinect, pair)[0]
+
+
+def _carried(run, base, number):
+    """Stretches in which camera and wheels tell of different motions."""
+    link = camera_link(run, base, _SERIES)
+    kept = inside(base, link.since_s, link.until_s)
+    if kept.sum() < 4 * _SERIES:
+        return
+    since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
+    x = link.predicted(since, until)
+    left = residuals(x, y)
+    size = np.linalg.norm(left, axis=1)
+    usual = np.quantile(size, 0.5)
+    larger = np.maximum(np.linalg.norm(x, axis=1), np.linalg.norm(y, axis=1))
+    far = (size > 6.0 * usual) & (size > _CARRIED_SHARE * larger) & (size > 0.4 * _CARRIED_M)
+    for first, last in stretches(far):
+        last -= 1
+        if last < first:
+            continue
+        a, b = float(since[first]), float(until[last])
+        total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / _SERIES)
+        if max(total, float(size[first : last + 1].max())) < _CARRIED_M or b - a > _MOST * (kinect_span(run)):
+            continue
+        moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
+        lifted = moved[1] < 0.3 * moved[0]
+        fault = "robot_lifted" if lifted else "robot_carried"
+        what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
+        yield Finding(fault, what, "", (number,), "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
+                      repairs=(CutOut(a, b),))
+
+
+def kinect_span(run: Recording) -> float:
+    """Time [s] from the first fix to the last."""
+    t = run.channels["kinect"].t
+    return float(t[-1] - t[0])
+

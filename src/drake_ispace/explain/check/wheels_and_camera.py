@@ -1,0 +1,68 @@
+"""Do wheels and camera say the same motion, and if not, which mistake of either makes them?"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_ispace.explain.check.agreement import SAID, disagreement, row
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.hypotheses import Reading, readings
+from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, integral
+from drake_ispace.explain.check.motion import arm, turned
+from drake_ispace.explain.check.regression import scores
+from drake_ispace.faults.repair import Mixed, Repair
+from drake_ispace.files.recording import Recording
+
+#: What the gyro adds to a log likelihood at most: it decides between readings that are alike, and accuses nobody.
+_CASTING = 0.5 * SAID
+
+
+def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> Finding | None:
+    """The mistake of wheels, camera or the model's dimensions under which wheels and camera agree.
+
+    Where a gyro is there, it takes part: it tells wheels that are mistaken for each other from a mirrored room.
+    """
+    base = next((base for base in bases if base is not None), None)
+    if base is None:
+        return None
+    given = readings(base.geometry, float(base.settings.encoder.counts_per_turn))
+    scored = np.array([_row(run, own, given) for run, own in zip(runs, bases, strict=True)])
+    return disagreement(scored, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base))
+
+
+def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> np.ndarray:
+    if base is None:
+        return row(given)
+    views = {view: camera_link(run, base, view=view) for view in {reading.view for reading in given}}
+    link = next(iter(views.values()))
+    if link is None:
+        return row(given)
+    kept = inside(base, link.since_s, link.until_s)
+    if kept.sum() < FEWEST:
+        return row(given)
+    since, until = link.since_s[kept], link.until_s[kept]
+    angles, unit = turned(base.encoder, since, until), np.array([1.0, 1.0, arm(base.geometry)])
+    x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
+    y = np.stack([views[reading.view].measured[kept] for reading in given])
+    noise = np.stack([views[reading.view].noise for reading in given])
+    gyro = None
+    if "imu" in run.channels:
+        turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
+        gyro = scores(x[:, :, 2:] / unit[2], turn, ((0,),), np.zeros((len(given), 1)))
+        gyro = np.clip(gyro - gyro[0], -_CASTING, _CASTING)
+    return row(given, scores(x, y, link.groups, noise), gyro)
+
+
+def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
+    repairs, geometry, wheels = [], base.geometry, reading.wheels
+    if not np.array_equal(reading.body, np.eye(3)):  # of the wheels' angles, as if not the model were wrong
+        seen = geometry.inverse @ geometry.forward
+        wheels = (geometry.inverse @ reading.body @ geometry.forward + np.eye(len(wheels)) - seen) @ wheels
+    if not np.array_equal(wheels, np.eye(len(wheels))):
+        repairs.append(Mixed("encoder", base.encoder.columns, tuple(map(tuple, wheels.tolist()))))
+    view = reading.view
+    if view.axes != ((1.0, 0.0), (0.0, 1.0)):
+        repairs.append(Mixed("kinect", ("x", "y"), view.axes))
+    if (view.scale, view.offset_rad) != (1.0, 0.0):
+        repairs.append(Mixed("kinect", ("phi",), ((view.scale,),), (view.offset_rad,)))
+    return tuple(repairs)

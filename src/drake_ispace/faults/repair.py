@@ -1,0 +1,211 @@
+"""Repairs of a recording: what undoes a fault, as small objects that say themselves in one line."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_ispace.files.recording import Channel, Recording
+
+
+@dataclass(frozen=True)
+class Mixed:
+    """The columns of a channel as sums of what was recorded: signs, units and order.
+
+    Attributes:
+        channel: name. columns: of it, n. matrix: n rows of n numbers; new values = matrix times recorded values.
+        offset: n numbers, added afterwards.
+    """
+
+    channel: str
+    columns: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    offset: tuple[float, ...] = ()
+
+    def __str__(self):
+        rows, offsets = self.matrix, self.offset or (0.0,) * len(self.columns)
+        said = []
+        for name, row, offset in zip(self.columns, rows, offsets, strict=True):
+            terms = [
+                column if factor == 1.0 else f"-{column}" if factor == -1.0 else f"{factor:.6g} {column}"
+                for factor, column in zip(row, self.columns, strict=True) if factor
+            ]
+            if offset:
+                terms.append(f"{offset:.6g}")
+            text = " + ".join(terms).replace("+ -", "- ") or "0"
+            if text != name:
+                said.append(f"{name} = {text}")
+        return f"{self.channel}: {', '.join(said)}"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with the channel repaired."""
+        channel = recording.channels[self.channel]
+        at = [channel.columns.index(name) for name in self.columns]
+        values = channel.values.copy()
+        values[:, at] = channel.values[:, at] @ np.array(self.matrix).T
+        if self.offset:
+            values[:, at] += self.offset
+        return with_channel(recording, self.channel, replace(channel, values=values))
+
+
+@dataclass(frozen=True)
+class Unwrapped:
+    """Columns whose counter starts anew after `turn`, made continuous."""
+
+    channel: str
+    columns: tuple[str, ...]
+    turn: float
+
+    def __str__(self):
+        return f"{self.channel}: {', '.join(self.columns)} continued by {self.turn:.6g} wherever it jumps by that"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with the channel repaired."""
+        channel = recording.channels[self.channel]
+        values = channel.values.copy()
+        for name in self.columns:
+            at = channel.columns.index(name)
+            values[:, at] = np.unwrap(values[:, at], period=self.turn)
+        return with_channel(recording, self.channel, replace(channel, values=values))
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Other time stamps of a channel, of its samples from since_s on: t' = rate t + offset_s."""
+
+    channel: str
+    rate: float
+    offset_s: float
+    since_s: float = -math.inf
+
+    def __str__(self):
+        scale = "t" if self.rate == 1.0 else f"{self.rate:.9g} t"
+        offset = f" {'-' if self.offset_s < 0 else '+'} {abs(self.offset_s):.6g} s" if self.offset_s else ""
+        since = f" from {self.since_s:.6g} s on" if self.since_s > -math.inf else ""
+        return f"{self.channel}: t = {scale}{offset}{since}"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with the channel's clock repaired; the nominal period follows it.
+
+        Samples that would come before an earlier one are left out.
+        """
+        channel, late = recording.channels[self.channel], recording.channels[self.channel].t >= self.since_s
+        values, t = channel.values.copy(), np.where(late, self.rate * channel.t + self.offset_s, channel.t)
+        if "t_received" in channel.columns:
+            at = channel.columns.index("t_received")
+            values[:, at] = np.where(late, self.rate * values[:, at] + self.offset_s, values[:, at])
+        latest = np.maximum.accumulate(np.concatenate([[-np.inf], t[:-1]]))
+        period_s = channel.period_s if self.rate == 1.0 else None
+        repaired = rows(replace(channel, t=t, values=values, period_s=period_s), t > latest)
+        return with_channel(recording, self.channel, repaired)
+
+
+@dataclass(frozen=True)
+class Evened:
+    """The samples of a channel at even steps from its first stamp to its last."""
+
+    channel: str
+
+    def __str__(self):
+        return f"{self.channel}: stamps at even steps"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with even stamps in the channel."""
+        channel = recording.channels[self.channel]
+        even = np.linspace(channel.t[0], channel.t[-1], len(channel.t))
+        return with_channel(recording, self.channel, replace(channel, t=even, period_s=None))
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """The samples of a channel from from_s to to_s left out."""
+
+    channel: str
+    from_s: float
+    to_s: float
+
+    def __str__(self):
+        return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s left out"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording without these samples."""
+        channel = recording.channels[self.channel]
+        return with_channel(recording, self.channel, rows(channel, (channel.t < self.from_s) | (channel.t > self.to_s)))
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """The samples of a channel from from_s to to_s in the opposite order."""
+
+    channel: str
+    from_s: float
+    to_s: float
+
+    def __str__(self):
+        return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s in the opposite order"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with these samples turned round."""
+        channel = recording.channels[self.channel]
+        inside = np.flatnonzero((channel.t >= self.from_s) & (channel.t <= self.to_s))
+        values = channel.values.copy()
+        values[inside] = channel.values[inside[::-1]]
+        return with_channel(recording, self.channel, replace(channel, values=values))
+
+
+@dataclass(frozen=True)
+class Without:
+    """The channel left out."""
+
+    channel: str
+
+    def __str__(self):
+        return f"{self.channel}: left out"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording without the channel."""
+        return replace(recording, channels={k: v for k, v in recording.channels.items() if k != self.channel})
+
+
+@dataclass(frozen=True)
+class CutOut:
+    """A stretch left out of all channels, so that the run falls into the parts before and after it."""
+
+    from_s: float
+    to_s: float
+
+    def __str__(self):
+        return f"all channels: from {self.from_s:.6g} s to {self.to_s:.6g} s cut out"
+
+
+Repair = Mixed | Unwrapped | Clock | Evened | Dropped | Mirrored | Without | CutOut
+
+
+def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:
+    """A copy of the recording with another channel of that name; its truth goes, which no repair applies to."""
+    return replace(recording, channels={**recording.channels, name: channel})
+
+
+def rows(channel: Channel, kept: np.ndarray) -> Channel:
+    """The channel's samples at which `kept` (n,) is true."""
+    return replace(channel, t=channel.t[kept], values=channel.values[kept])
+
+
+def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[Recording]:
+    """The stretches of a recording between its cuts; those shorter than shortest_s are left out.
+
+    Times stay as they are. A channel that has no sample in a stretch is missing there.
+    """
+    start = min(channel.t[0] for channel in recording.channels.values())
+    end = max(channel.t[-1] for channel in recording.channels.values())
+    found = []
+    for cut in [*sorted(cuts, key=lambda cut: cut.from_s), CutOut(end + 1.0, end + 1.0)]:
+        if min(cut.from_s, end) - start >= shortest_s:
+            inside = {
+                name: rows(channel, (channel.t >= start) & (channel.t <= cut.from_s))
+                for name, channel in recording.channels.items()
+            }
+            held = {name: channel for name, channel in inside.items() if len(channel.t)}
+            found.append(replace(recording, channels=held))
+        start = max(start, cut.to_s)
+    return found
