@@ -5,17 +5,21 @@ nobody: that the channel is right as given, and that it does not tell of the rob
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.links import FEWEST, Base, Link, inside
-from drake_ispace.explain.check.regression import scores
+from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Repair
 
 #: A log likelihood ratio above which a fault is said, and one below which two faults cannot be told apart.
 SAID, ALIKE = 6.0, 2.0
+#: Of what exact agreement gains over no relation at all, the share below which a channel does not follow the robot.
+RELATED = 0.3
+UNRELATED = "no relation"
 
 
 class Hypothesis(Protocol):
@@ -26,17 +30,49 @@ class Hypothesis(Protocol):
     loss: float
 
 
-def row(hypotheses: Sequence[Hypothesis], *parts: np.ndarray | None) -> np.ndarray:
-    """(hypotheses,) log likelihoods of one run, added over what was compared; zeros where nothing was."""
-    total = -np.array([hypothesis.loss for hypothesis in hypotheses])
+@dataclass(frozen=True)
+class Part:
+    """Log likelihoods (hypotheses,) of one comparison in one run, and that of exact agreement."""
+
+    scored: np.ndarray
+    most: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """The same of all comparisons in one run together, priors included; zeros where nothing was compared."""
+
+    scored: np.ndarray
+    most: float = 0.0
+
+
+def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
+    """All comparisons of one run."""
     present = [part for part in parts if part is not None]
-    return total + sum(present) if present else np.zeros(len(hypotheses))
+    if not present:
+        return Row(np.zeros(len(hypotheses)))
+    losses = np.array([hypothesis.loss for hypothesis in hypotheses])
+    return Row(sum(part.scored for part in present) - losses, sum(part.most for part in present))
 
 
-def gains(scored: np.ndarray, hypotheses: Sequence[Hypothesis]) -> np.ndarray:
-    """(runs, hypotheses) by how much each is more likely than all that accuse nobody."""
+def part(x: np.ndarray, y: np.ndarray, groups, noise: np.ndarray, z: np.ndarray | None = None) -> Part:
+    """One comparison; arguments as of regression.scores."""
+    return Part(scores(x, y, groups, noise, z), most(*y.shape[1:]))
+
+
+def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:
+    """(runs, hypotheses) by how much each is more likely than those that accuse nobody.
+
+    One that leaves the channel nearly as unrelated to the motion as before is no explanation, and gains nothing.
+    """
     innocent = [not hypothesis.fault for hypothesis in hypotheses]
-    return scored - scored[:, innocent].max(axis=1, keepdims=True)
+    unrelated = [hypothesis.what == UNRELATED for hypothesis in hypotheses].index(True)
+    found = []
+    for one in rows:
+        gain = one.scored - one.scored[innocent].max()
+        least = RELATED * (one.most - one.scored[unrelated])
+        found.append(np.where(one.scored - one.scored[unrelated] >= least, gain, np.minimum(gain, 0.0)))
+    return np.array(found)
 
 
 def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
@@ -52,14 +88,14 @@ def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
 
 
 def disagreement(
-    scored: np.ndarray, hypotheses: Sequence[Hypothesis], channel: Callable[[Any], str],
+    rows: Sequence[Row], hypotheses: Sequence[Hypothesis], channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]],
 ) -> Finding | None:
     """The hypothesis under which the runs agree with the wheels, as a finding; None where they do as given.
 
-    scored: (runs, hypotheses). channel, repairs: of a hypothesis.
+    rows: of each run. channel, repairs: of a hypothesis.
     """
-    each = gains(scored, hypotheses)
+    each = gains(rows, hypotheses)
     found = best(each)
     if found is None:
         return None
@@ -78,8 +114,8 @@ def disagreement(
 
 def compared(
     link: Link, base: Base, matrices: Sequence[np.ndarray], related: np.ndarray | float = 1.0
-) -> np.ndarray | None:
-    """(matrices,) log likelihoods of a link whose measured columns are multiplied by matrices; None: too short.
+) -> Part | None:
+    """Log likelihoods (matrices,) of a link whose measured columns are multiplied by matrices; None: too short.
 
     related: (matrices, 1, 1) factor on what the wheels predict, 0 where there is no relation.
     """
@@ -90,6 +126,6 @@ def compared(
     y = np.stack([link.measured[kept] @ matrix.T for matrix in matrices])
     x = np.broadcast_to(related * link.predicted(since, until), y.shape)
     besides = None if link.besides is None else link.besides(since, until)
-    return scores(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), besides)
+    return part(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), besides)
 
 

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.explain.check.clocks import clocks
+from drake_ispace.explain.check.clocks import LATENCY_S, clocks
 from drake_ispace.explain.check.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.foreign import foreign
 from drake_ispace.explain.check.links import base_of, links
-from drake_ispace.explain.check.samples import sample_findings
+from drake_ispace.explain.check.samples import sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
-from drake_ispace.explain.check.steps import step_findings
+from drake_ispace.explain.check.steps import dead_findings, step_findings
 from drake_ispace.explain.check.wheels_and_camera import wheels_or_camera
-from drake_ispace.faults.repair import CutOut, parts
+from drake_ispace.faults.repair import Clock, CutOut, parts
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
@@ -27,6 +27,7 @@ from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import entry_of
 
 _ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
+_ECHO_S = 1.0  # around a stretch
 _SHORTEST_S = 3.0  # part of a run that is kept
 
 
@@ -95,17 +96,22 @@ class _Search:
         """All checks, in order."""
         tell("checking the recordings")
         counts = float(self.settings.encoder.counts_per_turn)
-        self._each(lambda run, i: stamp_findings(run, i))
-        self._each(lambda run, i: sample_findings(run, i, counts))
+        self._each(stamp_findings)
+        self._each(lambda run, i: wrap_findings(run, i, counts))
+        self._each(sample_findings)
+        self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         tell("comparing wheels and camera")
-        self._repeatedly(wheels_or_camera)
-        self._clocks("kinect")
+        self._encoder_clock()
+        self._agreed("kinect", wheels_or_camera)
         tell("comparing torque, command and IMU with the wheels")
-        for channel, find in (("imu", imu_columns_of), (TORQUE, torque_columns_of), (COMMAND, command_columns_of)):
-            self._repeatedly(find)
-            self._clocks(channel)
-        self._each(lambda run, i: step_findings(run, self._bases()[i], i))
-        self._add(foreign(self.runs, self._bases()))
+        self._agreed("imu", imu_columns_of)
+        self._agreed(TORQUE, torque_columns_of)
+        self._agreed(COMMAND, command_columns_of)
+        tell("looking for strangers and for stretches that do not fit")
+        strangers = foreign(self.runs, self._bases())
+        self._add(strangers)
+        odd = {i for finding in strangers for i in finding.runs}
+        self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
         findings = sorted(self.findings, key=lambda finding: -(finding.drop_in_deviance or float("inf")))
         return Checked(self.names, [named(finding, self.names) for finding in findings], self.runs)
 
@@ -115,21 +121,44 @@ class _Search:
     def _each(self, find: Callable[[Recording, int], Iterable[Finding]]):
         self._add(_joined([finding for i, run in enumerate(self.runs) for finding in find(run, i)]))
 
-    def _repeatedly(self, find):
+    def _agreed(self, channel, find):
+        """Repair a channel's columns or its clock, whichever explains more, until it agrees with the wheels."""
         for _ in range(_ROUNDS):
-            finding = find(self.runs, self._bases())
-            if finding is None:
+            columns = find(self.runs, self._bases())
+            times = clocks(self._links(channel))
+            late = sum(finding.drop_in_deviance for finding in times)
+            if columns is not None and columns.drop_in_deviance >= late:
+                self._add([columns])
+            elif times:
+                self._add(times)
+            else:
                 return
-            self._add([finding])
 
-    def _clocks(self, channel):
-        bases = self._bases()
-        there = [(i, links(run, base).get(channel), base) for i, (run, base) in enumerate(zip(self.runs, bases, strict=True))
-                 if base is not None and channel in run.channels]
-        self._add(clocks([one for one in there if one[1] is not None]))
+    def _encoder_clock(self):
+        """The wheels' own clock, where two channels or more are off against it by the same."""
+        found = [clocks(self._links(channel)) for channel in ("kinect", "imu", TORQUE)]
+        found = [findings[0] for findings in found if len(findings) == 1 and findings[0].fault == "clock_offset"]
+        offsets = [finding.repairs[0].offset_s for finding in found]
+        if len(found) >= 2 and max(offsets) - min(offsets) < LATENCY_S and len({finding.runs for finding in found}) == 1:
+            offset = sum(offsets) / len(offsets)
+            what = f"clock {abs(offset):.3g} s {'early' if offset < 0 else 'late'} against all others"
+            drop = sum(finding.drop_in_deviance for finding in found)
+            self._add([Finding("clock_offset", what, "", found[0].runs, "encoder", drop_in_deviance=drop,
+                               repairs=(Clock("encoder", 1.0, -offset),))])
+
+    def _links(self, channel):
+        """Number, link and base of every run that has the channel."""
+        found = []
+        for i, (run, base) in enumerate(zip(self.runs, self._bases(), strict=True)):
+            link = links(run, base).get(channel) if base is not None and channel in run.channels else None
+            if link is not None:
+                found.append((i, link, base))
+        return found
 
     def _add(self, findings: list[Finding]):
         for finding in findings:
+            if self._echo(finding):
+                continue
             self.findings.append(finding)
             for repair in finding.repairs:
                 for i in finding.runs:
@@ -137,11 +166,19 @@ class _Search:
                         self.runs[i] = repair.apply(self.runs[i])
 
 
+    def _echo(self, finding):
+        """Whether a stretch is only what an earlier finding on the same stretch leaves."""
+        return finding.limited and any(
+            other.limited and set(other.runs) & set(finding.runs) and other.from_s - _ECHO_S <= finding.from_s
+            and finding.to_s <= other.to_s + _ECHO_S for other in self.findings
+        )
+
+
 def _joined(findings: list[Finding]) -> list[Finding]:
     """Findings of different runs that are the same, as one."""
     joined: dict[tuple, Finding] = {}
     for finding in findings:
-        key = (finding.fault, finding.what, finding.channel, finding.from_s, finding.repairs)
+        key = (finding.fault, finding.channel, finding.from_s, finding.repairs)
         same = joined.get(key)
         joined[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
     return list(joined.values())

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import SAID
+from drake_ispace.explain.check.agreement import RELATED, SAID
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import FEWEST, Base, Link, inside
-from drake_ispace.explain.check.regression import scores
+from drake_ispace.explain.check.links import FEWEST, Base, Link, inside, moves
+from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Clock
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
@@ -19,8 +19,10 @@ _LAGS_S = np.arange(-100, 101) * 0.05
 _USUAL = np.abs(_LAGS_S) <= LATENCY_S + 1e-9
 _FINE_S = np.arange(-10, 11) * 0.01
 _RATES = tuple(sign * size for size in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05) for sign in (1.0, -1.0))
-_DRIFT, _JUMP = 2.0, 4.0  # priors, as losses of log likelihood
+_DRIFTS = float(np.log(len(_RATES)))
+_JUMPS = float(np.log(50 * len(_LAGS_S)))  # at one of some fifty windows, to any offset
 _NEAR = 0.2  # a residual that counts as small, as a share of the motion
+_SHARED = 0.9  # of what each run's own clock gains: an offset that all runs share is preferred
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 
 
@@ -40,8 +42,8 @@ class Path:
 
     @property
     def loss(self) -> float:
-        """Of log likelihood, a prior."""
-        return _JUMP if self.later_s else _DRIFT if self.rate else 0.0
+        """Of log likelihood, a prior: as many clocks of its kind are tried for each constant offset."""
+        return _JUMPS if self.later_s else _DRIFTS if self.rate else 0.0
 
 
 class _Trial:
@@ -49,7 +51,8 @@ class _Trial:
 
     def __init__(self, number: int, link: Link, base: Base):
         self.number, self.link, self.base = number, link, base
-        self.loss = _losses(link, base)
+        lags = _LAGS_S[:, None]
+        self.loss = _losses(link, base, link.since_s + lags, link.until_s + lags)
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         usual = _LAGS_S[_USUAL][np.argmin(self.total[_USUAL])]
@@ -57,28 +60,39 @@ class _Trial:
         self.given = max(self.score(Path(float(lag))) for lag in near)
 
     def score(self, path: Path) -> float:
-        """Log likelihood along a path over that without any relation, of the windows that lie inside of the run."""
+        """Log likelihood along a path over that without any relation, of the windows that lie inside of the run.
+
+        0 where the channel follows the wheels too little to tell the time.
+        """
         since, until = path.at(self.link.since_s), path.at(self.link.until_s)
         kept = inside(self.base, since, until)
         if kept.sum() < FEWEST:
-            return -np.inf
+            return 0.0
         y, x = self.link.measured[kept], self.link.predicted(since[kept], until[kept])
         besides = None if self.link.besides is None else self.link.besides(since[kept], until[kept])
         both = np.stack([x, np.zeros_like(x)]), np.stack([y, y])
         related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides)
+        if related - unrelated < RELATED * (most(*y.shape) - unrelated):
+            return 0.0
         return float(related - unrelated) - path.loss
 
     def gain(self, path: Path) -> float:
         """By how much a path is more likely than any latency that a sound channel may have."""
         return self.score(path) - self.given
 
+    def rough(self, path: Path) -> float:
+        """Losses along a path: smooth, without physics."""
+        return float(np.nansum(_losses(self.link, self.base, path.at(self.link.since_s), path.at(self.link.until_s))))
+
     def sharpened(self, path: Path) -> Path:
-        """The path with the most likely lag near its own."""
-        return _middle_of_best([replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S], self.score)
+        """The path with the best lag near its own."""
+        return min((replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S), key=self.rough)
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
         rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
+        least = float(self.total[_USUAL].min()) - 0.5 * SAID
+        rough = [path for path in rough if self.rough(path) < least]
         paths = [self.sharpened(path) for path in rough]
         gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
         return (paths[path], gained) if path >= 0 else (Path(), 0.0)
@@ -154,47 +168,59 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
 
     links: number of the run, link and base of every run that has the channel.
     """
-    trials = [_Trial(*one) for one in links if _moves(one[1])]
+    trials = [_Trial(*one) for one in links if moves(one[1])]
     own = [(trial, *trial.best()) for trial in trials]
     own = [(trial, path, gain) for trial, path, gain in own if gain >= SAID]
     apart = sum(gain for *_, gain in own)
-    if len(trials) > 1:
-        total = np.sum([trial.total for trial in trials], axis=0)
-        common = Path(float(_LAGS_S[np.argmin(total)]))
-        if abs(common.lag_s) > LATENCY_S + 1e-9:
-            near = [replace(common, lag_s=common.lag_s + float(d)) for d in _FINE_S]
-            common = _middle_of_best(near, lambda path: sum(trial.score(path) for trial in trials))
-            gains = [trial.gain(common) for trial in trials]
-            if sum(gains) >= max(SAID, apart - len(trials)) and min(gains) > -SAID:
-                strongest = trials[int(np.argmax(gains))]
-                finding = strongest.finding(common, 2.0 * sum(gains))
-                return [replace(finding, runs=tuple(trial.number for trial in trials))]
+    common = _common(trials, [path for _, path, _ in own]) if len(trials) > 1 else None
+    if common is not None:
+        gains = [trial.gain(common) for trial in trials]
+        if sum(gains) >= max(SAID, _SHARED * apart) and min(gains) > -SAID:
+            finding = trials[int(np.argmax(gains))].finding(common, 2.0 * sum(gains))
+            return [replace(finding, runs=tuple(trial.number for trial in trials))]
+    drift = _common_drift(trials)
+    if drift:
+        gains = [trial.gain(path) for trial, path in zip(trials, drift, strict=True)]
+        if sum(gains) >= max(SAID, _SHARED * apart) and min(gains) > -SAID:
+            return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
     return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
 
 
-def _middle_of_best(paths, score):
-    """The path in the middle of those that are as likely as the best, within a loss of a half."""
-    scored = np.array([score(path) for path in paths])
-    near = np.flatnonzero(scored >= scored.max() - 0.5)
-    return paths[int(near[len(near) // 2])]
+def _common_drift(trials):
+    """For each run its best offset with the drift that all runs may share; empty where they are too short."""
+    if len(trials) < 2:
+        return []
+    lasts = min(trial.link.until_s[-1] - trial.link.since_s[0] for trial in trials)
+    rates = [rate for rate in _RATES if abs(rate) * lasts >= LATENCY_S]
+    if not rates:
+        return []
+    rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
+    return [trial.sharpened(trial.along(rate)[1]) for trial in trials]
 
 
-def _moves(link):
-    """Whether a channel moves by enough to tell the time."""
-    if len(link.since_s) < FEWEST:
-        return False
-    sizes = [np.sqrt((link.measured[:, list(group)] ** 2).sum(axis=1).mean()) for group in link.groups]
-    return any(size > 3.0 * link.noise[list(group)].max() for size, group in zip(sizes, link.groups, strict=True))
+def _common(trials, own):
+    """The constant offset that all runs may share: the best one together, or that of one run; None: no more than a latency."""
+    best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
+    lags = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
+    paths = [Path(lag) for lag in lags if abs(lag) > LATENCY_S + 1e-9]
+    if not paths:
+        return None
+    path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))
+    near = [replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S]
+    return min(near, key=lambda path: sum(trial.rough(path) for trial in trials))
 
 
-def _losses(link, base):
-    """(lags, windows) losses of each window at each lag, less those without any relation; NaN outside of the run."""
-    y, near = link.measured, np.empty(link.measured.shape[1])
-    for group in map(list, link.groups):
-        size = np.sqrt((y[:, group] ** 2).sum(axis=1).mean())
-        near[group] = np.hypot(_NEAR * size, link.noise[group]) + 1e-12
-    since, until = link.since_s + _LAGS_S[:, None], link.until_s + _LAGS_S[:, None]
+def _losses(link, base, since, until):
+    """(..., windows) losses of windows at these times, less those without any relation; NaN outside of the run."""
+    near = _near(link)
     x = link.predicted(since.ravel(), until.ravel()).reshape(*since.shape, -1)
-    loss = np.log1p(((y - x) / near) ** 2).sum(axis=2) - np.log1p((y / near) ** 2).sum(axis=1)
-    there = np.array([inside(base, link.since_s, link.until_s, lag) for lag in _LAGS_S])
-    return np.where(there, loss, np.nan)
+    loss = np.log1p(((link.measured - x) / near) ** 2).sum(axis=-1) - np.log1p((link.measured / near) ** 2).sum(axis=-1)
+    return np.where(inside(base, since, until), loss, np.nan)
+
+
+def _near(link):
+    """(d,) residuals that count as small."""
+    near = np.empty(link.measured.shape[1])
+    for group in map(list, link.groups):
+        near[group] = np.hypot(_NEAR * np.sqrt((link.measured[:, group] ** 2).sum(axis=1).mean()), link.noise[group])
+    return near + 1e-12

@@ -5,6 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from drake_ispace.explain.check.agreement import UNRELATED
 from drake_ispace.explain.check.hypotheses import ANGLES, LENGTHS, ONE, TWO
 from drake_ispace.plants.slip import GRAVITY
 
@@ -33,7 +34,7 @@ class Columns:
 def innocent(columns: int) -> list[Columns]:
     """The two readings of a channel that accuse nobody."""
     unit = np.eye(columns)
-    return [Columns("", "as given", unit), Columns("", "no relation", unit, related=0.0)]
+    return [Columns("", "as given", unit), Columns("", UNRELATED, unit, related=0.0)]
 
 
 def torque_columns(wheels: int) -> list[Columns]:

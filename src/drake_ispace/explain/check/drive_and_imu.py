@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import compared, disagreement, row
+from drake_ispace.explain.check.agreement import compared, disagreement, part, row
 from drake_ispace.explain.check.columns import (
     Columns,
     accelerometer_columns,
@@ -27,7 +27,6 @@ from drake_ispace.explain.check.links import (
     turn_link,
 )
 from drake_ispace.explain.check.motion import arm
-from drake_ispace.explain.check.regression import scores
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -62,7 +61,7 @@ def _of_wheels(run, base, link, given, effort):
     impulses = held_integral(run.channels[TORQUE], since, until)
     y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
     x = _related(given) * link.predicted(since, until)
-    return scores(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until))
+    return part(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until))
 
 
 def _related(given):
@@ -120,10 +119,10 @@ def _imu_parts(run, base, given):
         read = [six @ c.matrix.T + (0.0 if c.offset is None else lasts * c.offset) for c in given]
         turn = np.stack([values[:, 5:] for values in read])
         x = _related(given) * link.predicted(since, until)
-        parts.append(scores(x, turn, ((0,),), np.zeros((len(given), 1))))
+        parts.append(part(x, turn, ((0,),), np.zeros((len(given), 1))))
         force = np.stack([values[:, :3] for values in read])
         x = _related(given) * lasts * np.array([0.0, 0.0, GRAVITY])
-        parts.append(scores(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))
+        parts.append(part(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))
     edges, block, predicted = felt(run, base)
     kept = inside(base, *edges.T)
     if kept.sum() >= 2 * BLOCK:
@@ -131,7 +130,7 @@ def _imu_parts(run, base, given):
         force = integral(imu, _FORCES, since, until) / (until - since)[:, None]
         y = np.stack([_levelled(force @ c.matrix[:3, :3].T, block[kept])[:, :2] for c in given])
         x = np.stack([_levelled(predicted(c.matrix[3:, 3:])[kept], block[kept]) for c in given])
-        parts.append(scores(_related(given) * x, y, ((0, 1),), np.zeros((len(given), 2))))
+        parts.append(part(_related(given) * x, y, ((0, 1),), np.zeros((len(given), 2))))
     return parts
 
 
@@ -150,13 +149,11 @@ def _first(bases):
 
 
 def _found(runs, bases, given, one, channel, columns):
-    scored = np.array([
-        row(given) if base is None else one(run, base) for run, base in zip(runs, bases, strict=True)
-    ])
+    rows = [row(given) if base is None else one(run, base) for run, base in zip(runs, bases, strict=True)]
 
     def repairs(reading):
         names = columns or next(run.channels[channel].columns for run in runs if channel in run.channels)
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
-    return disagreement(scored, given, lambda reading: channel, repairs)
+    return disagreement(rows, given, lambda reading: channel, repairs)

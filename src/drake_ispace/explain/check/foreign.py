@@ -4,62 +4,69 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import SAID, compared
+from drake_ispace.explain.check.agreement import RELATED
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, links
+from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.motion import turned
-from drake_ispace.explain.check.regression import scores
+from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import TORQUE
 
-_FREE = 1.5  # loss of log likelihood for a free number
+_DROP = 100.0  # drop in deviance that is said of a channel without any relation
 
 
 def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Finding]:
-    """Channels that do not move with the wheels, in any reading; the wheels themselves if no channel moves with them."""
+    """Channels that do not move with the wheels in any reading; the wheels themselves if none moves with them."""
     found = []
     for number, (run, base) in enumerate(zip(runs, bases, strict=True)):
         if base is None:
             continue
         relation = {name: _relation(link, base) for name, link in links(run, base).items()}
-        strangers = [name for name, gain in relation.items() if gain is not None and gain < -SAID]
-        friends = [name for name, gain in relation.items() if gain is not None and gain > SAID]
+        relation = {name: gain for name, gain in relation.items() if gain is not None}
+        strangers = [name for name, gain in relation.items() if gain < (RELATED if name != TORQUE else 0.1 * RELATED)]
+        friends = [name for name, gain in relation.items() if gain > RELATED]
         if not strangers:
             continue
         free = _free_gain(run, base) if "kinect" in strangers else 0.0
-        if free > SAID and not friends:
+        if free > RELATED and not friends:
             found.append(Finding(
                 "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
-                drop_in_deviance=2.0 * free, rivals=("wheel_order", "gear"),
+                drop_in_deviance=_DROP * free, rivals=("wheel_order", "gear"),
             ))
-        elif friends or "kinect" in strangers:
-            channels = strangers if friends else ["encoder"] if len(strangers) > 1 else strangers
-            for name in channels:
-                found.append(Finding(
-                    "channel_of_another_run", "does not move with the robot", "", (number,), name,
-                    drop_in_deviance=-2.0 * relation.get(name, min(relation[s] for s in strangers)),
-                    rivals=("encoder",) if name == "kinect" and not friends else (), repairs=(Without(name),),
-                ))
+            continue
+        for name in strangers if friends or len(strangers) == 1 else ["encoder"]:
+            drop = _DROP * (RELATED - relation.get(name, 0.0))
+            found.append(Finding(
+                "channel_of_another_run", "does not move with the robot", "", (number,), name, drop_in_deviance=drop,
+                rivals=() if friends else ("robot_lifted",), repairs=(Without(name),),
+            ))
     return found
 
 
 def _relation(link, base):
-    """Log likelihood of a channel that moves with the wheels over one that does not; None: too little motion to tell."""
-    if len(link.since_s) < FEWEST:
-        return None
-    matrices = [np.eye(link.measured.shape[1])]
-    given = compared(link, base, matrices)
-    if given is None:
-        return None
+    """How well a channel follows the wheels, from 0 (no relation, or worse) to 1; None: too little motion to tell.
+
+    Of places and turns the one that follows worse, if it moves.
+    """
     kept = inside(base, link.since_s, link.until_s)
-    y = link.measured[kept][None]
-    besides = None if link.besides is None else link.besides(link.since_s[kept], link.until_s[kept])
-    unrelated = scores(np.zeros_like(y), y, link.groups, link.noise[None], besides)
-    return float(given[0] - unrelated[0])
+    if kept.sum() < FEWEST:
+        return None
+    since, until = link.since_s[kept], link.until_s[kept]
+    predicted, besides = link.predicted(since, until), None if link.besides is None else link.besides(since, until)
+    found = []
+    for group in map(list, link.groups):
+        x, y, noise = predicted[:, group], link.measured[kept][:, group], link.noise[group]
+        if moving(y, noise) and moving(x, noise):
+            z = None if besides is None else besides[:, group]
+            both = np.stack([x, 0.0 * x]), np.stack([y, y])
+            given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z)
+            found.append(max(float(given - unrelated) / (most(*y.shape) - float(unrelated)), 0.0))
+    return min(found, default=None)
 
 
 def _free_gain(run, base):
-    """What wheels of any dimensions gain over no relation to the camera at all."""
+    """How well the camera follows wheels of any dimensions, from 0 to 1."""
     link = camera_link(run, base)
     kept = inside(base, link.since_s, link.until_s)
     if kept.sum() < 2 * FEWEST:
@@ -69,7 +76,5 @@ def _free_gain(run, base):
     matrix = np.linalg.lstsq(angles[::2], y[::2], rcond=None)[0]
     x, y = (angles @ matrix)[1::2][None], y[1::2][None]
     noise = link.noise[None]
-    gain = scores(x, y, link.groups, noise) - scores(np.zeros_like(x), y, link.groups, noise)
-    return float(gain[0]) - _FREE
-
-
+    free, unrelated = scores(x, y, link.groups, noise)[0], scores(0.0 * x, y, link.groups, noise)[0]
+    return max(float(free - unrelated) / (most(*y.shape[1:]) - float(unrelated)), 0.0)

@@ -5,6 +5,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from drake_ispace.explain.check.agreement import UNRELATED
 from drake_ispace.explain.check.motion import AS_GIVEN, View
 from drake_ispace.plants.wheels import WheelGeometry
 
@@ -41,7 +42,7 @@ def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
     n = len(geometry.wheels)
     unit = np.eye(n)
     return [
-        Reading("", "as given", "", unit), Reading("", "no relation", "", 0.0 * unit), *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
+        Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit), *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
         *_dimensions(unit), *_views(unit),
     ]
 

@@ -43,6 +43,13 @@ class Base:
         """(n, 3) motion of the body [m, m, rad] in its own axes, as the wheels say."""
         return turned(self.encoder, since_s, until_s) @ self.geometry.forward.T
 
+    @property
+    def noise(self) -> np.ndarray:
+        """(3,) standard deviation [m, m, rad] of `moved` by whole counts."""
+        counts = self.settings.encoder.counts_per_turn
+        step = 2.0 * np.pi / counts if counts > 0 else 0.0
+        return step / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
+
     def wheel_rates(self, t: np.ndarray) -> np.ndarray:
         """(n, wheels) [rad/s] of the wheels."""
         return turned(self.encoder, t - _RATE_S, t + _RATE_S) / (2.0 * _RATE_S)
@@ -95,7 +102,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIV
     return Link(
         "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches, view) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)),
-        np.sqrt(2.0) * camera_noise(kinect, view) * unit,
+        np.hypot(np.sqrt(2.0) * camera_noise(kinect, view), base.noise) * unit,
     )
 
 
@@ -105,14 +112,16 @@ def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     stretches = _grid(imu, _GYRO_S, starts)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
-        "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), np.zeros(1)
+        "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),),
+        base.noise[2:],
     )
 
 
 def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
-    """The torques' impulse, beside the momentum that the wheels say; friction may take any share of it.
+    """The torques' impulse, beside the momentum that the wheels say.
 
-    Of coordinates on which weight acts, nothing is compared.
+    Friction and a steady force from the floor or the room may take any share of it. Of coordinates on which weight
+    acts, nothing is compared.
     """
     plant, robot, torque = base.settings.plant, base.robot, run.channels[TORQUE]
     if robot.driven != TORQUE or robot.ground is None or len(torque.columns) != len(base.geometry.wheels):
@@ -135,12 +144,17 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
         turning = robot.turning(0.5 * (before + after)) * (until - since)[:, None]
         return (after - before + turning) @ mass.T / size
 
-    def friction(since, until):
+    def forces(since, until):
         turns, sense = turned(base.encoder, since, until), np.sign(base.wheel_rates(0.5 * (since + until)))
-        return np.stack([turns @ effort.T, (until - since)[:, None] * sense @ effort.T], axis=2) / size[:, None]
+        lasts = (until - since)[:, None]
+        heading = base.moved(np.full(len(since), base.encoder.t[0]), 0.5 * (since + until))[:, 2:]
+        room = [np.broadcast_to(lasts * part, turns[:, :1].shape) * np.ones(len(free))
+                for part in (1.0, np.cos(heading), np.sin(heading))]
+        wheels = [turns @ effort.T / size, lasts * sense @ effort.T / size]
+        return np.stack([*wheels, *room], axis=2)
 
     impulse = held_integral(torque, *stretches) @ effort.T / size
-    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), np.zeros(len(free)), friction)
+    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), np.zeros(len(free)), forces)
 
 
 def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
@@ -151,7 +165,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     stretches, unit = _grid(command, _COMMAND_S, starts, hold=True), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
-        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), np.zeros(3),
+        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
     )
 
 
@@ -221,3 +235,14 @@ def inside(base: Base, since_s: np.ndarray, until_s: np.ndarray, lag_s: float = 
     t = base.encoder.t
     return (since_s + lag_s - 2 * _RATE_S >= t[0]) & (until_s + lag_s + 2 * _RATE_S <= t[-1])
 
+
+def moves(link: Link) -> bool:
+    """Whether a channel moves enough to tell the time."""
+    return len(link.since_s) >= FEWEST and any(
+        moving(link.measured[:, list(group)], link.noise[list(group)]) for group in link.groups
+    )
+
+
+def moving(motion: np.ndarray, noise: np.ndarray) -> bool:
+    """Whether a motion (n, d) is clearly more than its noise (d,)."""
+    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > 3.0 * noise.max())

@@ -13,7 +13,7 @@ _FREEDOM = 4.0  # of Student's distribution
 _FLOOR = 0.1
 _MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
-_FREE = 1e-9  # precision of the prior of f, of a motion of size one
+_FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
 
 
 def scores(
@@ -35,6 +35,11 @@ def scores(
     return -rows * np.log(np.clip(ratio, _FLOOR, 1.0)).sum(axis=-1) - improbable
 
 
+def most(rows: int, components: int) -> float:
+    """Logarithm of likelihood of a hypothesis under which y follows x exactly."""
+    return -min(rows, _MOST_ROWS) * components * np.log(_FLOOR)
+
+
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
     """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
     return _fitted(x[None], y[None], z)[1][0]
@@ -48,13 +53,13 @@ def _fitted(x, y, z):
     design = np.concatenate([
         np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
     ], axis=3)
-    prior = np.diag([1.0 / SLACK**2] * d + [_FREE] * k)
+    prior, steady = np.diag([1.0 / SLACK**2] * d + [0.0] * k), np.diag([0.0] * d + [_FREE] * k)
     shares, residual = np.zeros((h, d, d + k)), y - x
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), 1e-12)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
         weighted = design * weight[..., None]
-        normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior
+        normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
         shares = np.linalg.solve(normal, moment[..., None])[..., 0]
         shares[..., :d] = np.clip(shares[..., :d], -MOST_SLACK, MOST_SLACK)

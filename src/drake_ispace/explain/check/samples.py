@@ -13,61 +13,71 @@ _STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
 _FEW = 10  # different rows in them
 _WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
+_OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
 _LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
 _CLIPPED = 0.01  # share of samples at the very same extreme value
 _NOISY = ("imu", "torque")  # never the same twice
 
 
-def sample_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+    """A counter of the wheels that starts anew: steps of one height against the motion, far above all others."""
+    if "encoder" not in run.channels:
+        return
+    channel, heights, columns = run.channels["encoder"], [], []
+    for name in channel.columns:
+        steps = np.diff(channel.column(name))
+        size = np.abs(steps)
+        if len(size) < 2 * _BLOCK or not (size > 0.0).any():
+            continue
+        far = size > _WRAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        if not far.any():
+            continue
+        motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
+        if np.mean(np.sign(steps[far]) == np.sign(motion)) > 0.2:
+            return
+        exact = np.abs(steps[far] - motion)
+        if np.ptp(exact) > _ALIKE * exact.max():
+            return
+        heights.append(exact)
+        columns.append(name)
+    if not heights:
+        return
+    turn = _known_turn(float(np.median(np.concatenate(heights))), counts_per_turn, len(np.concatenate(heights)))
+    if turn is not None:
+        known, fault = turn
+        rival = "counter_wrap" if fault == "angle_wrap" else "angle_wrap"
+        yield Finding(fault, f"starts anew after {known:.6g}", "", (number,), "encoder", rivals=(rival,),
+                      repairs=(Unwrapped("encoder", tuple(columns), known),))
+
+
+def sample_findings(run: Recording, number: int) -> Iterator[Finding]:
     """Faults of the samples of a run that need no other channel."""
     for name, channel in run.channels.items():
         if name in ("truth", "reference", "command") or len(channel.t) < 2 * _BLOCK:
             continue
-        if name == "encoder":
-            yield from _wraps(channel, number, counts_per_turn)
-        if name != "kinect":
-            yield from _repeated(name, channel, number)
-        yield from _reversed(name, channel, number)
-        if name in _NOISY:
-            yield from _stuck(name, channel, number)
-            yield from _clipped(name, channel, number)
+        found = list(_clipped(name, channel, number)) if name in _NOISY else []
+        if name in _NOISY and not found:
+            found = list(_stuck(name, channel, number))
+        if name != "kinect" and not found:
+            found = list(_repeated(name, channel, number))
+        yield from found or _reversed(name, channel, number)
 
 
-def _wraps(channel: Channel, number: int, counts_per_turn: float) -> Iterator[Finding]:
-    """A counter that starts anew: steps of one height, far above all others."""
-    heights, columns = [], []
-    for name in channel.columns:
-        steps = np.diff(channel.column(name))
-        size = np.abs(steps)
-        usual = np.quantile(size, 0.98)
-        far = size > max(_WRAP * usual, _WRAP * np.median(size[size > 0.0]) if (size > 0.0).any() else np.inf)
-        if not far.any() or far.sum() > 0.02 * len(steps) + 5:
-            continue
-        if np.ptp(size[far]) > _ALIKE * size[far].max() + 2.0 * usual:
-            continue
-        heights.append(float(np.median(size[far])))
-        columns.append(name)
-    if not heights or np.ptp(heights) > _ALIKE * max(heights) + 1e-9:
-        return
-    turn = _known_turn(float(np.median(heights)), counts_per_turn)
-    if turn is None:
-        return
-    known, fault = turn
-    rival = "counter_wrap" if fault == "angle_wrap" else "angle_wrap"
-    yield Finding(fault, f"starts anew after {known:.6g}", "", (number,), "encoder", rivals=(rival,),
-                  repairs=(Unwrapped("encoder", channel.columns, known),))
+def _known_turn(height, counts_per_turn, times):
+    """The turn after which counters start anew that is nearest to a height, and the name of its fault.
 
-
-def _known_turn(height, counts_per_turn):
-    """The turn after which counters start anew that is nearest to a height, and the name of its fault."""
+    Where none is near, the height itself, if it was seen several times.
+    """
     turns = {2.0 * np.pi: "angle_wrap", 360.0: "angle_wrap", 1.0: "angle_wrap", 4.0 * np.pi: "angle_wrap"}
     units = [1.0, 2.0 * np.pi / counts_per_turn, 360.0 / counts_per_turn] if counts_per_turn > 0 else [1.0]
     turns |= {2.0**bits * unit: "counter_wrap" for unit in units for bits in range(4, 33)}
     if counts_per_turn > 0:
         turns[counts_per_turn] = "angle_wrap"
     nearest = min(turns, key=lambda turn: abs(turn - height))
-    return (nearest, turns[nearest]) if abs(nearest - height) <= 0.1 * height else None
+    if abs(nearest - height) <= 0.01 * height:
+        return nearest, turns[nearest]
+    return (height, "counter_wrap") if times >= _OFTEN else None
 
 
 def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
@@ -133,7 +143,7 @@ def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
         values = channel.column(column)
         for extreme in (values.max(), values.min()):
             at = values == extreme
-            if at.mean() > _CLIPPED and at[1:][at[:-1]].any() and np.unique(values).size > 50:
+            if at.mean() > _CLIPPED and at[1:][at[:-1]].any() and np.unique(values).size > 2 * _BLOCK:
                 found.append(f"{column} at {extreme:.4g}")
     if found:
         rivals = ("torque_limit",) if name == "torque" else ()

@@ -6,10 +6,10 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.links import Base, camera_link, inside
-from drake_ispace.explain.check.motion import Windows, camera_noise, has_motion, seen
+from drake_ispace.explain.check.motion import Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.regression import residuals
 from drake_ispace.explain.check.samples import stretches
-from drake_ispace.faults.repair import CutOut, Dropped
+from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 
 _SPIKE_S = 0.35  # after which a step that cancels is an outlier
@@ -18,8 +18,27 @@ _STEP_NOISE = 8.0  # the same, in standard deviations of the camera
 _SINCE_S = 0.4  # rows that repeat for longer have stopped
 _MOVED_M = 0.08  # by which the robot moved all the same
 _CARRIED_M, _CARRIED_SHARE = 0.15, 0.5  # of a stretch that wheels and camera tell differently; of the larger of the two
+_NEVER_M = 0.5  # way of a wheel, or of the robot, that must show
 _MOST = 0.4  # share of a run, beyond which nothing is a stretch
 _SERIES = 4  # of overlapping windows
+
+
+def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Wheels or a camera that never move although the other one does."""
+    if base is None or not has_motion(run):
+        return
+    kinect, encoder = run.channels["kinect"], run.channels["encoder"]
+    radius = min(wheel.radius_m for wheel in base.geometry.wheels)
+    whole = windows(kinect)
+    turns = np.abs(seen(kinect, whole) @ base.geometry.inverse.T).sum(axis=0) * radius
+    dead = [c for c, turn in zip(encoder.columns, turns, strict=True)
+            if np.ptp(encoder.column(c)) == 0.0 and turn > _NEVER_M]
+    if dead:
+        yield Finding("channel_dead", f"{', '.join(dead)} never changes", "", (number,), "encoder",
+                      repairs=(Without("encoder"),))
+    moved = base.moved(whole.since_s, whole.until_s)
+    if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _NEVER_M:
+        yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
 
 
 def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:

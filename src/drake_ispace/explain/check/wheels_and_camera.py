@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import SAID, disagreement, row
+from drake_ispace.explain.check.agreement import SAID, Part, Row, disagreement, part, row
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.hypotheses import Reading, readings
 from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, integral
@@ -26,11 +26,11 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     if base is None:
         return None
     given = readings(base.geometry, float(base.settings.encoder.counts_per_turn))
-    scored = np.array([_row(run, own, given) for run, own in zip(runs, bases, strict=True)])
-    return disagreement(scored, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base))
+    rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
+    return disagreement(rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base))
 
 
-def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> np.ndarray:
+def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
     if base is None:
         return row(given)
     views = {view: camera_link(run, base, view=view) for view in {reading.view for reading in given}}
@@ -49,8 +49,8 @@ def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> np.ndar
     if "imu" in run.channels:
         turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
         gyro = scores(x[:, :, 2:] / unit[2], turn, ((0,),), np.zeros((len(given), 1)))
-        gyro = np.clip(gyro - gyro[0], -_CASTING, _CASTING)
-    return row(given, scores(x, y, link.groups, noise), gyro)
+        gyro = Part(np.clip(gyro - gyro[0], -_CASTING, _CASTING), 0.0)
+    return row(given, part(x, y, link.groups, noise), gyro)
 
 
 def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
