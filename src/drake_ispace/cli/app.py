@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter, UnusedCliTokensError
 
 from drake_ispace.blocks.errors import InputError, shown
+from drake_ispace.cli.check import register as register_check_command
 from drake_ispace.cli.explain import register as register_explain_commands
 from drake_ispace.cli.identify import register as register_identify_command
 from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
@@ -326,6 +327,7 @@ def demo(
         print(line)
 
 
+register_check_command(app)
 register_explain_commands(app)
 register_identify_command(app)
 register_vision_commands(app)

@@ -30,6 +30,9 @@ def explain(
         Parameter(negative="", consume_multiple=True, help="runs to prove the answer on, best of another motion"),
     ] = None,
     out: Annotated[Path | None, Parameter(help="folder of the report: page, pictures, new scenario")] = None,
+    trust_data: Annotated[
+        bool, Parameter(negative="", help="go on although the recordings contradict each other")
+    ] = False,
     seed: Seed = None, set_: Sets = None, as_json: Json = False,
 ) -> None:
     """Find which physical effect a model lacks, from measured runs, and prove that adding it closes the gap."""
@@ -47,7 +50,9 @@ def explain(
     with stages("reading the library of effects") as tell:
         from drake_ispace.explain.explain import explain as explain_runs
 
-        explanation = explain_runs(scenario, recordings, held_out=held_out, seed=seed, tell=tell)
+        explanation = explain_runs(
+            scenario, recordings, held_out=held_out, seed=seed, tell=tell, trust_data=trust_data
+        )
         if out is not None:
             from drake_ispace.report.explain_page import write_explanation
 

@@ -2,8 +2,11 @@
 
 An effect is a named physical cause that a model may lack, such as Coulomb friction or a late camera (`effects/`). At
 its neutral value it changes nothing. A track is one recorded run, a look-alike an effect that the same runs show in
-nearly the same way; docs/glossary.md has the other words. Five stages, a folder each:
+nearly the same way; docs/glossary.md has the other words. Six stages, a folder each:
 
+0. check    The channels of the recordings are compared with each other: a wheel that counts backwards, a camera in
+            millimetres, a clock that is off. Where the data contradict each other no physics is blamed; what is wrong
+            for a while only is cut out.
 1. predict  The model is driven by the recorded commands and held on the measured motion by a Kalman filter. What the
             model could not predict from the past is the residual. Every effect of the library is in the compiled
             Diagram at its neutral value, so that an effect is tried by changing run-time numbers.
@@ -15,7 +18,7 @@ nearly the same way; docs/glossary.md has the other words. Five stages, a folder
 4. prove    The gap as a user would measure it: errors of free-run simulations before and after, on runs to which no
             size was fitted, beside what sensors and chance leave and what plain least squares finds. And a test of
             what is left: is it noise of a sound robot?
-5. answer   The verdict (named, a set of look-alikes, incomplete, unknown, none), sizes with 90 % intervals, the
+5. answer   The verdict (named, a set of look-alikes, incomplete, unknown, none, data), sizes with 90 % intervals, the
             recorded channels that show the disagreement, what is left of it, and a new scenario with the effects in it
             (where the model is a scenario). For a scenario also how well its controller explains the recorded torque.
 
@@ -30,20 +33,23 @@ from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.effects.effect import Effect
+from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.check.examine import examine
+from drake_ispace.explain.check.runs import Runs
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
-from drake_ispace.explain.predict.case import Runs, prepare
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
-from drake_ispace.scenario import Scenario
+from drake_ispace.scenario import Scenario, as_scenario
 
 _THREADS = 2
 _DECIDERS = {"largest": decide, "together": decide_jointly}
@@ -53,7 +59,7 @@ _VALIDATED = "free_run"
 def explain(
     model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
     effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
-    choice: str = "largest",
+    choice: str = "largest", trust_data: bool = False,
 ) -> Explanation:
     """Find what the model lacks.
 
@@ -67,12 +73,22 @@ def explain(
             against the others; for somebody else's robot, whose model mostly lacks several of very different size.
             "free_run": the fewest effects that simulate whole runs well, fitted to one half of the runs and judged on
             the other; for a plant of your own, and runs that are too short for a filter.
+        trust_data: whether to go on although the recordings contradict each other.
 
     Raises:
         InputError: a run that the model cannot predict, an unknown choice, or one that this model cannot have.
     """
     started = time.perf_counter()
     _check_choice(choice, model)
+
+    # 0 check: of the runs of a scenario's robot; those of a plant of the user's own are taken as they are
+    examined = None
+    if not isinstance(model, OwnModel):
+        model = as_scenario(model)
+        examined = examine(model, runs, held_out, trust_data, tell)
+        if examined.serious and not trust_data:
+            return contradiction(examined, time.perf_counter() - started)
+        runs, held_out = examined.runs, examined.held_out
 
     # 1 predict
     tell("preparing the predictions")
@@ -98,6 +114,8 @@ def explain(
     add_proof(answer, case, proof)
     if answer.effects and case.scenario is not None:
         add_effects(answer, case, decision)
+    if examined is not None:
+        add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")
         check_controllers(answer, case)

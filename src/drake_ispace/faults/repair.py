@@ -182,7 +182,7 @@ Repair = Mixed | Unwrapped | Clock | Evened | Dropped | Mirrored | Without | Cut
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:
-    """A copy of the recording with another channel of that name; its truth goes, which no repair applies to."""
+    """A copy of the recording with another channel of that name."""
     return replace(recording, channels={**recording.channels, name: channel})
 
 
@@ -206,6 +206,7 @@ def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[R
                 for name, channel in recording.channels.items()
             }
             held = {name: channel for name, channel in inside.items() if len(channel.t)}
-            found.append(replace(recording, channels=held))
+            path = None if recording.path is None else recording.path.with_name(f"{recording.path.name} from {start:.4g} s")
+            found.append(replace(recording, channels=held, path=path))
         start = max(start, cut.to_s)
     return found

@@ -1,6 +1,5 @@
 """The answer of `explain` as a folder: the data, the new scenario, pictures, and a page for people."""
 
-import base64
 import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,7 +7,6 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
-from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
@@ -18,11 +16,12 @@ from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
 from drake_ispace.files.yaml_guard import dump_yaml
+from drake_ispace.report.check_page import findings_page
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.dead_reckoning import reckoned
 from drake_ispace.report.drawing import draw
 from drake_ispace.report.explain_plots import plot_gap, plot_path
-from drake_ispace.report.pages import render, write_text
+from drake_ispace.report.pages import embedded, render, write_text
 from drake_ispace.scenario import Scenario, difference
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
@@ -35,7 +34,6 @@ _TITLES = {
 }
 _REFERENCE = "reference"  # what drives the model along it: its own controller
 _AHEAD = {RUN: "whole run", STEP: "next sample"}
-_MIME = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
 def write_explanation(
@@ -76,6 +74,10 @@ def write_files(
     Raises:
         InputError: the folder cannot be written.
     """
+    if explanation.verdict == "data":
+        explanation.save(folder / MARK)
+        write_text(folder / "index.html", findings_page(explanation.data, model, [*runs, *held_out], folder))
+        return None
     robot = robot_of(model, [*runs, *held_out])
     tell("drawing")
     pictures = draw_diagrams(explanation, model, robot, folder)
@@ -229,19 +231,6 @@ def changed_lines(model: Scenario, explanation: Explanation) -> list[tuple[str, 
         return []
     before, after = (dump_yaml(difference(one)).splitlines() for one in (model, explanation.model))
     return [(line[0], line[2:]) for line in difflib.ndiff(before, after) if line[0] != "?"]
-
-
-def embedded(file: Path) -> str:
-    """A picture as a data: address, so that the page needs no other file.
-
-    Raises:
-        InputError: the picture cannot be read.
-    """
-    try:
-        data = base64.b64encode(file.read_bytes()).decode()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from None
-    return f"data:{_MIME[file.suffix]};base64,{data}"
 
 
 def _mentioned(explanation):

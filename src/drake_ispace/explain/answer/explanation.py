@@ -5,7 +5,8 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drake_ispace.explain.answer.sentences import gap_sentence, is_place, sentence_of, short
+from drake_ispace.explain.answer.sentences import gap_sentence, is_place, sentence_of, sentence_of_finding, short
+from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
 from drake_ispace.explain.prove.proof import PlantParameter
@@ -38,7 +39,7 @@ class NamedEffect:
         name, enters_at: of the effect's card. equivalents: look-alikes that these runs cannot tell from the effect.
         parameters: name -> Estimate; a choice of wheel has no interval. share: drop in deviance that is lost without
             this effect, as a share of the drop by all named effects (free_run: of squared errors). excitation: motion
-            that would separate the effect from its look-alikes.
+            that would separate the effect from its look-alikes. faults: of the data that do the same.
     """
 
     name: str
@@ -47,6 +48,7 @@ class NamedEffect:
     parameters: dict[str, Estimate]
     share: float
     excitation: str = ""
+    faults: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,8 @@ class Explanation:
     """The answer of `explain`.
 
     Attributes:
-        verdict: "named", "set", "incomplete", "unknown" or "none". effects: those that the model lacks. warnings: what
+        verdict: "named", "set", "incomplete", "unknown", "none" or "data". data: faults of the recordings, the surest
+            first; with the verdict "data" no physics was tried. effects: those that the model lacks. warnings: what
             a reader must know first.
         detection: None where effects were chosen by cross-validation. localization: channels, the largest share first.
         untestable: effects that these runs cannot show. unknown: None unless the verdict is "unknown".
@@ -170,6 +173,7 @@ class Explanation:
     detection: DetectionResult | None
     localization: list[Place]
     untestable: list[Untestable]
+    data: list[Finding] = field(default_factory=list)
     gap: list[GapRow] = field(default_factory=list)
     proof: str = ""
     remainders: list[Remainder] = field(default_factory=list)
@@ -204,7 +208,7 @@ class Explanation:
     def to_data(self) -> dict:
         """Plain data, ready for JSON."""
         data = {
-            "verdict": self.verdict,
+            "verdict": self.verdict, "data": [finding.to_data() for finding in self.data],
             "effects": [dataclasses.asdict(effect) for effect in self.effects],
             "detection": None if self.detection is None else dataclasses.asdict(self.detection),
             "localization": [dataclasses.asdict(place) for place in self.localization],
@@ -240,8 +244,11 @@ class Explanation:
     def __str__(self) -> str:
         lines = [_VERDICTS[self.verdict] + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
         lines += [f"! {warning}" for warning in [*self.drifts, *self.warnings]]
+        if self.verdict == "data":
+            lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]
         for effect in self.effects:
-            others = f", or {', '.join(effect.equivalents)}" if effect.equivalents else ""
+            alike = [*effect.equivalents, *(f"{fault} (a fault of the data)" for fault in effect.faults)]
+            others = f", or {', '.join(alike)}" if alike else ""
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():
                 low, high = p.ci90
@@ -270,6 +277,7 @@ _VERDICTS = {
     "incomplete": "The model lacks these effects, and something more",
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
+    "data": "The recordings contradict each other, or the model's dimensions",
 }
 
 

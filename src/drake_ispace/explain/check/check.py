@@ -14,10 +14,12 @@ from drake_ispace.explain.check.drive_and_imu import command_columns_of, imu_col
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.foreign import foreign
 from drake_ispace.explain.check.links import base_of, links
-from drake_ispace.explain.check.samples import sample_findings, wrap_findings
+from drake_ispace.explain.check.runs import name_of
+from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, step_findings
 from drake_ispace.explain.check.wheels_and_camera import wheels_or_camera
+from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.library import robots
@@ -36,8 +38,8 @@ class Checked:
     """What was found.
 
     Attributes:
-        names: of the runs. findings: the surest first, those without a comparison before them. repaired: the runs after
-            all repairs of whole channels; stretches are not cut out of them.
+        names: of the runs. findings: on whole runs, then on stretches of time; of each those that one channel shows
+            by itself, then the surest first. repaired: the runs after all repairs but cuts.
     """
 
     names: list[str]
@@ -45,22 +47,33 @@ class Checked:
     repaired: list[Recording]
 
     @property
-    def whole(self) -> list[Finding]:
-        """Findings on whole runs."""
-        return [finding for finding in self.findings if not finding.limited]
+    def serious(self) -> list[Finding]:
+        """Findings on whole runs in spite of which no model can be judged."""
+        return [finding for finding in self.findings if not finding.limited and not FAULTS[finding.fault].harmless]
 
     @property
     def limited(self) -> list[Finding]:
         """Findings on stretches of time."""
         return [finding for finding in self.findings if finding.limited]
 
+    def masked(self, runs: Sequence[Recording]) -> list[list[Recording]]:
+        """The runs without what is limited in time, each as the parts that remain of it; whole runs as they are."""
+        return [self._parts(i, self._repaired(i, run, self.limited), self.limited) for i, run in enumerate(runs)]
+
     def repaired_parts(self) -> list[list[Recording]]:
-        """The repaired runs without the stretches that are to be cut out, each as the parts that remain of it."""
-        return [
-            parts(run, [repair for finding in self.findings if i in finding.runs for repair in finding.repairs
-                        if isinstance(repair, CutOut)], _SHORTEST_S)
-            for i, run in enumerate(self.repaired)
-        ]
+        """The runs after all repairs, each as the parts that remain of it."""
+        return [self._parts(i, run, self.findings) for i, run in enumerate(self.repaired)]
+
+    def _repaired(self, i, run, findings):
+        for finding in findings:
+            for repair in finding.repairs if i in finding.runs else ():
+                if not isinstance(repair, CutOut):
+                    run = repair.apply(run)
+        return run
+
+    def _parts(self, i, run, findings):
+        cuts = [r for f in findings if i in f.runs for r in f.repairs if isinstance(r, CutOut)]
+        return parts(run, cuts, _SHORTEST_S) if cuts else [run]
 
 
 def check(
@@ -75,7 +88,7 @@ def check(
         InputError: a run that cannot be read or is of another robot.
     """
     loaded = [run if isinstance(run, Recording) else load(run) for run in runs]
-    names = [str(run.path) if run.path else f"run {i + 1}" for i, run in enumerate(loaded)]
+    names = [name_of(run, i) for i, run in enumerate(loaded)]
     scenario = as_scenario(model)
     known = [robots()[name] for name in entry_of(scenario).robots]
     for name, run in zip(names, loaded, strict=True):
@@ -111,9 +124,13 @@ class _Search:
         strangers = foreign(self.runs, self._bases())
         self._add(strangers)
         odd = {i for finding in strangers for i in finding.runs}
+        if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
+            self._each(lambda run, i: quantised_findings(run, i, counts))
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
-        findings = sorted(self.findings, key=lambda finding: -(finding.drop_in_deviance or float("inf")))
-        return Checked(self.names, [named(finding, self.names) for finding in findings], self.runs)
+        findings = sorted(self.findings, key=lambda finding: (
+            finding.limited, FAULTS[finding.fault].harmless, -(finding.drop_in_deviance or float("inf"))
+        ))
+        return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
 
     def _bases(self):
         return [base_of(run, self.robot, self.settings) for run in self.runs]
@@ -172,6 +189,13 @@ class _Search:
             other.limited and set(other.runs) & set(finding.runs) and other.from_s - _ECHO_S <= finding.from_s
             and finding.to_s <= other.to_s + _ECHO_S for other in self.findings
         )
+
+
+def _complete(finding, names):
+    """The finding with its run's name, and with all that cannot be told from its fault."""
+    fault = FAULTS[finding.fault]
+    rivals = dict.fromkeys((*finding.rivals, *fault.same, *fault.effects))
+    return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
 
 
 def _joined(findings: list[Finding]) -> list[Finding]:

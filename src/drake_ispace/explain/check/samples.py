@@ -16,6 +16,8 @@ _WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
 _LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
+_RARELY = 0.02  # share of rows that are as the one before, of a channel that never rests
+_STEPS = 40.0  # of a range, below which they are coarse
 _CLIPPED = 0.01  # share of samples at the very same extreme value
 _NOISY = ("imu", "torque")  # never the same twice
 
@@ -129,8 +131,14 @@ def _stuck(name: str, channel: Channel, number: int) -> Iterator[Finding]:
         values = ", ".join(f"{column} is always {channel.column(column)[0]:.4g}" for column in dead)
         yield Finding("channel_dead", values, "", (number,), name, repairs=(Without(name),))
         return
-    for first, last in stretches(~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)):
-        if channel.t[last] - channel.t[first] >= _STUCK_S:
+    repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
+    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= _STUCK_S]
+    if repeats.sum() - sum(b - a for a, b in long) > _RARELY * len(repeats):
+        return  # a channel that often holds a value
+    low, high = channel.values.min(axis=0), channel.values.max(axis=0)
+    for first, last in long:
+        held = channel.values[first]
+        if not np.all((held == low) | (held == high)):
             since, until = float(channel.t[first]), float(channel.t[last])
             yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
                           repairs=(CutOut(since, until),))
@@ -148,6 +156,26 @@ def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     if found:
         rivals = ("torque_limit",) if name == "torque" else ()
         yield Finding("channel_clipped", ", ".join(found), "", (number,), name, rivals=rivals)
+
+
+def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+    """Columns in steps that are coarse beside what they tell, or beside the encoder's counts."""
+    for name, channel in run.channels.items():
+        if name not in ("encoder", "kinect", *_NOISY):
+            continue
+        coarse = []
+        for column in channel.columns[: 3 if name == "kinect" else None]:
+            values = np.unique(channel.column(column))
+            if len(values) < 3 or len(values) > len(channel.t) / 4:
+                continue
+            steps = np.diff(values)
+            step = float(steps.min())
+            whole = np.abs(steps / step - np.rint(steps / step)).max() < 1e-3
+            counts = 2.0 * np.pi / counts_per_turn if name == "encoder" and counts_per_turn > 0 else np.inf
+            if whole and step > (1.9 * counts if np.isfinite(counts) else np.ptp(values) / _STEPS):
+                coarse.append(f"{column} in steps of {step:.3g}")
+        if coarse:
+            yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:

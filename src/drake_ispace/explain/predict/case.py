@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Effect
+from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
 from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
@@ -18,11 +19,6 @@ from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import entry_of
-
-UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
-
-Run = Recording | str | Path
-Runs = Run | Sequence[Run] | Mapping[str, Run]
 
 
 @dataclass(frozen=True)
@@ -73,12 +69,12 @@ def prepare(
         InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
     """
     scenario = None if isinstance(model, OwnModel) else as_scenario(model)
-    training, kinds = _listed(runs), held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
+    training, kinds = listed(runs), held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
     if not training:
         raise InputError("explain: there is no run, expected at least one")
-    n, others = len(training), {kind: _listed(some) for kind, some in kinds.items()}
+    n, others = len(training), {kind: listed(some) for kind, some in kinds.items()}
     loaded = [
-        (_name(run, i), run if isinstance(run, Recording) else load(run))
+        (name_of(run, i), run if isinstance(run, Recording) else load(run))
         for i, run in enumerate([*training, *(run for some in others.values() for run in some)])
     ]
     if scenario is None:
@@ -95,18 +91,6 @@ def prepare(
     if scenario is not None:
         _check_comparable(case)
     return case
-
-
-def _listed(runs: Runs) -> list[Run]:
-    if isinstance(runs, Recording | str | Path):
-        return [runs]
-    return list(runs.values() if isinstance(runs, Mapping) else runs)
-
-
-def _name(run, i):
-    if isinstance(run, Recording):
-        return str(run.path) if run.path else f"run {i + 1}"
-    return str(run)
 
 
 def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:

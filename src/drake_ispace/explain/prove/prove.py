@@ -8,7 +8,8 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.case import UNNAMED, Case, joined
+from drake_ispace.explain.check.runs import UNNAMED
+from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.adequacy import NOTHING, Remainder, remainders

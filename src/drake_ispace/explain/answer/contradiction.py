@@ -1,0 +1,29 @@
+"""What a check of the recordings makes of the answer."""
+
+from dataclasses import replace
+
+from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.sentences import sentence_of_finding
+from drake_ispace.explain.check.examine import Examined
+from drake_ispace.faults.library import same_as
+
+
+def contradiction(examined: Examined, seconds: float) -> Explanation:
+    """The answer where the recordings contradict each other, or the model's dimensions."""
+    return Explanation(
+        "data", [], None, [], [], data=examined.findings, runs=examined.names[: examined.trained],
+        held_out=examined.names[examined.trained :], seconds=seconds,
+        next_experiment="repair the recordings (`drake-ispace check RUN... --repair FOLDER`) and ask again",
+    )
+
+
+def add_findings(answer: Explanation, examined: Examined) -> None:
+    """Add what was found in the data to an answer that was reached in spite of it.
+
+    An effect that is the same thing as a fault is named beside that fault, as a set.
+    """
+    answer.data = examined.findings
+    answer.effects = [replace(effect, faults=same_as(effect.name)) for effect in answer.effects]
+    if answer.verdict == "named" and any(effect.faults for effect in answer.effects):
+        answer.verdict = "set"
+    answer.warnings = [sentence_of_finding(finding) for finding in examined.findings] + answer.warnings

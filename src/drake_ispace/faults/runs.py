@@ -1,0 +1,51 @@
+"""Faults of whole runs and of the model: hands, other runs, other robots, other dimensions."""
+
+from drake_ispace.faults.card import Fault
+
+FAULTS = (
+    Fault(
+        "robot_carried", "the robot is carried or pushed by hand",
+        "the camera sees a motion that no wheel makes", "somebody puts the robot back to its start",
+        "camera and wheels tell of different motions for a while", "cut the stretch out",
+        same=("robot_lifted", "camera_jump", "channel_frozen"), harmless=True,
+    ),
+    Fault(
+        "robot_lifted", "the robot is lifted",
+        "the wheels turn and the camera sees no motion", "somebody holds the robot in the air",
+        "camera and wheels tell of different motions for a while", "cut the stretch out", same=("robot_carried",),
+        harmless=True,
+    ),
+    Fault(
+        "channel_of_another_run", "a channel of another run",
+        "one channel tells of another motion than the others", "files were mixed up",
+        "the channel goes with the others in no reading", "leave the channel out, or find its own",
+    ),
+    Fault(
+        "another_robot", "a run of another robot",
+        "wheels and camera go together, but not by the model's dimensions", "folders were mixed up",
+        "free dimensions fit, the model's do not", "choose the model of that robot", same=("wheel_order", "gear"),
+    ),
+    Fault(
+        "half_track", "the full track typed as the half",
+        "the model turns half as far, or twice as far, as the robot", "the data sheet says track, the model half of it",
+        "turns of wheels and camera differ by a factor of two", "correct the model's track",
+    ),
+    Fault(
+        "diameter_for_radius", "the diameter typed as the radius",
+        "the model goes twice as far as the robot", "the data sheet says diameter",
+        "wheels and camera move by a factor of two differently", "correct the model's radius",
+        same=("counts_per_turn", "gear"),
+    ),
+    Fault(
+        "wheel_order", "the model's wheels in another order",
+        "the model's wheels are others than the log's", "another first wheel",
+        "the wheels say a motion that the camera does not see", "put the model's wheels in order",
+        same=("wheels_swapped",),
+    ),
+    Fault(
+        "gear", "another gear in the model",
+        "the model goes by a factor too far", "the gear is counted twice or not at all",
+        "wheels and camera move by a factor differently", "correct the model's gear",
+        same=("counts_per_turn", "diameter_for_radius"),
+    ),
+)

@@ -1,0 +1,48 @@
+"""Faults of samples: counters that wrap, channels that stop, clip or repeat."""
+
+from drake_ispace.faults.card import Fault
+
+FAULTS = (
+    Fault(
+        "counter_wrap", "a counter that starts anew",
+        "an angle falls back by the range of its counter", "a counter of n bits",
+        "steps of one height against the motion", "continue the angle", same=("angle_wrap",),
+    ),
+    Fault(
+        "angle_wrap", "an angle that starts anew with every turn",
+        "an angle falls back by a turn", "an absolute encoder, or an angle that was wrapped",
+        "steps of a turn against the motion", "continue the angle", same=("counter_wrap",),
+    ),
+    Fault(
+        "channel_dead", "a column that never changes",
+        "a column holds one value", "a cable, or a field that nobody fills",
+        "the other channels say that it should change", "leave the channel out", same=("channel_frozen",),
+    ),
+    Fault(
+        "channel_frozen", "a channel that stops for a while",
+        "rows repeat, then the channel goes on where it should be", "a driver that hangs",
+        "the other channels move meanwhile", "cut the stretch out",
+        same=("rows_missing", "robot_carried"), harmless=True,
+    ),
+    Fault(
+        "channel_clipped", "values that end at a limit",
+        "a column never passes a value, which it takes often", "the range of a converter",
+        "many samples at the very same extreme", "record it again with a larger range", effects=("torque_saturation",),
+        harmless=True,
+    ),
+    Fault(
+        "channel_quantised", "values in coarse steps",
+        "a column takes few values", "rounding in the logger", "the steps between values",
+        "record it again with more digits", harmless=True,
+    ),
+    Fault(
+        "rows_duplicated", "rows that come twice",
+        "a stretch of rows comes again", "a file that was stitched together",
+        "the same digits twice", "leave the second out", harmless=True,
+    ),
+    Fault(
+        "rows_reversed", "rows in the opposite order",
+        "a stretch runs backwards", "a buffer that is read from the wrong end",
+        "two steps that vanish together", "turn the stretch round", harmless=True,
+    ),
+)

@@ -1,0 +1,43 @@
+"""Faults of clocks and stamps."""
+
+from drake_ispace.faults.card import Fault
+
+FAULTS = (
+    Fault(
+        "clock_offset", "a clock that is off",
+        "a channel's stamps are earlier or later than the others' by the same time", "each computer has its own clock",
+        "motion appears in one channel earlier than in the others", "shift the stamps",
+        effects=("clock_offset", "camera_latency"),
+    ),
+    Fault(
+        "clock_drift", "a clock that is fast or slow",
+        "a channel's stamps run at another rate", "a cheap oscillator, or a rate that is assumed",
+        "the delay between channels grows", "stretch the stamps",
+    ),
+    Fault(
+        "clock_jump", "a clock that jumps",
+        "from some time on a channel's stamps are off", "the clock was set while the log ran",
+        "the delay between channels changes at once", "shift the stamps after the jump",
+    ),
+    Fault(
+        "clocks_disjoint", "clocks that do not overlap",
+        "a channel begins after another one has ended", "clocks with other zeros, or files of different runs",
+        "no instant is in all channels", "let the channels start together, then compare their motion",
+        same=("epoch_stamps", "channel_of_another_run"),
+    ),
+    Fault(
+        "stamp_jitter", "uneven stamps",
+        "steps between samples vary by more than a quarter", "samples are stamped when they arrive",
+        "the steps themselves", "stamps at even steps", same=("bursts",), harmless=True,
+    ),
+    Fault(
+        "bursts", "samples that come in bursts",
+        "several samples have nearly the same stamp", "a link that buffers",
+        "the steps themselves", "stamps at even steps", same=("stamp_jitter",), harmless=True,
+    ),
+    Fault(
+        "rows_missing", "a gap",
+        "no samples for a while", "a full buffer, a lost link", "the step itself", "none; nothing is invented",
+        harmless=True,
+    ),
+)
