@@ -43,7 +43,7 @@ def asked(monkeypatch):
     """`explain` replaced by an answer at once; what it was asked."""
     found = {}
 
-    def explain(model, runs, held_out=(), seed=0, tell=None):
+    def explain(model, runs, held_out=(), seed=0, tell=None, trust_data=False):
         tell("looking")
         found.update(model=model, runs=runs, held_out=held_out, seed=seed)
         return answers.named(model)

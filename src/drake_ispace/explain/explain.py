@@ -40,7 +40,7 @@ from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_proof
 from drake_ispace.explain.check.examine import examine
-from drake_ispace.explain.check.runs import Runs
+from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.validate import validated_choice
@@ -94,7 +94,7 @@ def explain(
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects)
 
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(_THREADS) as pool, solvable():
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)
 

@@ -47,11 +47,12 @@ class Row:
 
 
 def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
-    """All comparisons of one run."""
+    """All comparisons of one run. Of many mistakes that are tried each is as many times less probable."""
     present = [part for part in parts if part is not None]
     if not present:
         return Row(np.zeros(len(hypotheses)))
-    losses = np.array([hypothesis.loss for hypothesis in hypotheses])
+    many = np.log(len(hypotheses))
+    losses = np.array([hypothesis.loss + (many if hypothesis.fault else 0.0) for hypothesis in hypotheses])
     return Row(sum(part.scored for part in present) - losses, sum(part.most for part in present))
 
 

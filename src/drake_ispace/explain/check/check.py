@@ -14,7 +14,7 @@ from drake_ispace.explain.check.drive_and_imu import command_columns_of, imu_col
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.foreign import foreign
 from drake_ispace.explain.check.links import base_of, links
-from drake_ispace.explain.check.runs import name_of
+from drake_ispace.explain.check.runs import check_sizes, name_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, step_findings
@@ -85,17 +85,19 @@ def check(
         model: that describes the robot. runs: one or several. tell: called with the name of each step.
 
     Raises:
-        InputError: a run that cannot be read or is of another robot.
+        InputError: a run that cannot be read, is of another robot, or holds impossible numbers.
     """
     loaded = [run if isinstance(run, Recording) else load(run) for run in runs]
     names = [name_of(run, i) for i, run in enumerate(loaded)]
     scenario = as_scenario(model)
     known = [robots()[name] for name in entry_of(scenario).robots]
     for name, run in zip(names, loaded, strict=True):
+        check_sizes(run, name)
         if not any(robot.answers_to(run.robot) for robot in known):
             raise InputError(f"{name}: the run is of robot {run.robot}, expected {' or '.join(r.name for r in known)}")
     robot = next(robot for robot in known if robot.answers_to(loaded[0].robot))
-    return _Search(loaded, names, robot, getattr(scenario, robot.name)).run(tell)
+    with solvable():
+        return _Search(loaded, names, robot, getattr(scenario, robot.name)).run(tell)
 
 
 class _Search:

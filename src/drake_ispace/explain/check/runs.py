@@ -1,9 +1,15 @@
 """Runs as a user gives them: folders or recordings, one or several, or by name."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.recording import Recording
+
+_LARGEST = 1e12  # in any unit
 
 UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
 
@@ -23,3 +29,36 @@ def name_of(run: Run, number: int) -> str:
     if isinstance(run, Recording):
         return str(run.path) if run.path else f"run {number + 1}"
     return str(run)
+
+
+def check_sizes(recording: Recording, name: str) -> None:
+    """Refuse numbers that no sensor gives in any unit, and with which nothing can be computed.
+
+    Raises:
+        InputError: naming run, channel and column.
+    """
+    for channel, samples in recording.channels.items():
+        size = np.abs(samples.values).max(axis=0, initial=0.0)
+        for column, largest in zip(samples.columns, size, strict=True):
+            if largest > _LARGEST:
+                raise InputError(
+                    f"{name}: channel {channel}: {column} is as large as {largest:.3g}, expected below {_LARGEST:.0e}"
+                )
+
+
+@contextmanager
+def solvable():
+    """Say in one sentence where numbers cannot be computed with, or are too many for this machine.
+
+    Raises:
+        InputError: for an error of linear algebra, and for one of memory.
+    """
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise InputError(
+            f"the runs and the model: no fit can be computed from these numbers ({str(error).rstrip('.')}), expected "
+            "motion in every run and a model closer to the robot"
+        ) from None
+    except MemoryError:
+        raise InputError("the runs: too long for the memory of this machine, expected shorter or fewer ones") from None

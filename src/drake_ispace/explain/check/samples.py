@@ -18,6 +18,7 @@ _ALIKE = 0.05  # by which the heights of such steps differ
 _LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
 _RARELY = 0.02  # share of rows that are as the one before, of a channel that never rests
 _STEPS = 40.0  # of a range, below which they are coarse
+_FINE = 0.01  # m or rad: a camera's steps below it are fine however little the robot moves
 _CLIPPED = 0.01  # share of samples at the very same extreme value
 _NOISY = ("imu", "torque")  # never the same twice
 
@@ -172,7 +173,7 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
             step = float(steps.min())
             whole = np.abs(steps / step - np.rint(steps / step)).max() < 1e-3
             counts = 2.0 * np.pi / counts_per_turn if name == "encoder" and counts_per_turn > 0 else np.inf
-            if whole and step > (1.9 * counts if np.isfinite(counts) else np.ptp(values) / _STEPS):
+            if whole and step > (1.9 * counts if np.isfinite(counts) else max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)):
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
             yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)

@@ -138,10 +138,11 @@ def _carried(run, base, number):
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
     x = link.predicted(since, until)
     left = residuals(x, y)
-    size = np.linalg.norm(left, axis=1)
-    usual = np.quantile(size, 0.5)
-    larger = np.maximum(np.linalg.norm(x, axis=1), np.linalg.norm(y, axis=1))
-    far = (size > 6.0 * usual) & (size > _CARRIED_SHARE * larger) & (size > 0.4 * _CARRIED_M)
+    size, far = np.linalg.norm(left, axis=1), np.zeros(len(left), bool)
+    for group in map(list, link.groups):
+        part, larger = np.linalg.norm(left[:, group], axis=1), np.maximum(*(
+            np.linalg.norm(motion[:, group], axis=1) for motion in (x, y)))
+        far |= (part > 6.0 * np.median(part)) & (part > _CARRIED_SHARE * larger) & (part > 0.4 * _CARRIED_M)
     for first, last in stretches(far):
         last -= 1
         if last < first:
