@@ -19,9 +19,9 @@ def register(app: App) -> None:
 def check(
     *runs: Path,
     model: Annotated[
-        str | None, Parameter(help="scenario that should describe the robot: a name or YAML file; left out: the runs' own")
+        str | None, Parameter(help="scenario that describes the robot: a name or YAML file; left out: the runs' own")
     ] = None,
-    repair: Annotated[Path | None, Parameter(help="folder of repaired copies; the runs themselves stay as they are")] = None,
+    repair: Annotated[Path | None, Parameter(help="folder of repaired copies; the runs stay as they are")] = None,
     out: Annotated[Path | None, Parameter(help="folder of a page with a picture of each finding")] = None,
     set_: Sets = None, as_json: Json = False,
 ) -> None:
@@ -75,5 +75,5 @@ def _own_model(recording):
     if recording.robot in robots():
         return robots()[recording.robot].diagram
     raise InputError(
-        f"{recording.path}: the run is of robot {shown(recording.robot)}, for which there is no scenario, expected --model"
+        f"{recording.path}: the run is of robot {shown(recording.robot)}, which has no scenario, expected --model"
     )

@@ -206,7 +206,8 @@ def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[R
                 for name, channel in recording.channels.items()
             }
             held = {name: channel for name, channel in inside.items() if len(channel.t)}
-            path = None if recording.path is None else recording.path.with_name(f"{recording.path.name} from {start:.4g} s")
-            found.append(replace(recording, channels=held, path=path))
+            path = recording.path
+            named = None if path is None else path.with_name(f"{path.name} from {start:.4g} s")
+            found.append(replace(recording, channels=held, path=named))
         start = max(start, cut.to_s)
     return found

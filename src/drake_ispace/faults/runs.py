@@ -23,7 +23,8 @@ FAULTS = (
     Fault(
         "another_robot", "a run of another robot",
         "wheels and camera go together, but not by the model's dimensions", "folders were mixed up",
-        "free dimensions fit, the model's do not", "choose the model of that robot", same=("wheel_order", "gear"),
+        "free dimensions fit, the model's do not", "choose the model of that robot",
+        same=("wheel_order", "gear", "channel_of_another_run"),
     ),
     Fault(
         "half_track", "the full track typed as the half",

@@ -21,7 +21,8 @@ FAULTS = (
         "epoch_stamps", "stamps from another epoch",
         "a channel's time starts millions of seconds away from the others'",
         "one logger stamps with the time of day since 1970, another one from its own start",
-        "the channels do not overlap", "subtract the difference, found by motion", same=("clocks_disjoint", "time_unit"),
+        "the channels do not overlap", "subtract the difference, found by motion",
+        same=("clocks_disjoint", "time_unit"),
     ),
     Fault(
         "counts_per_turn", "another number of counts per turn",

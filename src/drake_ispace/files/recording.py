@@ -231,10 +231,19 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
             index = table.names.index(column)
             values[:, index] = values[:, index] * numerator / denominator
     in_si.pop("t")
-    channel = Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s)
+    channel = _in_order(Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s), name, robot)
     _check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))
+
+
+def _in_order(channel: Channel, name: str, robot: str) -> Channel:
+    """The channel with the columns of a known robot's wheels in the order of its wheels."""
+    if name not in _PER_WHEEL or robot not in WHEELS:
+        return channel
+    columns = tuple(_PER_WHEEL[name] + wheel for wheel in WHEELS[robot])
+    order = [channel.columns.index(column) for column in columns]
+    return replace(channel, columns=columns, values=channel.values[:, order])
 
 
 def _check_keys(data: dict[str, Any], known: tuple[str, ...], prefix: str, where: Path) -> None:

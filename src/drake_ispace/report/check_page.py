@@ -7,23 +7,23 @@ from pathlib import Path
 import matplotlib
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
 
-from drake_ispace.explain.answer.explanation import plain  # noqa: E402
-from drake_ispace.explain.answer.sentences import sentence_of_finding  # noqa: E402
-from drake_ispace.explain.check.finding import Finding  # noqa: E402
-from drake_ispace.explain.check.links import Base, base_of  # noqa: E402
-from drake_ispace.explain.prove.paths import chained  # noqa: E402
-from drake_ispace.faults.library import FAULTS  # noqa: E402
-from drake_ispace.faults.repair import CutOut  # noqa: E402
-from drake_ispace.files.places import fresh_folder  # noqa: E402
-from drake_ispace.files.recording import Channel, Recording  # noqa: E402
-from drake_ispace.report.pages import embedded, render, write_text  # noqa: E402
-from drake_ispace.report.plots import save  # noqa: E402
-from drake_ispace.robots.library import robots  # noqa: E402
-from drake_ispace.scenario import Scenario  # noqa: E402
-from drake_ispace.wiring.catalog import entry_of  # noqa: E402
+from drake_ispace.explain.answer.explanation import plain
+from drake_ispace.explain.answer.sentences import sentence_of_finding
+from drake_ispace.explain.check.compare.links import Base, base_of
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.prove.paths import chained
+from drake_ispace.faults.library import FAULTS
+from drake_ispace.faults.repair import CutOut
+from drake_ispace.files.places import fresh_folder
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.report.pages import embedded, render, write_text
+from drake_ispace.report.plots import save
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.catalog import entry_of
 
 MARK = "findings.json"
 _GIVEN, _REPAIRED = "#c0392b", "#1f6fb2"

@@ -17,6 +17,7 @@ from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.control.estimate.odometry import OmniOdometry
+from drake_ispace.files.recording import Channel
 from drake_ispace.plants.friction import Friction, dry_slope, friction_parameters, stable_slope
 
 TORQUE, COMMAND = "torque", "command"
@@ -190,6 +191,36 @@ class Robot(abc.ABC):
     def odometry(self, settings, start) -> Block:
         """From encoders to a pose; input `encoder`, and `tilt` where there is an IMU; output `pose`."""
         return OmniOdometry(settings.plant.geometry, start)
+
+    def wheel_count(self, plant) -> int:
+        """How many wheels the plant has."""
+        return len(plant.geometry.wheels)
+
+    def wheel_labels(self, plant) -> list[tuple[str, ...]]:
+        """What the columns of each wheel may be called, in the order of the plant's wheels; its number among it."""
+        names = self.wheel_names or ()
+        return [(*names[i : i + 1], str(i + 1)) for i in range(self.wheel_count(plant))]
+
+    def by_wheel(self, channel: Channel, plant, where: str) -> Channel:
+        """A channel whose columns end in the names of wheels, in the order of the plant's wheels.
+
+        Raises:
+            InputError: a column of no wheel, or a wheel without a column.
+        """
+        ends = [column.partition("_")[2] for column in channel.columns]
+        labels = self.wheel_labels(plant)
+        if len(ends) != len(labels):
+            raise InputError(f"{where} has {len(ends)} columns, expected {len(labels)}")
+        order = []
+        for known in labels:
+            found = [i for i, end in enumerate(ends) if end in known]
+            if len(found) != 1:
+                wanted = ", ".join(" or ".join(names) for names in labels)
+                raise InputError(f"{where} has the columns {', '.join(channel.columns)}, expected one each of {wanted}")
+            order += found
+        if order == sorted(order):
+            return channel
+        return replace(channel, columns=tuple(channel.columns[i] for i in order), values=channel.values[:, order])
 
     # ---- numbers that effects change ----
 

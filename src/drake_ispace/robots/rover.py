@@ -13,6 +13,12 @@ from drake_ispace.plants import rover
 from drake_ispace.robots.robot import COMMAND, ErrorSystem, Number, Robot
 from drake_ispace.sensing.encoder import Encoder
 
+#: Kind of wheels -> what each may be called besides its number.
+_LABELS = {
+    "differential": (("right", "r"), ("left", "l")),
+    "mecanum": (("front_left", "fl"), ("front_right", "fr"), ("rear_left", "rl"), ("rear_right", "rr")),
+}
+
 
 @dataclass
 class RoverSettings:
@@ -45,6 +51,11 @@ class Rover(Robot):
 
     def answers_to(self, name):
         return True
+
+    def wheel_labels(self, plant):
+        count = len(plant.geometry.wheels)
+        names = _LABELS.get(plant.wheels, ((),) * count)
+        return [(*names[i], str(i + 1)) for i in range(count)]
 
     def check(self, settings, where):
         super().check(settings, where)

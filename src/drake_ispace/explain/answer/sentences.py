@@ -79,4 +79,5 @@ def sentence_of_finding(finding: Finding) -> str:
     where = "in all runs" if finding.run == "all" else f"in {finding.run}"
     when = f" from {finding.from_s:.4g} s to {finding.to_s:.4g} s" if finding.limited else ""
     others = f" (or {', '.join(finding.rivals[:3])})" if finding.rivals else ""
-    return f"{finding.channel} {where}{when}: {FAULTS[finding.fault].title}, {finding.what}{others}; repair: {finding.repair}"
+    what = f"{FAULTS[finding.fault].title}, {finding.what}{others}"
+    return f"{finding.channel} {where}{when}: {what}; repair: {finding.repair}"

@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.explain.check.clocks import LATENCY_S, clocks
-from drake_ispace.explain.check.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
+from drake_ispace.explain.check.compare.clocks import LATENCY_S, clocks
+from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
+from drake_ispace.explain.check.compare.foreign import foreign
+from drake_ispace.explain.check.compare.links import base_of, links
+from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
-from drake_ispace.explain.check.foreign import foreign
-from drake_ispace.explain.check.links import base_of, links
 from drake_ispace.explain.check.runs import check_sizes, name_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
-from drake_ispace.explain.check.steps import dead_findings, step_findings
-from drake_ispace.explain.check.wheels_and_camera import wheels_or_camera
+from drake_ispace.explain.check.steps import dead_findings, outlier_findings, step_findings
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
 from drake_ispace.files.recording import Recording
@@ -29,6 +29,7 @@ from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import entry_of
 
 _ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
+_UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
 _ECHO_S = 1.0  # around a stretch
 _SHORTEST_S = 3.0  # part of a run that is kept
 
@@ -77,7 +78,8 @@ class Checked:
 
 
 def check(
-    model: Scenario | str | Path, runs: Sequence[Recording | str | Path], tell: Callable[[str], None] = lambda text: None
+    model: Scenario | str | Path, runs: Sequence[Recording | str | Path],
+    tell: Callable[[str], None] = lambda text: None,
 ) -> Checked:
     """Find the faults of recordings of one robot.
 
@@ -96,8 +98,19 @@ def check(
         if not any(robot.answers_to(run.robot) for robot in known):
             raise InputError(f"{name}: the run is of robot {run.robot}, expected {' or '.join(r.name for r in known)}")
     robot = next(robot for robot in known if robot.answers_to(loaded[0].robot))
+    loaded = [_by_wheel(run, robot, getattr(scenario, robot.name).plant, name)
+              for run, name in zip(loaded, names, strict=True)]
     with solvable():
         return _Search(loaded, names, robot, getattr(scenario, robot.name)).run(tell)
+
+
+def _by_wheel(run, robot, plant, name):
+    """The run with the columns of its wheels in the order of the model's."""
+    ordered = {
+        channel: robot.by_wheel(run.channels[channel], plant, f"{name}: channel {channel}")
+        for channel in ("encoder", TORQUE) if channel in run.channels
+    }
+    return replace(run, channels=run.channels | ordered)
 
 
 class _Search:
@@ -114,6 +127,7 @@ class _Search:
         self._each(stamp_findings)
         self._each(lambda run, i: wrap_findings(run, i, counts))
         self._each(sample_findings)
+        self._each(outlier_findings)
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         tell("comparing wheels and camera")
         self._encoder_clock()
@@ -123,11 +137,12 @@ class _Search:
         self._agreed(TORQUE, torque_columns_of)
         self._agreed(COMMAND, command_columns_of)
         tell("looking for strangers and for stretches that do not fit")
-        strangers = foreign(self.runs, self._bases())
-        self._add(strangers)
-        odd = {i for finding in strangers for i in finding.runs}
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
+        coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
+        strangers = [f for f in foreign(self.runs, self._bases()) if (f.runs[0], f.channel) not in coarse]
+        self._add(strangers)
+        odd = {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
         findings = sorted(self.findings, key=lambda finding: (
             finding.limited, FAULTS[finding.fault].harmless, -(finding.drop_in_deviance or float("inf"))
@@ -158,7 +173,8 @@ class _Search:
         found = [clocks(self._links(channel)) for channel in ("kinect", "imu", TORQUE)]
         found = [findings[0] for findings in found if len(findings) == 1 and findings[0].fault == "clock_offset"]
         offsets = [finding.repairs[0].offset_s for finding in found]
-        if len(found) >= 2 and max(offsets) - min(offsets) < LATENCY_S and len({finding.runs for finding in found}) == 1:
+        same_runs = len({finding.runs for finding in found}) == 1
+        if len(found) >= 2 and same_runs and max(offsets) - min(offsets) < LATENCY_S:
             offset = sum(offsets) / len(offsets)
             what = f"clock {abs(offset):.3g} s {'early' if offset < 0 else 'late'} against all others"
             drop = sum(finding.drop_in_deviance for finding in found)
@@ -166,10 +182,12 @@ class _Search:
                                repairs=(Clock("encoder", 1.0, -offset),))])
 
     def _links(self, channel):
-        """Number, link and base of every run that has the channel."""
+        """Number, link and base of every run that has the channel, with stamps by which time can be told."""
         found = []
         for i, (run, base) in enumerate(zip(self.runs, self._bases(), strict=True)):
-            link = links(run, base).get(channel) if base is not None and channel in run.channels else None
+            uneven = {f.channel for f in self.findings if f.fault in _UNEVEN and i in f.runs}
+            there = base is not None and channel in run.channels and not uneven & {channel, "encoder"}
+            link = links(run, base).get(channel) if there else None
             if link is not None:
                 found.append((i, link, base))
         return found

@@ -16,8 +16,8 @@ class Examined:
     """Runs that were checked.
 
     Attributes:
-        names: of the runs, those to train on first. trained: how many these are. findings: on all of them. serious: those in spite of which no model
-            can be judged. runs: to train on. held_out: by kind.
+        names: of the runs, those to train on first. trained: how many these are. findings: on all of them. serious:
+            those in spite of which no model can be judged. runs: to train on. held_out: by kind.
     """
 
     names: list[str]

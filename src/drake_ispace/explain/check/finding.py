@@ -43,7 +43,8 @@ class Finding:
 
     def to_data(self) -> dict:
         """Plain data, ready for JSON."""
-        names = ("fault", "what", "run", "channel", "from_s", "to_s", "drop_in_deviance", "rivals", "interval", "repair")
+        numbers = ("from_s", "to_s", "drop_in_deviance")
+        names = ("fault", "what", "run", "channel", *numbers, "rivals", "interval", "repair")
         data = {name: getattr(self, name) for name in names}
         return data | {name: None if data[name] is None else list(data[name]) for name in ("rivals", "interval")}
 

@@ -1,4 +1,4 @@
-"""What the samples of one channel show by themselves: counters that wrap, rows that repeat, values that stop or clip."""
+"""What the samples of one channel show by themselves: counters that wrap, rows that repeat, values that clip."""
 
 from collections.abc import Iterator
 from itertools import combinations
@@ -139,7 +139,7 @@ def _stuck(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
     for first, last in long:
         held = channel.values[first]
-        if not np.all((held == low) | (held == high)):
+        if held.any() and not np.all((held == low) | (held == high)):
             since, until = float(channel.t[first]), float(channel.t[last])
             yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
                           repairs=(CutOut(since, until),))
@@ -172,8 +172,10 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
             steps = np.diff(values)
             step = float(steps.min())
             whole = np.abs(steps / step - np.rint(steps / step)).max() < 1e-3
-            counts = 2.0 * np.pi / counts_per_turn if name == "encoder" and counts_per_turn > 0 else np.inf
-            if whole and step > (1.9 * counts if np.isfinite(counts) else max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)):
+            fine = max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)
+            if name == "encoder" and counts_per_turn > 0.0:
+                fine = 1.9 * 2.0 * np.pi / counts_per_turn
+            if whole and step > fine:
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
             yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)

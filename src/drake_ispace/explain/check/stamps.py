@@ -39,7 +39,8 @@ def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
         step = float(np.median(np.diff(channel.t)))
         for unit, seconds in TIMES.items():
             if step > _LONGEST_STEP_S and _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
-                yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=(Clock(name, seconds, 0.0),))
+                repairs = (Clock(name, seconds, 0.0),)
+                yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=repairs)
                 break
 
 
@@ -61,9 +62,8 @@ def _starts(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
         if min(b, end) - max(a, start) <= 0.0:
             epoch = abs(a - start) > _EPOCH_S
             fault = "epoch_stamps" if epoch else "clocks_disjoint"
-            what = "counts from another epoch" if epoch else f"is at {a:.6g} to {b:.6g} s, the others at {start:.6g} s on"
-            yield Finding(fault, what, "", (number,), name, rivals=("clocks_disjoint",) if epoch else ("epoch_stamps",),
-                          repairs=(Clock(name, 1.0, float(start - a)),))
+            what = f"is at {a:.10g} s to {b:.10g} s, the others from {start:.10g} s on"
+            yield Finding(fault, what, "", (number,), name, repairs=(Clock(name, 1.0, float(start - a)),))
 
 
 def _steps(name: str, channel: Channel, number: int) -> Iterator[Finding]:

@@ -1,18 +1,19 @@
-"""What the camera's fixes show beside the wheels over short times: outliers, jumps, a frozen channel, a robot carried."""
+"""What camera and wheels show of each other over short times: outliers, jumps, a channel that stops, hands."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.links import Base, camera_link, inside
+from drake_ispace.explain.check.compare.motion import Windows, camera_noise, has_motion, seen, windows
+from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import Base, camera_link, inside
-from drake_ispace.explain.check.motion import Windows, camera_noise, has_motion, seen, windows
-from drake_ispace.explain.check.regression import residuals
 from drake_ispace.explain.check.samples import stretches
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 
 _SPIKE_S = 0.35  # after which a step that cancels is an outlier
+_SPIKE_STEPS, _MOST_SPIKES, _FEWEST_FIXES = 5.0, 0.05, 20  # larger than most; share of the fixes; to tell from
 _STEP_M = 0.12  # of the camera between two fixes that no wheel shows
 _STEP_NOISE = 8.0  # the same, in standard deviations of the camera
 _SINCE_S = 0.4  # rows that repeat for longer have stopped
@@ -48,15 +49,37 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     stopped = list(_frozen(run, base, number))
     yield from stopped
     ends = [(f.from_s - _SPIKE_S, f.to_s + _SPIKE_S) for f in stopped]
-    steps = [step for step in _camera_steps(run, base, number)
+    steps = [step for step in _camera_jumps(run, base, number)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
     yield from steps
     if not steps and not stopped:
         yield from _carried(run, base, number)
 
 
-def _camera_steps(run, base, number):
-    """Fixes that are off and come back, and places that change from one fix to the next without the wheels."""
+def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
+    """Fixes that are off and come back soon: the camera alone shows them, in any unit."""
+    kinect = run.channels.get("kinect")
+    if kinect is None or len(kinect.t) < _FEWEST_FIXES:
+        return
+    place, t = kinect.values[:, :2], kinect.t
+    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    large = np.flatnonzero(steps > _SPIKE_STEPS * np.quantile(steps, 0.9)).tolist()
+    done, spikes = -1, []
+    for i in large:
+        ends = [j for j in large if j > i and t[j] - t[i + 1] <= _SPIKE_S]
+        back = next((j for j in ends if np.linalg.norm(place[j + 1] - place[i]) < 0.5 * steps[i]), None)
+        if i > done and back is not None:
+            spikes.append((i + 1, back))
+            done = back
+    if spikes and len(spikes) < _MOST_SPIKES * len(t):
+        repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
+        what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
+        yield Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+                      repairs=repairs)
+
+
+def _camera_jumps(run, base, number):
+    """Places that change from one fix to the next without the wheels."""
     kinect = run.channels["kinect"]
     k = len(kinect.t)
     each = Windows(kinect.t[:-1], kinect.t[1:], np.arange(k - 1), np.arange(1, k))
@@ -64,29 +87,10 @@ def _camera_steps(run, base, number):
     difference = np.linalg.norm((seen(kinect, each) - base.moved(each.since_s, each.until_s))[:, :2], axis=1)
     usual = _STEP_NOISE * max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     large = np.flatnonzero(short & (difference > max(_STEP_M, usual)))
-    if len(large) > 0.4 * k:
-        return
-    place = kinect.values[:, :2]
-    done, spikes = -1, []
-    for i in large.tolist():
-        if i <= done:
-            continue
-        back = next((
-            j for j in large.tolist() if j > i and kinect.t[j] - kinect.t[i + 1] <= _SPIKE_S
-            and np.linalg.norm(place[j + 1] - place[i]) < 0.5 * difference[i]
-        ), None)
-        if back is not None:
-            spikes.append((i + 1, back))
-            done = back
-        else:
-            since, until = float(kinect.t[i]), float(kinect.t[i + 1])
-            yield Finding("camera_jump", f"the place jumps by {difference[i]:.3g} m", "", (number,), "kinect", since, until,
-                          rivals=("robot_carried",), repairs=(CutOut(since, until),))
-    if spikes:
-        repairs = tuple(Dropped("kinect", float(kinect.t[a]), float(kinect.t[b])) for a, b in spikes)
-        yield Finding("camera_outliers", f"{sum(b - a + 1 for a, b in spikes)} fixes are off by more than "
-                      f"{difference[[a - 1 for a, _ in spikes]].min():.2g} m", "", (number,), "kinect",
-                      repairs[0].from_s, repairs[-1].to_s, repairs=repairs)
+    for i in large.tolist() if len(large) <= _MOST * k else ():
+        since, until = float(kinect.t[i]), float(kinect.t[i + 1])
+        what = f"the place jumps by {difference[i]:.3g} m"
+        yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
 
 
 def _frozen(run, base, number):
@@ -106,8 +110,9 @@ def _frozen(run, base, number):
             after = np.abs(np.diff(encoder.values[last : last + 2, column], axis=0)).max(initial=0.0) * radius
             jumps = after > 0.5 * missed
             if wheel is None and not jumps:
-                yield Finding("robot_carried", "the camera sees a motion that no wheel makes", "", (number,), "all", since,
-                              until, rivals=("channel_frozen",), repairs=(CutOut(since, until),))
+                what = "the camera sees a motion that no wheel makes"
+                yield Finding("robot_carried", what, "", (number,), "all", since, until,
+                              repairs=(CutOut(since, until),))
             else:
                 names = "rows repeat" if wheel is None else f"{encoder.columns[wheel]} repeats"
                 yield Finding("channel_frozen", names, "", (number,), "encoder", since, until,
@@ -116,7 +121,8 @@ def _frozen(run, base, number):
                 return
     for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
         since, until = float(kinect.t[first]), float(kinect.t[last])
-        if until - since >= _SINCE_S and np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2]) > _MOVED_M:
+        moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
+        if until - since >= _SINCE_S and moved > _MOVED_M:
             yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
                           repairs=(CutOut(since, until),))
 

@@ -118,8 +118,8 @@ def _robot(scenario, recordings) -> Robot:
 
 def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
     """The runs on 5 ms ticks, and the channels that every run has."""
-    wheels = len(getattr(scenario, robot.name).plant.geometry.wheels)
-    tracks = [track(recording, robot, wheels, name) for name, recording in recordings]
+    plant = getattr(scenario, robot.name).plant
+    tracks = [track(recording, robot, plant, name) for name, recording in recordings]
     common = frozenset.intersection(*(one.has for one in tracks))
     if not common & {"encoder", "kinect", "imu"}:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")

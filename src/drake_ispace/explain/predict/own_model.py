@@ -68,6 +68,15 @@ class OwnRobot(Robot):
     def plant_block(self, settings, plant, start=(0.0, 0.0, 0.0), seed=0, ground=False):
         return Block(plant.spec)
 
+    def wheel_count(self, plant):
+        return plant.wheels
+
+    def by_wheel(self, channel, plant, where):
+        """Its columns have names of their own."""
+        if len(channel.columns) != plant.wheels:
+            raise InputError(f"{where} has {len(channel.columns)} columns, expected {plant.wheels}")
+        return channel
+
     def block_parameters(self, plant):
         return {}
 
@@ -239,7 +248,7 @@ def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
         if channel not in recording.channels:
             raise InputError(f"{name}: has no channel {channel}, expected torque and encoder")
     kept = {channel: recording.channels[channel] for channel in ("torque", "encoder")}
-    run = track(replace(recording, channels=kept), OwnRobot(model.name), model.wheels, name)
+    run = track(replace(recording, channels=kept), OwnRobot(model.name), model, name, shortest_s=0.0)
     return replace(run, command=_means(recording.channels["torque"], run.command))
 
 

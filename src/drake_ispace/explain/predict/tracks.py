@@ -9,14 +9,14 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import COMMAND, Robot
+from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 IMU = 6  # columns of the channel
 #: Where the velocity is commanded but not recorded, fixes with a median period below the first are thinned to one each
 #: of the second [s]. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle
 #: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
 _FAST_FIXES_S, _THINNED_S = 0.08, 1.0
-_SHORTEST_S, _LONGEST_S = 2.0, 3600.0
+_LONGEST_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -63,24 +63,24 @@ class Track:
         return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
-def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
-    """Put a recording of a robot with that many wheels on ticks; name: for messages.
+def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = 2.0) -> Track:
+    """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
 
     Raises:
-        InputError: a channel with another number of columns than wheels, no channel to compare a prediction with,
+        InputError: columns that are not one for each wheel, by its name, no channel to compare a prediction with,
             channels without a time in common, a run that is too short or lasts for hours, or an impossible number.
     """
-    driven = robot.driven
-    for channel, columns in (("torque", wheels), ("encoder", wheels)):
-        recorded = recording.channels.get(channel)
-        if recorded is not None and channel in (driven, "encoder") and len(recorded.columns) != columns:
-            raise InputError(f"{name}: channel {channel} has {len(recorded.columns)} columns, expected {columns}")
+    driven, wheels = robot.driven, robot.wheel_count(plant)
+    channels = dict(recording.channels)
+    for channel in {TORQUE, "encoder"} & channels.keys() & {driven, "encoder"}:
+        channels[channel] = robot.by_wheel(channels[channel], plant, f"{name}: channel {channel}")
+    recording = replace(recording, channels=channels)
     wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
     check_sizes(recording, name)
-    _check_clocks(recording, has, name)
+    _check_clocks(recording, has, name, shortest_s)
     recording = _from_zero(recording, has)
     # the run ends where the first of these does: nothing later can be predicted, or compared with
     dense = [c for c in has if c != "kinect"]
@@ -102,7 +102,7 @@ def track(recording: Recording, robot: Robot, wheels: int, name: str) -> Track:
     return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim)
 
 
-def _check_clocks(recording, has, name):
+def _check_clocks(recording, has, name, shortest_s):
     """Refuse channels without a time in common, and runs that last longer than any recording of a robot does."""
     spans = {c: (float(recording.channels[c].t[0]), float(recording.channels[c].t[-1])) for c in sorted(has)}
     starts, ends = max(start for start, _ in spans.values()), min(end for _, end in spans.values())
@@ -110,9 +110,9 @@ def _check_clocks(recording, has, name):
         said = ", ".join(f"{c} from {start:.6g} s to {end:.6g} s" for c, (start, end) in spans.items())
         raise InputError(f"{name}: the channels have no time in common ({said}), expected one clock for all")
     lasts = ends - min(start for start, _ in spans.values())
-    if not _SHORTEST_S <= lasts <= _LONGEST_S:
+    if not shortest_s <= lasts <= _LONGEST_S:
         raise InputError(
-            f"{name}: lasts {lasts:.6g} s, expected {_SHORTEST_S:g} s to {_LONGEST_S:g} s, and stamps in seconds"
+            f"{name}: lasts {lasts:.6g} s, expected {shortest_s:g} s to {_LONGEST_S:g} s, and stamps in seconds"
         )
 
 

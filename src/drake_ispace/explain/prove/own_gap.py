@@ -7,11 +7,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, unit_of
 from drake_ispace.explain.fit.likelihood import merged
-from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction

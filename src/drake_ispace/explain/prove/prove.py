@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values

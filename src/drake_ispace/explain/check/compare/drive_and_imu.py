@@ -1,11 +1,11 @@
-"""Do torque, command and IMU say the same motion as the wheels, and if not, which mistake of their columns makes them?"""
+"""Do torque, command and IMU say the same motion as the wheels? If not, which mistake of their columns makes them?"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import compared, disagreement, part, row
-from drake_ispace.explain.check.columns import (
+from drake_ispace.explain.check.compare.agreement import compared, disagreement, part, row
+from drake_ispace.explain.check.compare.columns import (
     Columns,
     accelerometer_columns,
     command_columns,
@@ -13,8 +13,7 @@ from drake_ispace.explain.check.columns import (
     innocent,
     torque_columns,
 )
-from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import (
+from drake_ispace.explain.check.compare.links import (
     BLOCK,
     FEWEST,
     Base,
@@ -26,7 +25,8 @@ from drake_ispace.explain.check.links import (
     torque_link,
     turn_link,
 )
-from drake_ispace.explain.check.motion import arm
+from drake_ispace.explain.check.compare.motion import arm
+from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY

@@ -4,15 +4,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import RELATED
+from drake_ispace.explain.check.compare.agreement import RELATED, following
+from drake_ispace.explain.check.compare.links import FEWEST, Base, camera_link, inside, links, moving
+from drake_ispace.explain.check.compare.motion import turned
+from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, links, moving
-from drake_ispace.explain.check.motion import turned
-from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
+_CLEARLY = 6.0  # times its noise, which a motion must be for a channel to be called a stranger
+_AGAINST = 0.05  # how far torque, which friction and weight may hide, must go against the wheels to be a stranger
 _DROP = 100.0  # drop in deviance that is said of a channel without any relation
 
 
@@ -24,19 +26,19 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Fin
             continue
         relation = {name: _relation(link, base) for name, link in links(run, base).items()}
         relation = {name: gain for name, gain in relation.items() if gain is not None}
-        strangers = [name for name, gain in relation.items() if gain < (RELATED if name != TORQUE else 0.1 * RELATED)]
+        strangers = [name for name, gain in relation.items() if gain < (RELATED if name != TORQUE else -_AGAINST)]
         friends = [name for name, gain in relation.items() if gain > RELATED]
         if not strangers:
             continue
         free = _free_gain(run, base) if "kinect" in strangers else 0.0
-        if free > RELATED and not friends:
+        if free > 2.0 * RELATED and not friends:
             found.append(Finding(
                 "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
                 drop_in_deviance=_DROP * free, rivals=("wheel_order", "gear"),
             ))
             continue
         for name in strangers if friends or len(strangers) == 1 else ["encoder"]:
-            drop = _DROP * (RELATED - relation.get(name, 0.0))
+            drop = _DROP * (RELATED - min(relation.get(name, 0.0), 0.0))
             found.append(Finding(
                 "channel_of_another_run", "does not move with the robot", "", (number,), name, drop_in_deviance=drop,
                 rivals=() if friends else ("robot_lifted",), repairs=(Without(name),),
@@ -45,7 +47,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Fin
 
 
 def _relation(link, base):
-    """How well a channel follows the wheels, from 0 (no relation, or worse) to 1; None: too little motion to tell.
+    """How well a channel follows the wheels, as `following`; None: too little motion to tell.
 
     Of places and turns the one that follows worse, if it moves.
     """
@@ -57,12 +59,12 @@ def _relation(link, base):
     found = []
     for group in map(list, link.groups):
         x, y, noise = predicted[:, group], link.measured[kept][:, group], link.noise[group]
-        if moving(y, noise) and moving(x, noise):
+        if moving(y, noise, _CLEARLY) and moving(x, noise, _CLEARLY):
             z = None if besides is None else besides[:, group]
             both = np.stack([x, 0.0 * x]), np.stack([y, y])
             given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z)
-            found.append(max(float(given - unrelated) / (most(*y.shape) - float(unrelated)), 0.0))
-    return min(found, default=None)
+            found.append(following(float(given), float(unrelated), most(*y.shape)))
+    return min((share for share in found if share is not None), default=None)
 
 
 def _free_gain(run, base):
@@ -77,4 +79,4 @@ def _free_gain(run, base):
     x, y = (angles @ matrix)[1::2][None], y[1::2][None]
     noise = link.noise[None]
     free, unrelated = scores(x, y, link.groups, noise)[0], scores(0.0 * x, y, link.groups, noise)[0]
-    return max(float(free - unrelated) / (most(*y.shape[1:]) - float(unrelated)), 0.0)
+    return following(float(free), float(unrelated), most(*y.shape[1:])) or 0.0

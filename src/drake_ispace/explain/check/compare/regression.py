@@ -26,13 +26,16 @@ def scores(
             scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k) motions of any share.
     """
     slack, residual = _fitted(x, y, z)
-    left, size = _scale(residual) ** 2 + noise**2, np.empty_like(noise)
+    size = np.empty_like(noise)
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
-    ratio = np.sqrt(left / (size + noise**2 + 1e-24))
+    size = np.sqrt(size + noise**2 + 1e-24)
+    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, _FLOOR, 1.0)
+    # Student's density; what is far out counts, but as its logarithm only
+    far = 0.5 * (_FREEDOM + 1.0) * np.log1p((residual / (ratio * size)[:, None]) ** 2 / _FREEDOM).mean(axis=1)
     rows = min(x.shape[1], _MOST_ROWS)
     improbable = (slack**2).sum(axis=(1, 2)) / (2.0 * SLACK**2)
-    return -rows * np.log(np.clip(ratio, _FLOOR, 1.0)).sum(axis=-1) - improbable
+    return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
 
 
 def most(rows: int, components: int) -> float:
@@ -58,6 +61,7 @@ def _fitted(x, y, z):
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), 1e-12)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
+        weight *= min(n, _MOST_ROWS) / n
         weighted = design * weight[..., None]
         normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)

@@ -9,8 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from drake_ispace.explain.check.motion import (
-    AS_GIVEN, View, arm, camera_noise, has_motion, seen, turned, windows,
+from drake_ispace.explain.check.compare.motion import (
+    AS_GIVEN,
+    View,
+    arm,
+    camera_noise,
+    has_motion,
+    seen,
+    turned,
+    windows,
 )
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -154,7 +161,8 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
         return np.stack([*wheels, *room], axis=2)
 
     impulse = held_integral(torque, *stretches) @ effort.T / size
-    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), np.zeros(len(free)), forces)
+    counts = np.abs(mass) @ np.resize(base.noise, mass.shape[1]) / (np.sqrt(2.0) * _RATE_S * size)
+    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, forces)
 
 
 def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
@@ -211,7 +219,8 @@ def integral(channel: Channel, columns: tuple[str, ...], since_s: np.ndarray, un
 
 def held_integral(channel: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
     """(n, columns) integrals over windows of a signal that is held from sample to sample."""
-    total = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(np.diff(channel.t)[:, None] * channel.values[:-1], axis=0)])
+    impulses = np.diff(channel.t)[:, None] * channel.values[:-1]
+    total = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(impulses, axis=0)])
     return np.column_stack([
         np.interp(until_s, channel.t, sums) - np.interp(since_s, channel.t, sums) for sums in total.T
     ])
@@ -243,6 +252,6 @@ def moves(link: Link) -> bool:
     )
 
 
-def moving(motion: np.ndarray, noise: np.ndarray) -> bool:
-    """Whether a motion (n, d) is clearly more than its noise (d,)."""
-    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > 3.0 * noise.max())
+def moving(motion: np.ndarray, noise: np.ndarray, times: float = 3.0) -> bool:
+    """Whether a motion (n, d) is so many times its noise (d,)."""
+    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > times * noise.max())

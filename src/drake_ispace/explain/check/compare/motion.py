@@ -25,7 +25,7 @@ AS_GIVEN = View()
 
 @dataclass(frozen=True)
 class Windows:
-    """Stretches of a run: since_s, until_s (n,) [s] on the camera's clock, and their fixes' numbers first, last (n,)."""
+    """Stretches of a run: since_s, until_s (n,) [s] on the camera's clock; numbers of their fixes first, last (n,)."""
 
     since_s: np.ndarray
     until_s: np.ndarray
@@ -53,9 +53,8 @@ def seen(kinect: Channel, stretches: Windows, view: View = AS_GIVEN) -> np.ndarr
     moved = place[stretches.last] - place[stretches.first]
     middle = 0.5 * (phi[stretches.last] + phi[stretches.first])
     c, s = np.cos(middle), np.sin(middle)
-    return np.column_stack([
-        c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1], phi[stretches.last] - phi[stretches.first]
-    ])
+    along, across = c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1]
+    return np.column_stack([along, across, phi[stretches.last] - phi[stretches.first]])
 
 
 def heading(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
@@ -76,7 +75,7 @@ def within(channel: Channel, stretches: Windows, lag_s: float = 0.0) -> np.ndarr
 
 
 def arm(geometry: WheelGeometry) -> float:
-    """Length [m] that makes a turn and a distance comparable: root mean square distance of the wheels from the centre."""
+    """Length [m] that makes turns comparable with distances: rms distance of the wheels from the centre."""
     return float(np.sqrt(np.mean([wheel.x_m**2 + wheel.y_m**2 for wheel in geometry.wheels]))) or 1.0
 
 

@@ -5,8 +5,8 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import UNRELATED
-from drake_ispace.explain.check.motion import AS_GIVEN, View
+from drake_ispace.explain.check.compare.agreement import UNRELATED
+from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
@@ -42,7 +42,8 @@ def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
     n = len(geometry.wheels)
     unit = np.eye(n)
     return [
-        Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit), *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
+        Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
+        *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
         *_dimensions(unit), *_views(unit),
     ]
 
@@ -85,7 +86,8 @@ def _factors(unit, counts_per_turn):
         yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
     for factor in (*_FACTORS, *_GEARS, *(1.0 / gear for gear in _GEARS)):
         rare = ONE if factor in _FACTORS else TWO
-        yield Reading("counts_per_turn", f"turns {1.0 / factor:.3g} times too large", "encoder", factor * unit, loss=rare)
+        said = f"turns {1.0 / factor:.3g} times too large"
+        yield Reading("counts_per_turn", said, "encoder", factor * unit, loss=rare)
     for i in range(n):
         for factor in (*_FACTORS, ANGLES["deg"]):
             diagonal = np.ones(n)
@@ -105,7 +107,8 @@ def _views(unit):
     for fault, what, view, loss in _axes():
         yield Reading(fault, what, "kinect", unit, view=view, loss=loss)
     for (length, metre), (angle, radian) in product({"m": 1.0, **LENGTHS}.items(), {"rad": 1.0, **ANGLES}.items()):
-        wrong = [text for text, factor in ((f"places in {length}", metre), (f"headings in {angle}", radian)) if factor != 1]
+        units = (f"places in {length}", metre), (f"headings in {angle}", radian)
+        wrong = [text for text, factor in units if factor != 1.0]
         if wrong:
             view = View(((metre, 0.0), (0.0, metre)), radian)
             yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, loss=TWO * (len(wrong) - 1))
@@ -117,7 +120,8 @@ def _axes():
         "the y axis is mirrored": ((1.0, 0.0), (0.0, -1.0)), "the x axis is mirrored": ((-1.0, 0.0), (0.0, 1.0)),
     }
     swapped = {
-        "x and y change places": ((0.0, 1.0), (1.0, 0.0)), "x and y change places and signs": ((0.0, -1.0), (-1.0, 0.0)),
+        "x and y change places": ((0.0, 1.0), (1.0, 0.0)),
+        "x and y change places and signs": ((0.0, -1.0), (-1.0, 0.0)),
     }
     for what, axes in mirrored.items():
         yield "camera_axis_mirrored", what, View(axes), ONE

@@ -5,8 +5,8 @@ from itertools import permutations, product
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import UNRELATED
-from drake_ispace.explain.check.hypotheses import ANGLES, LENGTHS, ONE, TWO
+from drake_ispace.explain.check.compare.agreement import UNRELATED
+from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, ONE, TWO
 from drake_ispace.plants.slip import GRAVITY
 
 #: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
@@ -73,7 +73,8 @@ def command_columns() -> list[Columns]:
     for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **turns}.items()):
         wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
         if wrong:
-            found.append(Columns("wrong_unit", " and ".join(wrong), np.diag([metre, metre, radian]), TWO * (len(wrong) - 1)))
+            factors, loss = np.diag([metre, metre, radian]), TWO * (len(wrong) - 1)
+            found.append(Columns("wrong_unit", " and ".join(wrong), factors, loss))
     return found
 
 
@@ -89,8 +90,8 @@ def accelerometer_columns() -> list[Columns]:
 def gyro_columns() -> list[Columns]:
     """All mistaken readings of wx, wy, wz."""
     found = _turned("wx, wy, wz")
-    for name, factor in ((*ANGLES.items(), ("rpm", 2.0 * np.pi / 60.0))):
-        found.append(Columns("wrong_unit", f"wx, wy, wz in {name if name == 'rpm' else name + '/s'}", factor * np.eye(3)))
+    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+    found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in rates.items()]
     return found
 
 

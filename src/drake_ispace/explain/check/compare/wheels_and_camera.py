@@ -1,17 +1,19 @@
 """Do wheels and camera say the same motion, and if not, which mistake of either makes them?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import SAID, Part, Row, disagreement, part, row
+from drake_ispace.explain.check.compare.agreement import SAID, Part, Row, compared, disagreement, part, row
+from drake_ispace.explain.check.compare.hypotheses import Reading, readings
+from drake_ispace.explain.check.compare.links import FEWEST, Base, camera_link, inside, integral, torque_link
+from drake_ispace.explain.check.compare.motion import arm, turned
+from drake_ispace.explain.check.compare.regression import scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.hypotheses import Reading, readings
-from drake_ispace.explain.check.links import FEWEST, Base, camera_link, inside, integral
-from drake_ispace.explain.check.motion import arm, turned
-from drake_ispace.explain.check.regression import scores
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import TORQUE
 
 #: What the gyro adds to a log likelihood at most: it decides between readings that are alike, and accuses nobody.
 _CASTING = 0.5 * SAID
@@ -27,7 +29,23 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
         return None
     given = readings(base.geometry, float(base.settings.encoder.counts_per_turn))
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
-    return disagreement(rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base))
+
+    def casting(reading):
+        """How well the torques agree with the wheels as they are then."""
+        undo = _repairs(reading, base)
+        return sum(_by_torque(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
+
+    return disagreement(
+        rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting
+    )
+
+
+def _by_torque(run, base, repairs):
+    for repair in repairs:
+        run = repair.apply(run)
+    link = torque_link(run, replace(base, encoder=run.channels["encoder"])) if TORQUE in run.channels else None
+    part = None if link is None else compared(link, base, [np.eye(link.measured.shape[1])])
+    return 0.0 if part is None else float(part.scored[0])
 
 
 def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:

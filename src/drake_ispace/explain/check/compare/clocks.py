@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.check.agreement import RELATED, SAID
+from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
+from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside, moves
+from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import FEWEST, Base, Link, inside, moves
-from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Clock
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
@@ -28,7 +28,7 @@ _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 
 @dataclass(frozen=True)
 class Path:
-    """Where on the wheels' clock a channel's time t lies: t + lag_s + rate (t - middle_s), and later_s more from jump_s."""
+    """Times t of a channel on the wheels' clock: t + lag_s + rate (t - middle_s), and later_s more from jump_s on."""
 
     lag_s: float = 0.0
     rate: float = 0.0
@@ -72,7 +72,8 @@ class _Trial:
         besides = None if self.link.besides is None else self.link.besides(since[kept], until[kept])
         both = np.stack([x, np.zeros_like(x)]), np.stack([y, y])
         related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides)
-        if related - unrelated < RELATED * (most(*y.shape) - unrelated):
+        followed = following(float(related), float(unrelated), most(*y.shape))
+        if followed is None or followed < RELATED:
             return 0.0
         return float(related - unrelated) - path.loss
 
@@ -115,11 +116,13 @@ class _Trial:
     def drift(self) -> Path | None:
         """The best path with a clock that is fast or slow; None where a run is too short to see one."""
         lasts = self.link.until_s[-1] - self.link.since_s[0]
-        rates = [rate for rate in _RATES if abs(rate) * lasts >= LATENCY_S]
+        rates = [rate for rate in _RATES if abs(rate) * lasts >= 2.0 * LATENCY_S]
         return min((self.along(rate) for rate in rates), key=lambda found: found[0])[1] if rates else None
 
     def jump(self) -> Path | None:
-        """The best path with a clock that jumps once by more than a latency."""
+        """The best path with a clock that jumps once by more than a latency; None beside motions of any share."""
+        if self.link.besides is not None:
+            return None
         known = np.nan_to_num(self.loss)
         before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
         ends = np.arange(FEWEST // 2, known.shape[1] - FEWEST // 2)
@@ -191,7 +194,7 @@ def _common_drift(trials):
     if len(trials) < 2:
         return []
     lasts = min(trial.link.until_s[-1] - trial.link.since_s[0] for trial in trials)
-    rates = [rate for rate in _RATES if abs(rate) * lasts >= LATENCY_S]
+    rates = [rate for rate in _RATES if abs(rate) * lasts >= 2.0 * LATENCY_S]
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
@@ -199,7 +202,7 @@ def _common_drift(trials):
 
 
 def _common(trials, own):
-    """The constant offset that all runs may share: the best one together, or that of one run; None: no more than a latency."""
+    """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
     best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
     lags = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
     paths = [Path(lag) for lag in lags if abs(lag) > LATENCY_S + 1e-9]

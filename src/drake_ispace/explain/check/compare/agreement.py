@@ -10,15 +10,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside
+from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.links import FEWEST, Base, Link, inside
-from drake_ispace.explain.check.regression import most, scores
 from drake_ispace.faults.repair import Repair
 
 #: A log likelihood ratio above which a fault is said, and one below which two faults cannot be told apart.
 SAID, ALIKE = 6.0, 2.0
 #: Of what exact agreement gains over no relation at all, the share below which a channel does not follow the robot.
 RELATED = 0.3
+#: Of the log likelihood of exact agreement, what a channel must have to gain for the wheels to say anything of it.
+_OPEN = 0.25
 UNRELATED = "no relation"
 
 
@@ -46,6 +48,16 @@ class Row:
     most: float = 0.0
 
 
+def following(related: float, unrelated: float, exact: float) -> float | None:
+    """How well a channel follows the robot: 1 exactly, 0 as if unrelated, below 0 against it; None: nobody can say.
+
+    All three are logarithms of likelihood.
+    """
+    if exact - unrelated < _OPEN * exact:
+        return None
+    return (related - unrelated) / (exact - unrelated)
+
+
 def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
     """All comparisons of one run. Of many mistakes that are tried each is as many times less probable."""
     present = [part for part in parts if part is not None]
@@ -71,8 +83,8 @@ def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:
     found = []
     for one in rows:
         gain = one.scored - one.scored[innocent].max()
-        least = RELATED * (one.most - one.scored[unrelated])
-        found.append(np.where(one.scored - one.scored[unrelated] >= least, gain, np.minimum(gain, 0.0)))
+        least = one.scored[unrelated] + max(RELATED * (one.most - one.scored[unrelated]), RELATED * _OPEN * one.most)
+        found.append(np.where(one.scored >= least, gain, np.minimum(gain, 0.0)))
     return np.array(found)
 
 
@@ -90,11 +102,12 @@ def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
 
 def disagreement(
     rows: Sequence[Row], hypotheses: Sequence[Hypothesis], channel: Callable[[Any], str],
-    repairs: Callable[[Any], tuple[Repair, ...]],
+    repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any], float] | None = None,
 ) -> Finding | None:
     """The hypothesis under which the runs agree with the wheels, as a finding; None where they do as given.
 
-    rows: of each run. channel, repairs: of a hypothesis.
+    rows: of each run. channel, repairs: of a hypothesis. casting: a log likelihood of a hypothesis by other channels,
+    which decides between those that are alike.
     """
     each = gains(rows, hypotheses)
     found = best(each)
@@ -102,6 +115,10 @@ def disagreement(
         return None
     k, which, gain = found
     together = np.maximum(each, 0.0).sum(axis=0)
+    alike = [j for j in np.flatnonzero(together > gain - ALIKE).tolist() if hypotheses[j].fault]
+    if casting is not None and len({hypotheses[j].fault for j in alike}) > 1:
+        k = max(alike, key=lambda j: together[j] + casting(hypotheses[j]))
+        which = tuple(np.flatnonzero(each[:, k] >= -ALIKE).tolist())
     chosen, rivals = hypotheses[k], []
     for j in np.argsort(-together):
         name = hypotheses[j].fault

@@ -1,0 +1,180 @@
+"""Do the checks find what is wrong with recordings, and nothing in sound ones?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.repaired import save_repaired
+from drake_ispace.files.recording import load
+from drake_ispace.hiding import hide
+
+MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """Robot -> two sound runs of 12 s."""
+    return {robot: list(hide(model, robot, {}, ["square", "figure_eight"], 4, 12.0).values())
+            for robot, model in MODEL.items()}
+
+
+def changed(run, channel, values=lambda t, v: v, stamps=lambda t: t):
+    """A copy of a run with other values or stamps in a channel."""
+    old = run.channels[channel]
+    columns = old.columns[: old.values.shape[1]]
+    new = replace(old, t=stamps(old.t.copy()), values=values(old.t.copy(), old.values.copy()), period_s=None)
+    if "t_received" in columns:
+        new = replace(new, columns=columns[:-1], values=new.values[:, :-1])
+    return replace(run, channels=run.channels | {channel: new})
+
+
+def found(runs, robot):
+    return check(MODEL[robot], runs).findings
+
+
+@pytest.mark.parametrize("robot", MODEL)
+def test_nothing_is_found_in_sound_runs(sound, robot):
+    assert found(sound[robot], robot) == []
+
+
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize(("channel", "factors", "fault"), [
+    ("kinect", (1e3, 1e3, 1), "wrong_unit"), ("kinect", (1, 1, 180 / np.pi), "wrong_unit"),
+    ("kinect", (-1, 1, 1), "camera_axis_mirrored"), ("encoder", (-1,) + (1,) * 3, "wheel_sign"),
+    ("encoder", (180 / np.pi,) * 4, "wrong_unit"), ("encoder", (4,) * 4, "counts_per_turn"),
+    ("torque", (-1,) * 4, "torque_sign"), ("torque", (1e3,) * 4, "wrong_unit"),
+])
+def test_units_and_signs_of_whole_logs(sound, robot, channel, factors, fault):
+    def scaled(t, v):
+        v[:, : len(factors)] *= factors[: v.shape[1]]
+        return v
+
+    (finding,) = found([changed(run, channel, scaled) for run in sound[robot]], robot)
+    assert (finding.fault, finding.channel, finding.run) == (fault, channel, "all")
+    assert finding.drop_in_deviance > 12.0 and finding.repairs
+
+
+@pytest.mark.parametrize(("matrix", "fault"), [
+    (np.diag([1, 1, 1, 1, 1, -1]), "imu_axes"), (np.diag([1 / 9.80665] * 3 + [1] * 3), "wrong_unit"),
+    (np.eye(6)[[2, 0, 1, 5, 3, 4]], "imu_axes"),
+])
+def test_axes_and_units_of_the_imu(sound, matrix, fault):
+    (finding,) = found([changed(run, "imu", lambda t, v: v @ matrix.T) for run in sound["pendulum"]], "pendulum")
+    assert (finding.fault, finding.channel) == (fault, "imu")
+
+
+def test_gravity_that_was_taken_off(sound):
+    runs = [changed(run, "imu", lambda t, v: v - [0, 0, 9.80665, 0, 0, 0]) for run in sound["pendulum"]]
+    assert [finding.fault for finding in found(runs, "pendulum")] == ["gravity_missing"]
+
+
+@pytest.mark.parametrize(("stamps", "fault"), [
+    (lambda t: t + 0.8, "clock_offset"), (lambda t: 1e3 * t, "time_unit"), (lambda t: t + 1.7e9, "epoch_stamps"),
+    (lambda t: t + 300.0, "clocks_disjoint"),
+])
+def test_clocks_of_the_camera(sound, stamps, fault):
+    (finding,) = found([changed(run, "kinect", stamps=stamps) for run in sound["omni"]], "omni")
+    assert (finding.fault, finding.channel) == (fault, "kinect")
+
+
+def test_an_offset_of_a_clock_has_an_interval(sound):
+    (finding,) = found([changed(run, "kinect", stamps=lambda t: t - 1.5) for run in sound["pendulum"]], "pendulum")
+    low, high = finding.interval
+    assert low <= 1.5 <= high and high - low < 0.5
+
+
+def test_a_latency_is_no_fault(sound):
+    assert found([changed(run, "kinect", stamps=lambda t: t + 0.08) for run in sound["omni"]], "omni") == []
+
+
+def test_the_wheels_own_clock_is_told_from_that_of_the_others(sound):
+    (finding,) = found([changed(run, "encoder", stamps=lambda t: t + 1.0) for run in sound["omni"]], "omni")
+    assert (finding.fault, finding.channel) == ("clock_offset", "encoder")
+
+
+def test_one_run_alone_may_be_wrong(sound):
+    first, second = sound["omni"]
+    (finding,) = found([changed(first, "encoder", lambda t, v: -v), second], "omni")
+    assert finding.fault == "encoder_sign" and finding.runs == (0,)
+
+
+def test_a_gyro_tells_swapped_wheels_from_a_mirrored_room(sound):
+    wheels = [changed(run, "encoder", lambda t, v: v[:, ::-1]) for run in sound["pendulum"]]
+    assert found(wheels, "pendulum")[0].fault == "wheels_swapped"
+    room = [changed(run, "kinect", lambda t, v: v * ([1, -1, -1, 1][: v.shape[1]])) for run in sound["pendulum"]]
+    assert found(room, "pendulum")[0].fault == "camera_axis_mirrored"
+
+
+def test_counters_that_wrap_are_continued(sound):
+    wrapped = [changed(run, "encoder", lambda t, v: v % (2.0 * np.pi)) for run in sound["omni"]]
+    checked = check(MODEL["omni"], wrapped)
+    assert [finding.fault for finding in checked.findings] == ["angle_wrap"]
+    turned = checked.repaired[0].channels["encoder"].values - sound["omni"][0].channels["encoder"].values
+    assert np.allclose(turned, turned[0])
+
+
+def carried(t, v):
+    """0.8 m to the side within a second, in the middle of the run."""
+    v[:, 1] += 0.8 * np.clip(t - 6.0, 0.0, 1.0)
+    return v
+
+
+def frozen(t, v):
+    inside = (t > 5.0) & (t < 7.0)
+    v[inside] = v[inside][0]
+    return v
+
+
+def spiked(t, v):
+    v[[40, 80], 0] += 0.7
+    return v
+
+
+@pytest.mark.parametrize(("channel", "values", "fault"), [
+    ("kinect", carried, "robot_carried"), ("kinect", frozen, "channel_frozen"), ("encoder", frozen, "channel_frozen"),
+    ("kinect", spiked, "camera_outliers"), ("torque", frozen, "channel_frozen"),
+])
+def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
+    first, second = sound["omni"]
+    (finding,) = found([changed(first, channel, values), second], "omni")
+    assert finding.fault == fault and finding.limited and finding.runs == (0,)
+    assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
+
+
+def test_a_camera_of_another_run(sound):
+    first, second = sound["omni"]
+    stranger = replace(first, channels=first.channels | {"kinect": second.channels["kinect"]})
+    (finding,) = found([stranger, second], "omni")
+    assert (finding.fault, finding.channel) == ("channel_of_another_run", "kinect")
+
+
+def test_wheels_by_name_cannot_be_mistaken(sound):
+    encoder = sound["pendulum"][0].channels["encoder"]
+    turned = replace(encoder, columns=encoder.columns[::-1], values=encoder.values[:, ::-1])
+    assert found([replace(run, channels=run.channels | {"encoder": turned}) if i == 0 else run
+                  for i, run in enumerate(sound["pendulum"])], "pendulum") == []
+
+
+def test_an_unknown_wheel_is_refused(sound):
+    run = sound["pendulum"][0]
+    encoder = replace(run.channels["encoder"], columns=("theta_r", "theta_x"))
+    with pytest.raises(InputError, match="theta_x"):
+        check(MODEL["pendulum"], [replace(run, channels=run.channels | {"encoder": encoder})])
+
+
+def test_numbers_that_no_sensor_gives_are_refused(sound):
+    with pytest.raises(InputError, match="theta_1"):
+        check(MODEL["omni"], [changed(sound["omni"][0], "encoder", lambda t, v: v * 1e200)])
+
+
+def test_repaired_copies_are_sound_and_say_what_was_done(sound, tmp_path):
+    runs = [changed(run, "encoder", lambda t, v: v * [1, -1, 1, 1]) for run in sound["omni"]]
+    runs[0] = changed(runs[0], "kinect", carried)
+    checked = check(MODEL["omni"], runs)
+    places = save_repaired(checked, runs, tmp_path)
+    copies = [load(place) for place in places]
+    assert len(copies) == 3 and check(MODEL["omni"], copies).findings == []
+    assert all("wheel_sign" in copy.notes for copy in copies)

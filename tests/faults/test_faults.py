@@ -1,0 +1,66 @@
+"""Cards of faults, and repairs that undo them."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.effects.library import library
+from drake_ispace.faults.library import FAULTS, same_as
+from drake_ispace.faults.repair import Clock, CutOut, Dropped, Evened, Mirrored, Mixed, Unwrapped, Without, parts
+from drake_ispace.files.recording import Channel, Recording
+
+T = 0.1 * np.arange(10)
+
+
+@pytest.fixture
+def run():
+    wheels = Channel(T, ("theta_r", "theta_l"), np.column_stack([T, 2.0 * T]))
+    return Recording("pendulum", None, {"encoder": wheels, "kinect": Channel(T, ("x", "y", "phi"), np.zeros((10, 3)))})
+
+
+def test_every_card_is_complete_and_refers_to_what_there_is():
+    for name, fault in FAULTS.items():
+        assert name == fault.name and all(vars(fault)[part] for part in ("title", "does", "cause", "shows", "repair"))
+        assert set(fault.same) <= FAULTS.keys() - {name} and set(fault.effects) <= library().keys()
+
+
+def test_a_late_camera_is_the_same_as_a_clock_that_is_off():
+    assert same_as("camera_latency") == ["clock_offset"] and same_as("mass_error") == []
+
+
+def test_signs_units_and_order_are_a_matrix(run):
+    repair = Mixed("encoder", ("theta_r", "theta_l"), ((0.0, -1.0), (1000.0, 0.0)))
+    repaired = repair.apply(run).channels["encoder"].values
+    assert np.allclose(repaired, np.column_stack([-2.0 * T, 1000.0 * T]))
+    assert str(repair) == "encoder: theta_r = -theta_l, theta_l = 1000 theta_r"
+
+
+def test_a_counter_goes_on_where_it_started_anew(run):
+    wrapped = run.channels["encoder"].values % 1.0
+    run.channels["encoder"] = Channel(T, ("theta_r", "theta_l"), wrapped)
+    repaired = Unwrapped("encoder", ("theta_r", "theta_l"), 1.0).apply(run).channels["encoder"].values
+    assert np.allclose(repaired, np.column_stack([T, 2.0 * T]))
+
+
+def test_a_clock_is_shifted_and_stretched(run):
+    assert np.allclose(Clock("encoder", 1e-3, 0.5).apply(run).channels["encoder"].t, 1e-3 * T + 0.5)
+    assert str(Clock("encoder", 1.0, -0.25, 3.0)) == "encoder: t = t - 0.25 s from 3 s on"
+
+
+def test_a_clock_set_back_leaves_no_sample_before_another(run):
+    t = Clock("encoder", 1.0, -0.35, 0.5).apply(run).channels["encoder"].t
+    assert np.all(np.diff(t) > 0.0) and len(t) < len(T)
+
+
+def test_rows_are_left_out_turned_round_and_spread(run):
+    assert len(Dropped("encoder", 0.15, 0.35).apply(run).channels["encoder"].t) == 8
+    turned = Mirrored("encoder", 0.2, 0.4).apply(run).channels["encoder"].values[:, 0]
+    assert np.allclose(turned[2:5], T[4:1:-1])
+    run.channels["encoder"] = Channel(T**2, ("theta_r", "theta_l"), np.zeros((10, 2)))
+    assert np.allclose(np.diff(Evened("encoder").apply(run).channels["encoder"].t), 0.09)
+    assert set(Without("kinect").apply(run).channels) == {"encoder"}
+
+
+def test_a_run_is_cut_into_the_parts_that_are_long_enough(run):
+    first, second = parts(run, [CutOut(0.35, 0.45)], 0.2)
+    assert first.channels["encoder"].t[-1] == T[3] and second.channels["kinect"].t[0] == T[5]
+    assert len(parts(run, [CutOut(0.05, 0.45)], 0.2)) == 1
