@@ -1,5 +1,7 @@
 """Cards of faults, and repairs that undo them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,10 @@ def test_a_run_is_cut_into_the_parts_that_are_long_enough(run):
     first, second = parts(run, [CutOut(0.35, 0.45)], 0.2)
     assert first.channels["encoder"].t[-1] == T[3] and second.channels["kinect"].t[0] == T[5]
     assert len(parts(run, [CutOut(0.05, 0.45)], 0.2)) == 1
+
+
+def test_the_page_has_every_card():
+    page = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    for fault in FAULTS.values():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{fault.name}` |"))
+        assert all(text in row for text in (fault.does, fault.cause, fault.shows, fault.repair))
