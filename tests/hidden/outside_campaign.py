@@ -45,8 +45,8 @@ def main():
         proud = [row for row in rows if row["verdict"] in ("named", "set") and (row["closed"] or 0.0) >= 0.9]
         print(f"outside: {len(rows)} cases, {len(visible)} clearly visible, {len(missed)} of these called sound")
         print(f"named with at least 90 % closed: {len(proud)} of {len(rows)}")
-        honest = sum(row["verdict"] in ("unknown", "incomplete") for row in rows)
-        print(f"unknown or incomplete: {honest} of {len(rows)}")
+        honest = sum(row["verdict"] in ("unknown", "incomplete", "data") for row in rows)
+        print(f"unknown, incomplete or data: {honest} of {len(rows)}")
 
 
 def sound_runs(k: int):

@@ -119,6 +119,7 @@ class _Search:
     def __init__(self, runs, names, robot, settings):
         self.runs, self.names, self.robot, self.settings = list(runs), names, robot, settings
         self.findings: list[Finding] = []
+        self._times: dict[str, list[Finding]] = {}
 
     def run(self, tell) -> Checked:
         """All checks, in order."""
@@ -159,7 +160,7 @@ class _Search:
         """Repair a channel's columns or its clock, whichever explains more, until it agrees with the wheels."""
         for _ in range(_ROUNDS):
             columns = find(self.runs, self._bases())
-            times = clocks(self._links(channel))
+            times = self._clocks(channel)
             late = sum(finding.drop_in_deviance for finding in times)
             if columns is not None and columns.drop_in_deviance >= late:
                 self._add([columns])
@@ -170,7 +171,7 @@ class _Search:
 
     def _encoder_clock(self):
         """The wheels' own clock, where two channels or more are off against it by the same."""
-        found = [clocks(self._links(channel)) for channel in ("kinect", "imu", TORQUE)]
+        found = [self._clocks(channel) for channel in ("kinect", "imu", TORQUE)]
         found = [findings[0] for findings in found if len(findings) == 1 and findings[0].fault == "clock_offset"]
         offsets = [finding.repairs[0].offset_s for finding in found]
         same_runs = len({finding.runs for finding in found}) == 1
@@ -180,6 +181,12 @@ class _Search:
             drop = sum(finding.drop_in_deviance for finding in found)
             self._add([Finding("clock_offset", what, "", found[0].runs, "encoder", drop_in_deviance=drop,
                                repairs=(Clock("encoder", 1.0, -offset),))])
+
+    def _clocks(self, channel):
+        """The mistakes of a channel's clock, in the runs as they are now."""
+        if channel not in self._times:
+            self._times[channel] = clocks(self._links(channel))
+        return self._times[channel]
 
     def _links(self, channel):
         """Number, link and base of every run that has the channel, with stamps by which time can be told."""
@@ -197,6 +204,7 @@ class _Search:
             if self._echo(finding):
                 continue
             self.findings.append(finding)
+            self._times.clear()
             for repair in finding.repairs:
                 for i in finding.runs:
                     if not isinstance(repair, CutOut):
