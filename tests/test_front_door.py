@@ -14,7 +14,8 @@ from drake_ispace.scenario import Scenario, load_scenario
 
 HEAVY = ("numpy", "pydrake", "numba", "scipy", "cv2", "matplotlib", "pyarrow")
 NAMES = {
-    "build_diagram", "compare", "compile_diagram", "draw", "effects", "explain", "hide", "load", "load_scenario",
+    "build_diagram", "check", "compare", "compile_diagram", "draw", "effects", "explain", "hide", "load",
+    "load_scenario",
     "montecarlo", "simulate",
 }
 SHORT = ["seconds=0.2"]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.comparison import compare
     from drake_ispace.effects.library import library as effects
+    from drake_ispace.explain.check.check import check
     from drake_ispace.explain.explain import explain
     from drake_ispace.hiding import hide
     from drake_ispace.report.drawing import draw
@@ -28,13 +29,14 @@ if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.wiring.catalog import build_diagram
 
 __all__ = (
-    "build_diagram", "compare", "compile_diagram", "draw", "effects", "explain", "hide", "load", "load_scenario",
-    "montecarlo", "simulate",
+    "build_diagram", "check", "compare", "compile_diagram", "draw", "effects", "explain", "hide", "load",
+    "load_scenario", "montecarlo", "simulate",
 )
 
 #: Name -> where it is defined, "module:name".
 _BEHIND = {
     "build_diagram": "wiring.catalog:build_diagram",
+    "check": "explain.check.check:check",
     "compare": "comparison:compare",
     "compile_diagram": "rollout.compile:compile_diagram",
     "draw": "report.drawing:draw",
