@@ -10,6 +10,7 @@ from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.repaired import save_repaired
 from drake_ispace.files.recording import load
 from drake_ispace.hiding import hide
+from drake_ispace.scenario import load_scenario
 
 MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
 
@@ -178,3 +179,30 @@ def test_repaired_copies_are_sound_and_say_what_was_done(sound, tmp_path):
     copies = [load(place) for place in places]
     assert len(copies) == 3 and check(MODEL["omni"], copies).findings == []
     assert all("wheel_sign" in copy.notes for copy in copies)
+
+
+@pytest.fixture(scope="module")
+def commanded():
+    """Two runs of a robot on mecanum wheels whose drive follows its command a quarter of a second later."""
+    lag = {"velocity_lag": {"time_constant_s": 0.15}, "velocity_delay": {"delay_s": 0.1}}
+    model = load_scenario("velocity_base", ["rover.plant.wheels=mecanum"])
+    return model, list(hide(model, "rover", lag, ["square", "figure_eight"], 4, 12.0).values())
+
+
+def test_a_drive_may_lag_behind_its_command(commanded):
+    assert check(*commanded).findings == []
+
+
+@pytest.mark.parametrize(("factors", "fault"), [((1, 1, -1), "command_sign"), ((1e3, 1e3, 1), "wrong_unit")])
+def test_columns_of_the_command(commanded, factors, fault):
+    model, runs = commanded
+    (finding,) = check(model, [changed(run, "command", lambda t, v: v * factors) for run in runs]).findings
+    assert (finding.fault, finding.channel) == (fault, "command")
+
+
+def test_wheels_may_be_named_in_any_order(commanded):
+    model, runs = commanded
+    encoder = runs[0].channels["encoder"]
+    order, names = [1, 0, 3, 2], ("theta_front_right", "theta_front_left", "theta_rear_right", "theta_rear_left")
+    named = replace(encoder, columns=names, values=encoder.values[:, order], units={})
+    assert check(model, [replace(runs[0], channels=runs[0].channels | {"encoder": named}), runs[1]]).findings == []

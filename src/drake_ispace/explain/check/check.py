@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.explain.check.compare.clocks import LATENCY_S, clocks
+from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
-from drake_ispace.explain.check.compare.links import base_of, links
+from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.runs import check_sizes, name_of, solvable

@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
-from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside, moves
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, Link, inside, moves
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 
-LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
 _LAGS_S = np.arange(-100, 101) * 0.05
-_USUAL = np.abs(_LAGS_S) <= LATENCY_S + 1e-9
 _FINE_S = np.arange(-10, 11) * 0.01
 _RATES = tuple(sign * size for size in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05) for sign in (1.0, -1.0))
 _DRIFTS = float(np.log(len(_RATES)))
@@ -55,8 +53,10 @@ class _Trial:
         self.loss = _losses(link, base, link.since_s + lags, link.until_s + lags)
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
-        usual = _LAGS_S[_USUAL][np.argmin(self.total[_USUAL])]
-        near = usual + _FINE_S[np.abs(usual + _FINE_S) <= LATENCY_S + 1e-9]
+        low, high = link.usual_s
+        self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
+        usual = _LAGS_S[self.usual][np.argmin(self.total[self.usual])]
+        near = usual + _FINE_S[(usual + _FINE_S >= low - 1e-9) & (usual + _FINE_S <= high + 1e-9)]
         self.given = max(self.score(Path(float(lag))) for lag in near)
 
     def score(self, path: Path) -> float:
@@ -92,7 +92,7 @@ class _Trial:
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
         rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
-        least = float(self.total[_USUAL].min()) - 0.5 * SAID
+        least = float(self.total[self.usual].min()) - 0.5 * SAID
         rough = [path for path in rough if self.rough(path) < least]
         paths = [self.sharpened(path) for path in rough]
         gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
@@ -100,8 +100,8 @@ class _Trial:
 
     def offset(self) -> Path | None:
         """The best constant offset; None where it is no more than a latency."""
-        lag = float(_LAGS_S[np.argmin(self.total)])
-        return None if abs(lag) <= LATENCY_S + 1e-9 else Path(lag)
+        lag = int(np.argmin(self.total))
+        return None if self.usual[lag] else Path(float(_LAGS_S[lag]))
 
     def along(self, rate: float) -> tuple[float, Path]:
         """Loss and path with a clock that is slow by that rate, at its best offset."""
@@ -205,7 +205,8 @@ def _common(trials, own):
     """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
     best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
     lags = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
-    paths = [Path(lag) for lag in lags if abs(lag) > LATENCY_S + 1e-9]
+    low, high = trials[0].link.usual_s
+    paths = [Path(lag) for lag in lags if not low - 1e-9 <= lag <= high + 1e-9]
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))

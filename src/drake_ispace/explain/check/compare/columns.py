@@ -10,7 +10,7 @@ from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, ONE, 
 from drake_ispace.plants.slip import GRAVITY
 
 #: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
-TORQUES = {"mN m": 1e-3, "N cm": 1e-2, "kgf cm": 0.0980665, "N mm": 1e-3, "percent of a newton metre": 1e-2}
+TORQUES = {"mN m": 1e-3, "N cm": 1e-2, "kgf cm": 0.0980665, "N mm": 1e-3}
 _AXES = ("x", "y", "z")
 
 

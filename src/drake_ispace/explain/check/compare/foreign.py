@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, following
-from drake_ispace.explain.check.compare.links import FEWEST, Base, camera_link, inside, links, moving
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
@@ -47,14 +47,22 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Fin
 
 
 def _relation(link, base):
-    """How well a channel follows the wheels, as `following`; None: too little motion to tell.
+    """How well a channel follows the wheels, as `following`, at the best of the usual lags.
 
-    Of places and turns the one that follows worse, if it moves.
+    None: too little motion to tell.
     """
-    kept = inside(base, link.since_s, link.until_s)
+    high = link.usual_s[1]
+    lags = [0.0] if high <= LATENCY_S else np.linspace(0.0, high, 4)
+    found = [share for share in (_at_lag(link, base, lag) for lag in lags) if share is not None]
+    return max(found, default=None)
+
+
+def _at_lag(link, base, lag_s):
+    """The same at one lag; of places and turns that which follows worse, if it moves."""
+    kept = inside(base, link.since_s, link.until_s, lag_s)
     if kept.sum() < FEWEST:
         return None
-    since, until = link.since_s[kept], link.until_s[kept]
+    since, until = link.since_s[kept] + lag_s, link.until_s[kept] + lag_s
     predicted, besides = link.predicted(since, until), None if link.besides is None else link.besides(since, until)
     found = []
     for group in map(list, link.groups):

@@ -23,6 +23,8 @@ from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
+LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
+_DRIVE_LAG_S = 0.6  # by which a drive may follow its command
 FEWEST = 6  # windows, below which a channel is not compared
 _DRIVE_S, _GYRO_S, _COMMAND_S = 0.2, 0.7, 0.7  # windows of torque, IMU and command
 _RATE_S = 0.05  # half of the time over which angles are differentiated
@@ -69,7 +71,7 @@ class Link:
     Attributes:
         channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
             the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
-            share; None: none.
+            share; None: none. usual_s: from and to, by how much later [s] the wheels may say what a sound channel says.
     """
 
     channel: str
@@ -80,6 +82,7 @@ class Link:
     groups: tuple[tuple[int, ...], ...]
     noise: np.ndarray
     besides: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+    usual_s: tuple[float, float] = (-LATENCY_S, LATENCY_S)
 
 
 def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
@@ -174,6 +177,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
+        usual_s=(-LATENCY_S, _DRIVE_LAG_S),
     )
 
 
