@@ -16,7 +16,8 @@ class Finding:
         drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
             plausible size included, -2 log likelihood ratio; None: the channel shows it without the others.
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
-        repairs: what undoes it, in this order; empty: nothing can.
+        repairs: what undoes it, in this order; empty: nothing can. advice: what to do instead, in words, where not the
+            data should be changed.
     """
 
     fault: str
@@ -30,6 +31,7 @@ class Finding:
     rivals: tuple[str, ...] = ()
     interval: tuple[float, float] | None = None
     repairs: tuple[Repair, ...] = ()
+    advice: str = ""
 
     @property
     def limited(self) -> bool:
@@ -39,7 +41,7 @@ class Finding:
     @property
     def repair(self) -> str:
         """What undoes it, in one line."""
-        return "; ".join(str(one) for one in self.repairs) or "record it again"
+        return self.advice or "; ".join(str(one) for one in self.repairs) or "record it again"
 
     def to_data(self) -> dict:
         """Plain data, ready for JSON."""

@@ -25,11 +25,12 @@ UNRELATED = "no relation"
 
 
 class Hypothesis(Protocol):
-    """A way to read a channel: fault (empty: as given), in words, and a loss of log likelihood, its prior."""
+    """A way to read a channel: fault (empty: as given), in words, a loss of log likelihood (its prior), and advice."""
 
     fault: str
     what: str
     loss: float
+    advice: str
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def disagreement(
             rivals.append(name)
     return Finding(
         chosen.fault, chosen.what, "", which, channel(chosen), drop_in_deviance=2.0 * gain, rivals=tuple(rivals),
-        repairs=repairs(chosen),
+        repairs=repairs(chosen), advice=chosen.advice,
     )
 
 

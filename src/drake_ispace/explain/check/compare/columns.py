@@ -20,7 +20,7 @@ class Columns:
 
     Attributes:
         fault: its name; empty: as given. what: in words. loss: of log likelihood, a prior. related: 0 where the channel
-            says nothing of the robot's motion.
+            says nothing of the robot's motion. advice: none, the data are at fault.
     """
 
     fault: str
@@ -29,6 +29,7 @@ class Columns:
     loss: float = ONE
     offset: np.ndarray | None = None
     related: float = 1.0
+    advice: str = ""
 
 
 def innocent(columns: int) -> list[Columns]:

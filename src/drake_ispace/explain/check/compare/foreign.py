@@ -40,10 +40,23 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Fin
         for name in strangers if friends or len(strangers) == 1 else ["encoder"]:
             drop = _DROP * (RELATED - min(relation.get(name, 0.0), 0.0))
             found.append(Finding(
-                "channel_of_another_run", "does not move with the robot", "", (number,), name, drop_in_deviance=drop,
+                "channel_of_another_run", _owner(runs, bases, number, name), "", (number,), name, drop_in_deviance=drop,
                 rivals=() if friends else ("robot_lifted",), repairs=(Without(name),),
             ))
     return found
+
+
+def _owner(runs, bases, number, name):
+    """In words: with which other run a channel moves."""
+    for other, base in enumerate(bases):
+        if other == number or base is None:
+            continue
+        camera = name == "encoder"
+        link = links(runs[other], bases[number]).get("kinect") if camera else links(runs[number], base).get(name)
+        share = None if link is None else _relation(link, bases[number] if camera else base)
+        if share is not None and share > 2.0 * RELATED:
+            return f"moves with the {'camera' if camera else 'wheels'} of run {other + 1} of these"
+    return "does not move with the robot"
 
 
 def _relation(link, base):

@@ -25,7 +25,7 @@ class Reading:
     Attributes:
         fault: its name; empty: as given. what: in words. channel: that is at fault. loss: of log likelihood, a prior.
         wheels: (n, n) matrix on the wheels' angles. body: (3, 3) matrix on the motion that the model makes of them.
-        view: of the camera.
+        view: of the camera. advice: what to do where the model is at fault.
     """
 
     fault: str
@@ -35,6 +35,7 @@ class Reading:
     body: np.ndarray = field(default_factory=lambda: np.eye(3))
     view: View = AS_GIVEN
     loss: float = ONE
+    advice: str = ""
 
 
 def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
@@ -99,7 +100,7 @@ def _factors(unit, counts_per_turn):
 def _dimensions(unit):
     for factor in (2.0, 0.5):
         yield Reading("half_track", f"the model turns {1.0 / factor:.3g} times as far as the robot", "model", unit,
-                      np.diag([1.0, 1.0, factor]))
+                      np.diag([1.0, 1.0, factor]), advice=f"make the model's track {1.0 / factor:g} times as wide")
 
 
 def _views(unit):
