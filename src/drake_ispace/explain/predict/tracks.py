@@ -63,7 +63,7 @@ class Track:
         return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
-def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = 2.0) -> Track:
+def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = 1.0) -> Track:
     """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
 
     Raises:
