@@ -61,10 +61,10 @@ def sample_findings(run: Recording, number: int) -> Iterator[Finding]:
             continue
         found = list(_clipped(name, channel, number)) if name in _NOISY else []
         if name in _NOISY and not found:
-            found = list(_stuck(name, channel, number))
+            found = list(_stuck(run, name, number))
         if name != "kinect" and not found:
             found = list(_repeated(name, channel, number))
-        yield from found or _reversed(name, channel, number)
+        yield from found or (() if name in _NOISY else _reversed(name, channel, number))
 
 
 def _known_turn(height, counts_per_turn, times):
@@ -125,8 +125,12 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
                       repairs=(Mirrored(name, since, until),))
 
 
-def _stuck(name: str, channel: Channel, number: int) -> Iterator[Finding]:
-    """A noisy channel that repeats itself: for a while, or a column of it always."""
+def _stuck(run: Recording, name: str, number: int) -> Iterator[Finding]:
+    """A noisy channel that repeats itself: for a while, or a column of it always.
+
+    The torque of a controller rests while the wheels do.
+    """
+    channel, encoder = run.channels[name], run.channels.get("encoder")
     dead = [column for column in channel.columns if np.ptp(channel.column(column)) == 0.0]
     if dead:
         values = ", ".join(f"{column} is always {channel.column(column)[0]:.4g}" for column in dead)
@@ -139,8 +143,12 @@ def _stuck(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
     for first, last in long:
         held = channel.values[first]
+        since, until = float(channel.t[first]), float(channel.t[last])
+        if name == "torque" and encoder is not None:
+            inside = encoder.values[(encoder.t >= since) & (encoder.t < until)]
+            if len(inside) and not np.ptp(inside, axis=0).any():
+                continue
         if held.any() and not np.all((held == low) | (held == high)):
-            since, until = float(channel.t[first]), float(channel.t[last])
             yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
                           repairs=(CutOut(since, until),))
 

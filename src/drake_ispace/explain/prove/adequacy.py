@@ -193,6 +193,8 @@ def _unlike(motion, names):
     for run in motion:
         squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
         blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
+    if len(blocks) < 2:  # too short to tell a wheel from chance
+        return []
     blocks = np.array(blocks)
     found = []
     for k, m in enumerate(wheels):

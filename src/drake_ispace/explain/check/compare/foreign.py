@@ -11,10 +11,9 @@ from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import TORQUE
 
 _CLEARLY = 6.0  # times its noise, which a motion must be for a channel to be called a stranger
-_AGAINST = 0.05  # how far torque, which friction and weight may hide, must go against the wheels to be a stranger
+_AGAINST = 0.05  # how far a channel must go against the wheels that friction, weight or an offset may hide
 _DROP = 100.0  # drop in deviance that is said of a channel without any relation
 
 
@@ -26,7 +25,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Fin
             continue
         relation = {name: _relation(link, base) for name, link in links(run, base).items()}
         relation = {name: gain for name, gain in relation.items() if gain is not None}
-        strangers = [name for name, gain in relation.items() if gain < (RELATED if name != TORQUE else -_AGAINST)]
+        strangers = [name for name, gain in relation.items() if gain < (RELATED if name == "kinect" else -_AGAINST)]
         friends = [name for name, gain in relation.items() if gain > RELATED]
         if not strangers:
             continue
