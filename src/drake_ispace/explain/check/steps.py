@@ -42,6 +42,19 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
 
 
+def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Fixes that repeat while the wheels turn; all but the first of them are left out."""
+    if base is None or not has_motion(run):
+        return
+    kinect = run.channels["kinect"]
+    for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
+        since, until = float(kinect.t[first]), float(kinect.t[last])
+        moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
+        if _SINCE_S <= until - since < _MOST * kinect_span(run) and moved > _MOVED_M:
+            yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
+                          repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
+
+
 def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
     """Faults that are limited in time, as camera and wheels tell them."""
     if base is None or not has_motion(run):
@@ -94,7 +107,7 @@ def _camera_jumps(run, base, number):
 
 
 def _frozen(run, base, number):
-    """Rows of encoder or camera that repeat while the other one moves."""
+    """Rows of the encoder that repeat while the camera moves."""
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
         for first, last in stretches(~np.any(np.diff(encoder.values[:, column], axis=0) != 0.0, axis=1)):
@@ -119,12 +132,6 @@ def _frozen(run, base, number):
                               repairs=(CutOut(since, until),))
             if wheel is None:
                 return
-    for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
-        since, until = float(kinect.t[first]), float(kinect.t[last])
-        moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
-        if until - since >= _SINCE_S and moved > _MOVED_M:
-            yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
-                          repairs=(CutOut(since, until),))
 
 
 def _camera_motion(kinect, since, until):
