@@ -16,8 +16,8 @@ from drake_ispace.effects.wires import TorqueEffect
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.free_run import error_of, fitted, measured, rms
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.files.importers import emps
 from drake_ispace.files.recording import Channel, Recording
 

@@ -15,7 +15,7 @@ from real_data import spread
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.explain.predict.own_model import OwnModel
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.files.importers import regbot
 from drake_ispace.files.recording import Channel, Recording
 

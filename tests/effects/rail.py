@@ -3,8 +3,8 @@
 import numpy as np
 
 from drake_ispace.effects.effect import Body
-from drake_ispace.explain.predict.own_model import OwnPlant, OwnRobot
+from drake_ispace.explain.own_model import OwnPlant, OwnRobot
 
 
 def rail(wheels=1):
-    return Body(OwnRobot("rail"), OwnPlant(None, np.zeros((wheels, wheels))), wheels)
+    return Body(OwnRobot("rail", wheels), OwnPlant(None, np.zeros((wheels, wheels))), wheels)

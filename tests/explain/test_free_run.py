@@ -14,8 +14,8 @@ from drake_ispace.effects.places.transmission import ViscousFriction
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.free_run import error_of, fitted
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.explain.prove.free_run import ATE, Measure, Simulation, errors, rms, windows_of
 from drake_ispace.explain.prove.paths import absolute_errors, aligned, chained, compose
 from drake_ispace.files.recording import Channel, Recording

@@ -9,7 +9,8 @@ import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import predict
 from drake_ispace.files.recording import Channel, Recording
 

@@ -1,11 +1,15 @@
 """The workflow on other people's robots: scripts in diagrams/ on the measurements in ../shared/data."""
 
+import importlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from drake_ispace.explain.check.check import check
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / ".." / "shared" / "data"
@@ -39,6 +43,25 @@ def test_emps_names_all_three_terms_and_simulates_within_3_percent():
     assert len(errors) == 4 and errors[1] > 0.3 and errors[-1] < 0.03
     (held_out,) = (row for row in found["half"]["gap"] if row["kind"] == "second half" and row["unit"] == "1")
     assert held_out["before"] > 10.0 and held_out["after"] < 0.05
+
+
+@pytest.mark.parametrize("name", ["emps", "regbot"])
+def test_a_sound_drive_has_no_finding_and_a_torque_of_the_other_sense_has(name, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "diagrams"))
+    if name == "emps":
+        carriage = importlib.import_module("emps_carriage")
+        model, runs = carriage.carriage(), list(carriage.rail_runs(DATA)[1:])
+    else:
+        wheels = importlib.import_module("regbot_motors")
+        runs, _ = wheels.voltage_steps(DATA, 4)
+        model = wheels.motors(runs)
+    assert not check(model, runs).findings
+    against = [
+        replace(run, channels=run.channels | {
+            "torque": replace(run.channels["torque"], values=-run.channels["torque"].values)
+        }) for run in runs
+    ]
+    assert check(model, against).findings[0].fault == "torque_sign"
 
 
 def check_omni3(found):

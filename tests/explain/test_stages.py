@@ -75,4 +75,4 @@ def test_a_stage_uses_only_stages_before_it():
         own = file.relative_to(ROOM).parts[0]
         used = re.findall(r"from drake_ispace\.explain\.(\w+)", file.read_text(encoding="utf-8"))
         if own in stages:
-            assert all(stages.index(stage) <= stages.index(own) for stage in used), file
+            assert all(stages.index(stage) <= stages.index(own) for stage in used if stage in stages), file

@@ -11,7 +11,7 @@ import argparse
 import tempfile
 import time
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +53,7 @@ class Result:
     seconds: float
     error: str = ""
     verdict: str = ""
+    named: list[str] = field(default_factory=list)
 
     @property
     def first(self) -> bool:
@@ -106,7 +107,8 @@ def looked_for(base, model, runs, name, expected, shown, with_explain=False) -> 
         result.found = [finding.fault for finding in check(model, runs).findings]
         result.seconds = time.perf_counter() - started
         if with_explain:
-            result.verdict = explain(model, runs[:-1], runs[-1:]).verdict
+            answer = explain(model, runs[:-1], runs[-1:])
+            result.verdict, result.named = answer.verdict, [effect.name for effect in answer.effects]
     except InputError as error:
         result.found, result.error = ["refused"], str(error)
     except Exception:
@@ -165,9 +167,10 @@ def main(arguments=None):
                 mistaken = load_scenario(model, [override])
                 own.append(looked_for(base, mistaken, originals, name, expected, True, options.explain))
             for result in own:
-                if not result.first or result.error:
+                said = "; ".join(filter(None, [result.verdict, ", ".join(result.named), result.error[-200:]]))
+                if not result.first or result.error or result.verdict not in ("", "data"):
                     print(f"{base}: {result.name}: {', '.join(result.found[:3]) or 'nothing'}"
-                          f"{'' if result.shown else ' (not to be seen)'} {result.error[-200:]}", flush=True)
+                          f"{'' if result.shown else ' (not to be seen)'} {said}", flush=True)
             print(f"{base}: " + ", ".join(f"{key} {value:.3g}" for key, value in totals(own).items()), flush=True)
             results += own
     if results:

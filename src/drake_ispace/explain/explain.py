@@ -45,8 +45,8 @@ from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.predict.own_model import OwnModel
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.scenario import Scenario, as_scenario
@@ -81,14 +81,12 @@ def explain(
     started = time.perf_counter()
     _check_choice(choice, model)
 
-    # 0 check: of the runs of a scenario's robot; those of a plant of the user's own are taken as they are
-    examined = None
-    if not isinstance(model, OwnModel):
-        model = as_scenario(model)
-        examined = examine(model, runs, held_out, trust_data, tell)
-        if examined.serious and not trust_data:
-            return contradiction(examined, time.perf_counter() - started)
-        runs, held_out = examined.runs, examined.held_out
+    # 0 check
+    model = model if isinstance(model, OwnModel) else as_scenario(model)
+    examined = examine(model, runs, held_out, trust_data, tell)
+    if examined.serious and not trust_data:
+        return contradiction(examined, time.perf_counter() - started)
+    runs, held_out = examined.runs, examined.held_out
 
     # 1 predict
     tell("preparing the predictions")
@@ -114,8 +112,7 @@ def explain(
     add_proof(answer, case, proof)
     if answer.effects and case.scenario is not None:
         add_effects(answer, case, decision)
-    if examined is not None:
-        add_findings(answer, examined)
+    add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")
         check_controllers(answer, case)

@@ -19,6 +19,7 @@ from drake_ispace.explain.check.runs import check_sizes, name_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, outlier_findings, step_findings
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
 from drake_ispace.files.recording import Recording
@@ -78,30 +79,39 @@ class Checked:
 
 
 def check(
-    model: Scenario | str | Path, runs: Sequence[Recording | str | Path],
+    model: Scenario | OwnModel | str | Path, runs: Sequence[Recording | str | Path],
     tell: Callable[[str], None] = lambda text: None,
 ) -> Checked:
     """Find the faults of recordings of one robot.
 
     Args:
-        model: that describes the robot. runs: one or several. tell: called with the name of each step.
+        model: that describes the robot. Of a plant of your own torque and wheels are compared.
+        runs: one or several. tell: called with the name of each step.
 
     Raises:
         InputError: a run that cannot be read, is of another robot, or holds impossible numbers.
     """
     loaded = [run if isinstance(run, Recording) else load(run) for run in runs]
     names = [name_of(run, i) for i, run in enumerate(loaded)]
-    scenario = as_scenario(model)
-    known = [robots()[name] for name in entry_of(scenario).robots]
     for name, run in zip(names, loaded, strict=True):
         check_sizes(run, name)
+    if isinstance(model, OwnModel):
+        robot, settings = model.robot, model.settings
+    else:
+        robot, settings = _described(as_scenario(model), loaded, names)
+    loaded = [_by_wheel(run, robot, settings.plant, name) for run, name in zip(loaded, names, strict=True)]
+    with solvable():
+        return _Search(loaded, names, robot, settings).run(tell)
+
+
+def _described(scenario, runs, names):
+    """The robot of the runs, and the scenario's settings of it."""
+    known = [robots()[name] for name in entry_of(scenario).robots]
+    for name, run in zip(names, runs, strict=True):
         if not any(robot.answers_to(run.robot) for robot in known):
             raise InputError(f"{name}: the run is of robot {run.robot}, expected {' or '.join(r.name for r in known)}")
-    robot = next(robot for robot in known if robot.answers_to(loaded[0].robot))
-    loaded = [_by_wheel(run, robot, getattr(scenario, robot.name).plant, name)
-              for run, name in zip(loaded, names, strict=True)]
-    with solvable():
-        return _Search(loaded, names, robot, getattr(scenario, robot.name)).run(tell)
+    robot = next(robot for robot in known if robot.answers_to(runs[0].robot))
+    return robot, getattr(scenario, robot.name)
 
 
 def _by_wheel(run, robot, plant, name):
@@ -127,7 +137,7 @@ class _Search:
         counts = float(self.settings.encoder.counts_per_turn)
         self._each(stamp_findings)
         self._each(lambda run, i: wrap_findings(run, i, counts))
-        self._each(sample_findings)
+        self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
         self._each(outlier_findings)
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
@@ -210,7 +220,6 @@ class _Search:
                 for i in finding.runs:
                     if not isinstance(repair, CutOut):
                         self.runs[i] = repair.apply(self.runs[i])
-
 
     def _echo(self, finding):
         """Whether a stretch is only what an earlier finding on the same stretch leaves."""

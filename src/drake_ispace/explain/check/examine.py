@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from drake_ispace.explain.check.check import Checked, check
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.runs import UNNAMED, Runs, listed
+from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
 from drake_ispace.scenario import Scenario
@@ -29,12 +30,13 @@ class Examined:
 
 
 def examine(
-    scenario: Scenario, runs: Runs, held_out: Runs | Mapping[str, Runs], trust_data: bool, tell: Callable[[str], None]
+    model: Scenario | OwnModel, runs: Runs, held_out: Runs | Mapping[str, Runs], trust_data: bool,
+    tell: Callable[[str], None],
 ) -> Examined:
     """Check all runs.
 
     Args:
-        scenario: the model. runs, held_out: as of `explain`. trust_data: whether the runs are used as they are.
+        model, runs, held_out: as of `explain`. trust_data: whether the runs are used as they are.
 
     Raises:
         InputError: a run that cannot be read or is of another robot.
@@ -43,7 +45,7 @@ def examine(
     given = {None: listed(runs), **{kind: listed(some) for kind, some in kinds.items()}}
     loaded = {kind: [run if isinstance(run, Recording) else load(run) for run in some] for kind, some in given.items()}
     everything = [run for some in loaded.values() for run in some]
-    found = check(scenario, everything, tell) if everything else Checked([], [], [])
+    found = check(model, everything, tell) if everything else Checked([], [], [])
     masked = iter([[run] for run in everything] if trust_data else found.masked(everything))
     kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
     return Examined(found.names, len(loaded[None]), found.findings, found.serious, kept.pop(None), kept)

@@ -13,6 +13,7 @@ _STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
 _FEW = 10  # different rows in them
 _WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
+_LEAP = 8.0  # steps after rows that repeat, in steps that are otherwise the largest
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
 _LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
@@ -54,14 +55,16 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
                       repairs=(Unwrapped("encoder", tuple(columns), known),))
 
 
-def sample_findings(run: Recording, number: int) -> Iterator[Finding]:
-    """Faults of the samples of a run that need no other channel."""
+def sample_findings(run: Recording, number: int, steps: bool = False) -> Iterator[Finding]:
+    """Faults of the samples of a run that need no other channel; steps: whether a torque may be constant."""
     for name, channel in run.channels.items():
         if name in ("truth", "reference", "command") or len(channel.t) < 2 * _BLOCK:
             continue
         found = list(_clipped(name, channel, number)) if name in _NOISY else []
         if name in _NOISY and not found:
-            found = list(_stuck(run, name, number))
+            found = list(_stuck(run, name, number, steps and name == "torque"))
+        if name == "encoder" and not found:
+            found = list(_stopped(channel, number))
         if name != "kinect" and not found:
             found = list(_repeated(name, channel, number))
         yield from found or (() if name in _NOISY else _reversed(name, channel, number))
@@ -125,16 +128,18 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
                       repairs=(Mirrored(name, since, until),))
 
 
-def _stuck(run: Recording, name: str, number: int) -> Iterator[Finding]:
+def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[Finding]:
     """A noisy channel that repeats itself: for a while, or a column of it always.
 
-    The torque of a controller rests while the wheels do.
+    The torque of a controller rests while the wheels do; may_rest: it may be constant at any time.
     """
     channel, encoder = run.channels[name], run.channels.get("encoder")
-    dead = [column for column in channel.columns if np.ptp(channel.column(column)) == 0.0]
+    dead = [c for c in channel.columns if np.ptp(channel.column(c)) == 0.0 and not (may_rest and channel.column(c)[0])]
     if dead:
         values = ", ".join(f"{column} is always {channel.column(column)[0]:.4g}" for column in dead)
         yield Finding("channel_dead", values, "", (number,), name, repairs=(Without(name),))
+        return
+    if may_rest and not np.ptp(channel.values, axis=0).all():
         return
     repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
     long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= _STUCK_S]
@@ -151,6 +156,19 @@ def _stuck(run: Recording, name: str, number: int) -> Iterator[Finding]:
         if held.any() and not np.all((held == low) | (held == high)):
             yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
                           repairs=(CutOut(since, until),))
+
+
+def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
+    """Rows of the encoder that repeat and then leap to where the wheels have gone meanwhile."""
+    size = np.abs(np.diff(channel.values, axis=0)).max(axis=1)
+    if not size.any():
+        return
+    for first, last in stretches(size == 0.0):
+        since, until = float(channel.t[first]), float(channel.t[last])
+        others = np.delete(size, last) if last < len(size) else size[:0]
+        if until - since >= _STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
+            yield Finding("channel_frozen", "rows repeat, then leap", "", (number,), "encoder", since, until,
+                          repairs=(CutOut(since, float(channel.t[last + 1])),))
 
 
 def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:

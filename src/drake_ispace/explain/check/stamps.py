@@ -11,6 +11,7 @@ from drake_ispace.files.recording import Channel, Recording
 #: Recorded unit of time -> seconds.
 TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 1.0, 1e-5  # of a sensor of a robot
+_LONGEST_STEADY_S = 0.25  # of wheels, torque and IMU
 _UNIT_RATIO = 1.5  # durations that agree in the right unit
 _EPOCH_S = 1e6  # a clock that starts later counts from some year, not from the start of a run
 _SAMPLED = ("encoder", "imu", "torque")  # at a steady rate
@@ -37,8 +38,9 @@ def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
         if name in ("truth", "reference", "command") or len(channel.t) < 3:
             continue
         step = float(np.median(np.diff(channel.t)))
+        longest = _LONGEST_STEADY_S if name in _SAMPLED else _LONGEST_STEP_S
         for unit, seconds in TIMES.items():
-            if step > _LONGEST_STEP_S and _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
+            if step > longest and _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
                 repairs = (Clock(name, seconds, 0.0),)
                 yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=repairs)
                 break

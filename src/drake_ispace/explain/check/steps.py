@@ -11,6 +11,7 @@ from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import stretches
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import TORQUE
 
 _SPIKE_S = 0.35  # after which a step that cancels is an outlier
 _SPIKE_STEPS, _MOST_SPIKES, _FEWEST_FIXES = 5.0, 0.05, 20  # larger than most; share of the fixes; to tell from
@@ -25,8 +26,16 @@ _SERIES = 4  # of overlapping windows
 
 
 def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
-    """Wheels or a camera that never move although the other one does."""
-    if base is None or not has_motion(run):
+    """Wheels or a camera that never move although the other one, or a torque of more than one value, does."""
+    if base is None:
+        return
+    if not base.robot.in_room and TORQUE in run.channels and np.ptp(run.channels[TORQUE].values, axis=0).any():
+        encoder = run.channels["encoder"]
+        still = [column for column in encoder.columns if np.ptp(encoder.column(column)) == 0.0]
+        if still:
+            yield Finding("channel_dead", f"{', '.join(still)} never changes", "", (number,), "encoder",
+                          repairs=(Without("encoder"),))
+    if not has_motion(run):
         return
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
     radius = min(wheel.radius_m for wheel in base.geometry.wheels)

@@ -17,7 +17,7 @@ from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.free_run import Sizes, errors, fitted, rms, unit_of
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.own_model import OwnReplay
+from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
 

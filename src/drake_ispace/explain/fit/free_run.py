@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.own_model import OwnReplay
+from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 

@@ -9,7 +9,8 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
-from drake_ispace.explain.predict.own_model import OwnModel, own_replay, own_track
+from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.tracks import Track, track

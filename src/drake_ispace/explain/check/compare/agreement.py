@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside
-from drake_ispace.explain.check.compare.regression import most, scores
+from drake_ispace.explain.check.compare.regression import PHYSICS, Slack, most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Repair
 
@@ -69,9 +69,11 @@ def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
     return Row(sum(part.scored for part in present) - losses, sum(part.most for part in present))
 
 
-def part(x: np.ndarray, y: np.ndarray, groups, noise: np.ndarray, z: np.ndarray | None = None) -> Part:
+def part(
+    x: np.ndarray, y: np.ndarray, groups, noise: np.ndarray, z: np.ndarray | None = None, slack: Slack = PHYSICS
+) -> Part:
     """One comparison; arguments as of regression.scores."""
-    return Part(scores(x, y, groups, noise, z), most(*y.shape[1:]))
+    return Part(scores(x, y, groups, noise, z, slack), most(*y.shape[1:]))
 
 
 def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:

@@ -71,7 +71,8 @@ class _Trial:
         y, x = self.link.measured[kept], self.link.predicted(since[kept], until[kept])
         besides = None if self.link.besides is None else self.link.besides(since[kept], until[kept])
         both = np.stack([x, np.zeros_like(x)]), np.stack([y, y])
-        related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides)
+        related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides,
+                                    self.link.slack)
         followed = following(float(related), float(unrelated), most(*y.shape))
         if followed is None or followed < RELATED:
             return 0.0
@@ -216,15 +217,34 @@ def _common(trials, own):
 
 def _losses(link, base, since, until):
     """(..., windows) losses of windows at these times, less those without any relation; NaN outside of the run."""
-    near = _near(link)
-    x = link.predicted(since.ravel(), until.ravel()).reshape(*since.shape, -1)
-    loss = np.log1p(((link.measured - x) / near) ** 2).sum(axis=-1) - np.log1p((link.measured / near) ** 2).sum(axis=-1)
-    return np.where(inside(base, since, until), loss, np.nan)
+    times = since.ravel(), until.ravel()
+    x = link.predicted(*times).reshape(*since.shape, -1)
+    kept = inside(base, since, until)
+    y, left = np.broadcast_to(link.measured, x.shape), link.measured - x
+    if link.besides is not None:
+        y, left = _without(link.besides(*times).reshape(*x.shape, -1), kept, y, left)
+    near = _near(y, link)
+    loss = np.log1p((left / near) ** 2).sum(axis=-1) - np.log1p((y / near) ** 2).sum(axis=-1)
+    return np.where(kept, loss, np.nan)
 
 
-def _near(link):
-    """(d,) residuals that count as small."""
-    near = np.empty(link.measured.shape[1])
+def _without(besides, kept, *motions):
+    """Motions (..., windows, d) less what `besides` (..., windows, d, k) may have of each, by least squares."""
+    z = (besides * kept[..., None, None]).reshape(*kept.shape[:-1], -1, besides.shape[-1])
+    z = z / (np.sqrt((z**2).mean(axis=-2, keepdims=True)) + 1e-24)
+    normal = np.swapaxes(z, -1, -2) @ z + 1e-6 * z.shape[-2] * np.eye(z.shape[-1])
+    found = []
+    for motion in motions:
+        flat = (motion * kept[..., None]).reshape(*z.shape[:-1], 1)
+        share = np.linalg.solve(normal, np.swapaxes(z, -1, -2) @ flat)
+        found.append((flat - z @ share).reshape(motion.shape))
+    return found
+
+
+def _near(y, link):
+    """(..., 1, d) residuals that count as small."""
+    near = np.empty((*y.shape[:-2], 1, y.shape[-1]))
     for group in map(list, link.groups):
-        near[group] = np.hypot(_NEAR * np.sqrt((link.measured[:, group] ** 2).sum(axis=1).mean()), link.noise[group])
+        size = np.sqrt((y[..., group] ** 2).sum(axis=-1).mean(axis=-1))[..., None, None]
+        near[..., group] = np.hypot(_NEAR * size, link.noise[group])
     return near + 1e-12

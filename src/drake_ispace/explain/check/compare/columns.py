@@ -38,8 +38,11 @@ def innocent(columns: int) -> list[Columns]:
     return [Columns("", "as given", unit), Columns("", UNRELATED, unit, related=0.0)]
 
 
-def torque_columns(wheels: int) -> list[Columns]:
-    """All readings of the torques of so many wheels, that as given first."""
+def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:
+    """All readings of the torques of so many wheels, that as given first.
+
+    in_si: whether torques and angles should be in N m and rad; else only their ratio is known.
+    """
     unit = np.eye(wheels)
     found = [*innocent(wheels), Columns("torque_sign", "all torques of the other sense", -unit)]
     for i in range(wheels):
@@ -52,6 +55,12 @@ def torque_columns(wheels: int) -> list[Columns]:
             said = ", ".join(str(k + 1) for k in order)
             found.append(Columns("torques_swapped", f"the torques in the order {said}", unit[list(order)],
                                  ONE if moved == 2 else TWO))
+    if not in_si:
+        ratios = {ratio for factor in (*TORQUES.values(), *ANGLES.values()) for ratio in (factor, 1.0 / factor)}
+        for factor in sorted(ratios):
+            said = f"{1.0 / factor:.3g} times too large" if factor < 1.0 else f"{factor:.3g} times too small"
+            found.append(Columns("wrong_unit", f"torques {said} beside the wheels' angles", factor * unit))
+        return found
     for factor in sorted(set(TORQUES.values())):
         names = " or ".join(name for name, value in TORQUES.items() if value == factor)
         found.append(Columns("wrong_unit", f"torques in {names}", factor * unit))

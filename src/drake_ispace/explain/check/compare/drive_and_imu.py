@@ -1,6 +1,7 @@
 """Do torque, command and IMU say the same motion as the wheels? If not, which mistake of their columns makes them?"""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,6 +34,11 @@ from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 _FORCES, _TURNS = ("ax", "ay", "az"), ("wx", "wy", "wz")
+#: A mistake of torques -> those of the wheels that are the same where nothing else tells of the wheels.
+_OF_THE_WHEELS = {
+    "torque_sign": ("encoder_sign", "wheel_sign"), "torques_swapped": ("wheels_swapped",),
+    "wrong_unit": ("counts_per_turn", "gear"),
+}
 Runs, Bases = Sequence[Recording], Sequence[Base | None]
 
 
@@ -41,7 +47,7 @@ def torque_columns_of(runs: Runs, bases: Bases) -> Finding | None:
     base = _first(bases)
     if base is None or base.robot.driven != TORQUE:
         return None
-    given, plant = torque_columns(len(base.geometry.wheels)), base.settings.plant
+    given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
 
@@ -49,7 +55,10 @@ def torque_columns_of(runs: Runs, bases: Bases) -> Finding | None:
         link = torque_link(run, own) if TORQUE in run.channels else None
         return row(given, None if link is None else _of_wheels(run, own, link, given, effort))
 
-    return _found(runs, bases, given, one, TORQUE, None)
+    finding = _found(runs, bases, given, one, TORQUE, None)
+    if finding is None or base.robot.in_si:
+        return finding
+    return replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault]))
 
 
 def _of_wheels(run, base, link, given, effort):
@@ -61,7 +70,8 @@ def _of_wheels(run, base, link, given, effort):
     impulses = held_integral(run.channels[TORQUE], since, until)
     y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
     x = _related(given) * link.predicted(since, until)
-    return part(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until))
+    noise = np.broadcast_to(link.noise, (len(y), y.shape[2]))
+    return part(x, y, link.groups, noise, link.besides(since, until), link.slack)
 
 
 def _related(given):

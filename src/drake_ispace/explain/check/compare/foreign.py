@@ -82,7 +82,8 @@ def _at_lag(link, base, lag_s):
         if moving(y, noise, _CLEARLY) and moving(x, noise, _CLEARLY):
             z = None if besides is None else besides[:, group]
             both = np.stack([x, 0.0 * x]), np.stack([y, y])
-            given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z)
+            given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z,
+                                      link.slack)
             found.append(following(float(given), float(unrelated), most(*y.shape)))
     return min((share for share in found if share is not None), default=None)
 

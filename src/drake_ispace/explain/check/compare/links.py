@@ -19,15 +19,18 @@ from drake_ispace.explain.check.compare.motion import (
     turned,
     windows,
 )
+from drake_ispace.explain.check.compare.regression import PHYSICS, Slack
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
 _DRIVE_LAG_S = 0.6  # by which a drive may follow its command
+UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a parameter may be free
 FEWEST = 6  # windows, below which a channel is not compared
 _DRIVE_S, _GYRO_S, _COMMAND_S = 0.2, 0.7, 0.7  # windows of torque, IMU and command
 _RATE_S = 0.05  # half of the time over which angles are differentiated
+_PARTS = 160.0  # of a run of a plant of unknown quickness, which that time is at most
 BLOCK = 20  # windows of the accelerometer, 2 s
 
 
@@ -36,12 +39,14 @@ class Base:
     """A model and what the wheels of one run of it say.
 
     Attributes:
-        robot, settings: of the model. encoder: the channel.
+        robot, settings: of the model. encoder: the channel. rate_s: half of the time over which angles are
+            differentiated.
     """
 
     robot: Robot
     settings: Any
     encoder: Channel
+    rate_s: float = _RATE_S
 
     @property
     def geometry(self):
@@ -61,7 +66,7 @@ class Base:
 
     def wheel_rates(self, t: np.ndarray) -> np.ndarray:
         """(n, wheels) [rad/s] of the wheels."""
-        return turned(self.encoder, t - _RATE_S, t + _RATE_S) / (2.0 * _RATE_S)
+        return turned(self.encoder, t - self.rate_s, t + self.rate_s) / (2.0 * self.rate_s)
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,7 @@ class Link:
         channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
             the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
             share; None: none. usual_s: from and to, by how much later [s] the wheels may say what a sound channel says.
+        slack: of the relation.
     """
 
     channel: str
@@ -83,6 +89,7 @@ class Link:
     noise: np.ndarray
     besides: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
     usual_s: tuple[float, float] = (-LATENCY_S, LATENCY_S)
+    slack: Slack = PHYSICS
 
 
 def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
@@ -90,7 +97,8 @@ def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
     encoder = run.channels.get("encoder")
     if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
         return None
-    return Base(robot, settings, encoder)
+    rate_s = _RATE_S if robot.in_room else min(_RATE_S, (encoder.t[-1] - encoder.t[0]) / _PARTS)
+    return Base(robot, settings, encoder, float(rate_s))
 
 
 def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
@@ -119,7 +127,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIV
 def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The gyro's turns about the vertical."""
     imu = run.channels["imu"]
-    stretches = _grid(imu, _GYRO_S, starts)
+    stretches = _grid(imu, base, _GYRO_S, starts)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
         "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),),
@@ -134,19 +142,20 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     acts, nothing is compared.
     """
     plant, robot, torque = base.settings.plant, base.robot, run.channels[TORQUE]
-    if robot.driven != TORQUE or robot.ground is None or len(torque.columns) != len(base.geometry.wheels):
+    if robot.driven != TORQUE or len(torque.columns) != len(base.geometry.wheels):
         return None
     if robot.has_imu and "imu" not in run.channels:
         return None
     free = robot.unweighted
     mass, effort = robot.mass_matrix(plant)[free], robot.effort(plant)[free]
     size = np.abs(effort).max(axis=1)  # rows as torques
-    stretches = _grid(torque, _DRIVE_S, starts, hold=True)
+    stretches = _grid(torque, base, _DRIVE_S / _RATE_S * base.rate_s, starts)
     pitch = run.channels.get("imu") if robot.has_imu else None
 
     def rates(t):
         wheels = base.wheel_rates(t)
-        lean = None if pitch is None else integral(pitch, ("wy",), t - _RATE_S, t + _RATE_S)[:, 0] / (2.0 * _RATE_S)
+        near = t - base.rate_s, t + base.rate_s
+        lean = None if pitch is None else integral(pitch, ("wy",), *near)[:, 0] / (2.0 * base.rate_s)
         return robot.rates(plant, wheels, lean)
 
     def predicted(since, until):
@@ -164,8 +173,9 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
         return np.stack([*wheels, *room], axis=2)
 
     impulse = held_integral(torque, *stretches) @ effort.T / size
-    counts = np.abs(mass) @ np.resize(base.noise, mass.shape[1]) / (np.sqrt(2.0) * _RATE_S * size)
-    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, forces)
+    counts = np.abs(mass) @ np.resize(base.noise, mass.shape[1]) / (np.sqrt(2.0) * base.rate_s * size)
+    slack = PHYSICS if robot.in_si else UNKNOWN_INERTIA
+    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, forces, slack=slack)
 
 
 def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
@@ -173,7 +183,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     command = run.channels[COMMAND]
     if base.robot.driven != COMMAND:
         return None
-    stretches, unit = _grid(command, _COMMAND_S, starts, hold=True), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = _grid(command, base, _COMMAND_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
@@ -230,9 +240,9 @@ def held_integral(channel: Channel, since_s: np.ndarray, until_s: np.ndarray) ->
     ])
 
 
-def _grid(channel, window_s, starts, hold=False):
+def _grid(channel, base, window_s, starts):
     """Windows end to end over the channel's time, without those in which it has a gap."""
-    margin = 2.0 * _RATE_S
+    margin = 2.0 * base.rate_s
     edges = np.arange(channel.t[0] + margin, channel.t[-1] - margin, window_s / starts)
     since, until = edges[:-starts], edges[starts:]
     if not len(since):
@@ -246,7 +256,7 @@ def _grid(channel, window_s, starts, hold=False):
 def inside(base: Base, since_s: np.ndarray, until_s: np.ndarray, lag_s: float = 0.0) -> np.ndarray:
     """(n,) which windows lie inside the wheels' time, moved by lag_s."""
     t = base.encoder.t
-    return (since_s + lag_s - 2 * _RATE_S >= t[0]) & (until_s + lag_s + 2 * _RATE_S <= t[-1])
+    return (since_s + lag_s - 2 * base.rate_s >= t[0]) & (until_s + lag_s + 2 * base.rate_s <= t[-1])
 
 
 def moves(link: Link) -> bool:

@@ -5,6 +5,8 @@ slip, a turned camera. It is a small matrix with a normal prior, and bounded. z 
 such as that of friction in a torque. e has Student's distribution, so that a stretch that does not fit does not decide.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 SLACK, MOST_SLACK = 0.10, 0.45  # of S: standard deviation and bound
@@ -16,16 +18,39 @@ _ROUNDS = 8
 _FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
 
 
+@dataclass(frozen=True)
+class Slack:
+    """What S may be on its diagonal: standard deviation, least and most. Elsewhere it is that of physics."""
+
+    std: float = SLACK
+    least: float = -MOST_SLACK
+    most: float = MOST_SLACK
+
+    def stds(self, d: int) -> np.ndarray:
+        """(d, d) of S."""
+        return np.where(np.eye(d) > 0.0, self.std, SLACK)
+
+    def bounded(self, shares: np.ndarray) -> np.ndarray:
+        """S (h, d, d) within its bounds."""
+        off = np.clip(shares, -MOST_SLACK, MOST_SLACK)
+        return np.where(np.eye(shares.shape[1]) > 0.0, np.clip(shares, self.least, self.most), off)
+
+
+PHYSICS = Slack()
+
+
 def scores(
-    x: np.ndarray, y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray, z: np.ndarray | None = None
+    x: np.ndarray, y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray, z: np.ndarray | None = None,
+    slack: Slack = PHYSICS,
 ) -> np.ndarray:
     """(h,) logarithms of likelihood of h hypotheses.
 
     Args:
         x, y: (h, n, d) of n windows, in units in which the d components compare. groups: of components that share a
             scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k) motions of any share.
+        slack: of S.
     """
-    slack, residual = _fitted(x, y, z)
+    shares, residual = _fitted(x, y, z, slack)
     size = np.empty_like(noise)
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
@@ -34,7 +59,7 @@ def scores(
     # Student's density; what is far out counts, but as its logarithm only
     far = 0.5 * (_FREEDOM + 1.0) * np.log1p((residual / (ratio * size)[:, None]) ** 2 / _FREEDOM).mean(axis=1)
     rows = min(x.shape[1], _MOST_ROWS)
-    improbable = (slack**2).sum(axis=(1, 2)) / (2.0 * SLACK**2)
+    improbable = ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
     return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
 
 
@@ -45,10 +70,10 @@ def most(rows: int, components: int) -> float:
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
     """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
-    return _fitted(x[None], y[None], z)[1][0]
+    return _fitted(x[None], y[None], z, PHYSICS)[1][0]
 
 
-def _fitted(x, y, z):
+def _fitted(x, y, z, slack):
     """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares."""
     h, n, d = x.shape
     z = np.zeros((n, d, 0)) if z is None else z / np.sqrt((z**2).mean(axis=0) + 1e-24)
@@ -56,17 +81,20 @@ def _fitted(x, y, z):
     design = np.concatenate([
         np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
     ], axis=3)
-    prior, steady = np.diag([1.0 / SLACK**2] * d + [0.0] * k), np.diag([0.0] * d + [_FREE] * k)
+    prior = np.zeros((d, d + k, d + k))
+    prior[:, range(d), range(d)] = 1.0 / slack.stds(d) ** 2
+    steady = np.diag([0.0] * d + [_FREE] * k)
     shares, residual = np.zeros((h, d, d + k)), y - x
+    least = 1e-6 * np.sqrt((y**2).mean(axis=1)) + 1e-12
     for _ in range(_ROUNDS):
-        scale = np.maximum(_scale(residual), 1e-12)
+        scale = np.maximum(_scale(residual), least)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
         weight *= min(n, _MOST_ROWS) / n
         weighted = design * weight[..., None]
         normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
         shares = np.linalg.solve(normal, moment[..., None])[..., 0]
-        shares[..., :d] = np.clip(shares[..., :d], -MOST_SLACK, MOST_SLACK)
+        shares[..., :d] = slack.bounded(shares[..., :d])
         residual = y - x - np.einsum("hndi,hdi->hnd", design, shares)
     return shares[..., :d], residual
 
@@ -74,8 +102,9 @@ def _fitted(x, y, z):
 def _scale(values):
     """(h, d) scale of Student's distribution along axis 1."""
     squares = values**2
-    scale = np.median(squares, axis=1) / 0.55 + 1e-24  # where the iteration begins: the median of t squared
+    least = 1e-6 * squares.mean(axis=1) + 1e-24  # most values may be zero
+    scale = np.median(squares, axis=1) / 0.55 + least  # where the iteration begins: the median of t squared
     for _ in range(_ROUNDS):
         weights = (_FREEDOM + 1.0) / (_FREEDOM + squares / scale[:, None])
-        scale = (weights * squares).mean(axis=1) + 1e-24
+        scale = (weights * squares).mean(axis=1) + least
     return np.sqrt(scale)

@@ -1,0 +1,116 @@
+"""Are the recordings of a plant of one's own checked, of which only torque and wheel angles are known?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import drake_ispace as di
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.explain.check.check import check
+from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.files.recording import Channel, Recording
+
+INERTIA = 0.02
+
+
+@kernel
+def accelerate(xc, torque, inertia, out):
+    for i in range(2):
+        out[i] = xc[2 + i]
+        out[2 + i] = torque[i] / inertia
+
+
+@kernel
+def angle(xc, out):
+    out[0], out[1] = xc[0], xc[1]
+
+
+@kernel
+def rate(xc, out):
+    out[0], out[1] = xc[2], xc[3]
+
+
+MODEL = OwnModel(Block(Spec(
+    inputs={"torque": 2}, outputs={"wheel_angle": Output(2, angle), "wheel_rate": Output(2, rate)},
+    parameters={"inertia": INERTIA}, continuous_state=np.zeros(4), derivatives=accelerate,
+)))
+
+
+def run(inertia=INERTIA, seconds=12.0, seed=0):
+    """Two wheels with friction that the model lacks, logged at 500 Hz."""
+    h, generator = 2e-3, np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, h)
+    level = 0.15 * generator.standard_normal((int(seconds / 0.4) + 1, 2))
+    torque = level[(t / 0.4).astype(int)] + 0.1 * np.column_stack([np.sin(3.0 * t), np.cos(2.3 * t + seed)])
+    theta, omega = np.zeros((len(t), 2)), np.zeros(2)
+    for i in range(1, len(t)):
+        theta[i] = theta[i - 1] + h * omega
+        omega = omega + h * (torque[i] - 0.01 * omega - 0.03 * np.arctan(omega / 0.1)) / inertia
+    return Recording("two", channels={
+        "torque": Channel(t, ("tau_1", "tau_2"), torque, {}, h),
+        "encoder": Channel(t, ("theta_1", "theta_2"), 1e-3 * np.round(theta / 1e-3), {}, h),
+    })
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """Two runs."""
+    return [run(seed=0), run(seed=1)]
+
+
+def mixed(channel, matrix):
+    """The runs with a channel's columns multiplied by a matrix."""
+    def change(recording):
+        old = recording.channels[channel]
+        new = replace(old, values=old.values @ np.atleast_2d(matrix))
+        return replace(recording, channels=recording.channels | {channel: new})
+    return change
+
+
+def late(recording):
+    """The torque's clock 0.7 s late."""
+    old = recording.channels["torque"]
+    return replace(recording, channels=recording.channels | {"torque": replace(old, t=old.t + 0.7)})
+
+
+def held(recording):
+    """An encoder that repeats itself for two seconds."""
+    old = recording.channels["encoder"]
+    values = old.values.copy()
+    values[2000:3000] = values[2000]
+    return replace(recording, channels=recording.channels | {"encoder": replace(old, values=values)})
+
+
+FAULTS = {
+    "torque_sign": mixed("torque", -np.eye(2)), "wheel_sign": mixed("encoder", np.diag([1.0, -1.0])),
+    "torques_swapped": mixed("torque", np.eye(2)[::-1]), "wheels_swapped": mixed("encoder", np.eye(2)[::-1]),
+    "wrong_unit": mixed("torque", 1e3 * np.eye(2)), "counts_per_turn": mixed("encoder", 10.0 * np.eye(2)),
+    "clock_offset": late, "channel_frozen": held, "channel_dead": mixed("encoder", np.diag([1.0, 0.0])),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_mistake_is_named_or_stands_beside_what_is_named(sound, fault):
+    finding = check(MODEL, [FAULTS[fault](one) for one in sound]).findings[0]
+    assert fault in (finding.fault, *finding.rivals)
+
+
+@pytest.mark.parametrize("inertia", [0.4 * INERTIA, INERTIA, 2.5 * INERTIA])
+def test_friction_and_another_inertia_are_no_mistake_of_the_data(inertia):
+    assert not check(MODEL, [run(inertia, seed=seed) for seed in range(2)]).findings
+
+
+def test_a_constant_torque_is_a_step_and_not_a_dead_channel(sound):
+    old = sound[0].channels["torque"]
+    step = replace(sound[0], channels=sound[0].channels | {
+        "torque": replace(old, values=np.ones_like(old.values)),
+        "encoder": replace(sound[0].channels["encoder"], values=np.column_stack([old.t * 50.0] * 2)),
+    })
+    assert not check(MODEL, [step]).findings
+
+
+def test_explain_blames_no_physics_for_a_torque_of_the_other_sense(sound):
+    answer = di.explain(MODEL, [FAULTS["torque_sign"](one) for one in sound])
+    assert answer.verdict == "data" and answer.data[0].fault == "torque_sign"
