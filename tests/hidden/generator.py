@@ -14,7 +14,7 @@ from drake_ispace.control.feedback.balance_gains import balance_gain
 from drake_ispace.control.feedback.omni_gains import omni_gains
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
-from hidden import omni_truth, pendulum_truth
+from hidden import omni_creep, omni_truth, pendulum_truth
 from hidden.control_truth import Camera, Encoder
 from hidden.effects_truth import WHEELS, complete, pack
 from hidden.motions import TICK_S, VISION_TICKS, way_points
@@ -25,6 +25,7 @@ FORCE_RMS = {"omni": (0.15, 0.15, 0.02), "pendulum": (0.1, 0.01, 0.003)}
 #: Rms of the random slip, share of speed: x, y, yaw; s, yaw.
 SLIP_RMS = {"omni": (0.003, 0.003, 0.003), "pendulum": (0.003, 0.003)}
 PIXEL_RMS = 0.3
+OWN, FOREIGN = "own", "foreign"  # physics
 START_M, START_RAD = 0.003, np.radians(0.5)  # rms error of the first pose
 
 _NAMES = {"omni": ("1", "2", "3", "4"), "pendulum": ("r", "l")}
@@ -41,6 +42,7 @@ class RobotLost(RuntimeError):
 def generate(
     robot: str, motion: str, effects: dict[str, dict[str, float]] | None = None, seconds: float = 20.0, seed: int = 0,
     process_noise: float = 1.0, unknown: tuple[str, float] | None = None, sensor_noise: float = 1.0,
+    physics: str = OWN,
 ) -> Recording:
     """A run of `robot` ("omni", "pendulum") with hidden `effects`.
 
@@ -51,19 +53,21 @@ def generate(
         process_noise: level of the outer forces and of the random slip, in units of FORCE_RMS and SLIP_RMS.
         unknown: (name, size) of an effect that no library names, `effects_truth.UNKNOWN`.
         sensor_noise: level of camera and IMU noise, IMU offsets and first pose error; counts and pixels stay whole.
+        physics: OWN, or FOREIGN: the pendulum in MuJoCo, the omni robot on wheels that creep. Effects that change the
+            body's numbers are OWN's.
 
     Raises:
         ValueError: an unknown name.
         RobotLost: the pendulum fell, or a robot left the room by more than 2 m.
     """
     points = way_points(robot, motion, round(seconds / TICK_S))
-    return follow(robot, points, effects, seconds, seed, process_noise, unknown, sensor_noise, motion)
+    return follow(robot, points, effects, seconds, seed, process_noise, unknown, sensor_noise, motion, physics)
 
 
 def follow(
     robot: str, points: np.ndarray, effects: dict[str, dict[str, float]] | None = None, seconds: float = 20.0,
     seed: int = 0, process_noise: float = 1.0, unknown: tuple[str, float] | None = None, sensor_noise: float = 1.0,
-    name: str = "way points",
+    name: str = "way points", physics: str = OWN,
 ) -> Recording:
     """As `generate`, along way points (m, 10) of ticks 0, 19, ...: tick, pose, its rates and accelerations.
 
@@ -83,16 +87,29 @@ def follow(
     camera = _camera(scenario.space, values, ticks, seed, sensor_noise)
     if robot == "omni":
         body, law = omni_truth.true_body(scenario.omni.plant, values), _omni_law()
-        torque, angles, fixes, truth = omni_truth.run(
-            ticks, start, told, points, push, wander, body, law, encoder, camera, hidden
-        )
+        if physics == OWN:
+            torque, angles, fixes, truth = omni_truth.run(
+                ticks, start, told, points, push, wander, body, law, encoder, camera, hidden
+            )
+        else:
+            torque, angles, fixes, truth = omni_creep.run(
+                ticks, start, told, points, push, body, law, encoder, camera, hidden
+            )
         felt = None
     else:
         body, law = pendulum_truth.true_body(scenario.pendulum.plant, values), _pendulum_law()
         imu = _imu(scenario.pendulum.imu, values, ticks, seed, sensor_noise)
-        torque, angles, felt, fixes, truth = pendulum_truth.run(
-            ticks, start, points, push, wander, body, law, encoder, imu, camera, hidden
-        )
+        if physics == OWN:
+            torque, angles, felt, fixes, truth = pendulum_truth.run(
+                ticks, start, points, push, wander, body, law, encoder, imu, camera, hidden
+            )
+        else:
+            from hidden import mujoco_pendulum  # MuJoCo is an extra
+
+            model = mujoco_pendulum.model_of(scenario.pendulum.plant, scenario.pendulum.imu.height_m)
+            torque, angles, felt, fixes, truth = mujoco_pendulum.run(
+                ticks, start, points, push, model, law, encoder, imu, camera, hidden
+            )
         if np.abs(truth[:, 3]).max() > 1.5 or not np.isfinite(truth).all():
             raise RobotLost(f"the pendulum fell ({name}, seed {seed})")
     if not np.abs(truth[:, :2]).max() < 3.2:

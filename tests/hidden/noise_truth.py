@@ -3,6 +3,7 @@
 import zlib
 
 import numpy as np
+from numba import njit
 from scipy.signal import lfilter
 
 
@@ -25,3 +26,10 @@ def coloured(seed: int, name: str, rms: float, rows: int, step_s: float) -> np.n
         white[0] = random.standard_normal()
         total += np.sqrt(share) * lfilter([1.0], [1.0, -memory], white)
     return rms * total
+
+
+@njit(cache=True)
+def between(rows, tick, share, out):
+    """A row (n) of noise `share` of a tick after `tick`, linear in between, into `out`."""
+    for i in range(out.shape[0]):
+        out[i] = rows[tick, i] + share * (rows[tick + 1, i] - rows[tick, i])

@@ -27,6 +27,7 @@ from hidden.effects_truth import (
     wheel_torque,
 )
 from hidden.motions import TICK_S
+from hidden.noise_truth import between
 
 SUBSTEPS = 10
 STEP_S = TICK_S / SUBSTEPS
@@ -163,6 +164,78 @@ def control(way_point, estimate, omega, law, out):
         out[i] = torque[i] + friction
 
 
+class Loop(NamedTuple):
+    """What sensors and controller keep from tick to tick."""
+
+    commanded: np.ndarray  # (ticks, 4)
+    held: np.ndarray  # (ticks, 4)
+    angles: np.ndarray  # (ticks + 1, 4)
+    poses: np.ndarray  # (ticks + 1, 3)
+    truth: np.ndarray  # (ticks + 1, 6)
+    odometry: np.ndarray  # (ticks + 1, 3)
+    fixes: np.ndarray  # (captures, 5)
+    seen: np.ndarray  # (1,) number of fixes
+    raw: np.ndarray  # (4,), as the following
+    counts: np.ndarray
+    omega: np.ndarray
+    slewed: np.ndarray
+    lagged: np.ndarray
+    gap: np.ndarray
+    fix: np.ndarray  # (3,), as the following
+    then: np.ndarray
+    estimate: np.ndarray
+
+
+@njit(cache=True)
+def fresh(ticks, told, encoder):
+    """A loop before its first tick; odometry is told `told` (3)."""
+    loop = Loop(
+        np.zeros((ticks, 4)), np.zeros((ticks, 4)), np.zeros((ticks + 1, 4)), np.zeros((ticks + 1, 3)),
+        np.zeros((ticks + 1, 6)), np.zeros((ticks + 1, 3)), np.zeros((ticks // 19 + 1, 5)), np.zeros(1, np.int64),
+        np.floor(encoder.phase), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), told.copy(),
+        told.copy(), np.zeros(3),
+    )
+    loop.odometry[0] = told
+    return loop
+
+
+@njit(cache=True)
+def sense_and_command(tick, z, shown, loop, way_points, law, encoder, camera, e):
+    """What sensors and controller do in a tick; False: the run is over.
+
+    z: the state, or its first six numbers. shown (4): angles behind the wheels' play.
+    """
+    angles, odometry = loop.angles, loop.odometry
+    c, s = np.cos(z[PHI]), np.sin(z[PHI])
+    loop.poses[tick] = z[:3]
+    loop.truth[tick, :3] = z[:3]
+    loop.truth[tick, 3] = c * z[VX] - s * z[VY]
+    loop.truth[tick, 4], loop.truth[tick, 5] = s * z[VX] + c * z[VY], z[WZ]
+    read_encoder(tick, shown, encoder, e, loop.raw, loop.counts, angles[tick])
+    if tick > 0:
+        moved = law.j @ (angles[tick] - angles[tick - 1])
+        for i in range(4):
+            rate = (angles[tick, i] - angles[tick - 1, i]) / TICK_S
+            loop.omega[i] = encoder.memory * loop.omega[i] + (1.0 - encoder.memory) * rate
+        middle = odometry[tick - 1, 2] + 0.5 * moved[2]
+        c, s = np.cos(middle), np.sin(middle)
+        odometry[tick, 0] = odometry[tick - 1, 0] + c * moved[0] - s * moved[1]
+        odometry[tick, 1] = odometry[tick - 1, 1] + s * moved[0] + c * moved[1]
+        odometry[tick, 2] = odometry[tick - 1, 2] + moved[2]
+    capture = due(tick, camera)
+    if capture >= 0 and see(capture, loop.poses, camera, loop.fix):
+        loop.then[:] = odometry[19 * capture]
+        loop.fixes[loop.seen[0], 0], loop.fixes[loop.seen[0], 1] = 19 * capture, tick
+        loop.fixes[loop.seen[0], 2:] = loop.fix
+        loop.seen[0] += 1
+    if tick == len(loop.commanded):
+        return False
+    carried_on(loop.fix, loop.then, odometry[tick], loop.estimate)
+    control(way_points[tick // 19], loop.estimate, loop.omega, law, loop.commanded[tick])
+    drive(tick, loop.commanded[tick], loop.slewed, TICK_S, e, loop.held[tick])
+    return True
+
+
 @njit(cache=True)
 def run(ticks, start, told, way_points, push, wander, body, law, encoder, camera, e: Effects):
     """The closed loop for `ticks` ticks from the pose `start` (3); odometry is told `told` (3).
@@ -171,52 +244,17 @@ def run(ticks, start, told, way_points, push, wander, body, law, encoder, camera
     Returns torque (ticks, 4), encoder (ticks + 1, 4), fixes (k, 5: capture, tick of arrival, pose), truth
     (ticks + 1, 6: pose, wheel-consistent velocity in W).
     """
-    z, work = np.zeros(SIZE), np.zeros((5, SIZE))
+    z, work, loop = np.zeros(SIZE), np.zeros((5, SIZE)), fresh(ticks, told, encoder)
     z[:3] = start
-    commanded, held, angles = np.zeros((ticks, 4)), np.zeros((ticks, 4)), np.zeros((ticks + 1, 4))
-    poses, truth, odometry = np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 6)), np.zeros((ticks + 1, 3))
-    fixes, seen = np.zeros((ticks // 19 + 1, 5)), 0
-    raw, counts, omega = np.floor(encoder.phase), np.zeros(4), np.zeros(4)
-    slewed, lagged, gap, torque = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
-    fix, then, estimate, shown = told.copy(), told.copy(), np.zeros(3), np.zeros(4)
-    force, slip = np.zeros(3), np.zeros(3)
+    torque, force, slip = np.zeros(4), np.zeros(3), np.zeros(3)
     for tick in range(ticks + 1):
-        c, s = np.cos(z[PHI]), np.sin(z[PHI])
-        poses[tick] = z[:3]
-        truth[tick, :3] = z[:3]
-        truth[tick, 3], truth[tick, 4], truth[tick, 5] = c * z[VX] - s * z[VY], s * z[VX] + c * z[VY], z[WZ]
-        for i in range(4):
-            shown[i] = z[THETA + i] + gap[i]
-        read_encoder(tick, shown, encoder, e, raw, counts, angles[tick])
-        if tick == 0:
-            odometry[0] = told
-        else:
-            moved = law.j @ (angles[tick] - angles[tick - 1])
-            for i in range(4):
-                rate = (angles[tick, i] - angles[tick - 1, i]) / TICK_S
-                omega[i] = encoder.memory * omega[i] + (1.0 - encoder.memory) * rate
-            middle = odometry[tick - 1, 2] + 0.5 * moved[2]
-            c, s = np.cos(middle), np.sin(middle)
-            odometry[tick, 0] = odometry[tick - 1, 0] + c * moved[0] - s * moved[1]
-            odometry[tick, 1] = odometry[tick - 1, 1] + s * moved[0] + c * moved[1]
-            odometry[tick, 2] = odometry[tick - 1, 2] + moved[2]
-        capture = due(tick, camera)
-        if capture >= 0 and see(capture, poses, camera, fix):
-            then[:] = odometry[19 * capture]
-            fixes[seen, 0], fixes[seen, 1] = 19 * capture, tick
-            fixes[seen, 2:] = fix
-            seen += 1
-        if tick == ticks:
+        if not sense_and_command(tick, z, z[THETA:] + loop.gap, loop, way_points, law, encoder, camera, e):
             break
-        carried_on(fix, then, odometry[tick], estimate)
-        control(way_points[tick // 19], estimate, omega, law, commanded[tick])
-        drive(tick, commanded[tick], slewed, TICK_S, e, held[tick])
         for step in range(SUBSTEPS):
             share = (step + 0.5) / SUBSTEPS
             time_s = (tick + share) * TICK_S
-            for i in range(3):
-                force[i] = push[tick, i] + share * (push[tick + 1, i] - push[tick, i])
-                slip[i] = wander[tick, i] + share * (wander[tick + 1, i] - wander[tick, i])
-            motor_torque(held, time_s, STEP_S, TICK_S, e, lagged, gap, torque)
+            between(push, tick, share, force)
+            between(wander, tick, share, slip)
+            motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
             advance(time_s, z, torque, force, slip, body, e, work)
-    return commanded, angles, fixes[:seen], truth
+    return loop.commanded, loop.angles, loop.fixes[: loop.seen[0]], loop.truth

@@ -17,7 +17,7 @@ from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, STEP, errors, rms, windows_of
 from drake_ispace.explain.prove.prove import prove
-from hidden.generator import RobotLost, generate
+from hidden.generator import FOREIGN, OWN, RobotLost, generate
 from hidden.motions import MOTIONS
 from hidden.outside import cases, runs_of
 
@@ -28,14 +28,15 @@ def main():
     parser.add_argument("--outside", type=int, default=60, help="number of cases outside the library")
     parser.add_argument("--left", type=int, default=0, help="number of sound sets of which only what is left is tested")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--physics", choices=[OWN, FOREIGN], default=OWN, help="of the sound robots")
     options = parser.parse_args()
-    told = [sound(k) for k in range(options.first, options.first + options.sound)]
+    told = [sound(k, options.physics) for k in range(options.first, options.first + options.sound)]
     if told:
         wrong = sum(verdict not in ("none",) for verdict in told)
         unsound = sum(verdict in ("incomplete", "unknown") for verdict in told)
         print(f"sound: {len(told)} sets, {wrong} not 'none', {unsound} incomplete or unknown")
     if options.left:
-        unsound = [k for k in range(options.first, options.first + options.left) if left_of(k)]
+        unsound = [k for k in range(options.first, options.first + options.left) if left_of(k, options.physics)]
         print(f"left: {len(unsound)} of {options.left} sound sets leave more than noise: {unsound}")
     chosen = cases()[options.first : options.first + options.outside]
     rows = [row for row in (outside(k, case) for k, case in enumerate(chosen, options.first)) if row]
@@ -49,17 +50,18 @@ def main():
         print(f"unknown, incomplete or data: {honest} of {len(rows)}")
 
 
-def sound_runs(k: int):
+def sound_runs(k: int, physics: str):
     """Robot, level of process noise and runs of a sound robot; noise 0.3, 1 and 2 in turn, the two robots in turn."""
     robot, level = ("omni", "pendulum")[k % 2], (0.3, 1.0, 2.0)[k // 2 % 3]
     motions = np.random.default_rng(k).permutation(MOTIONS)[:4]
-    runs = [generate(robot, str(m), {}, 20.0, 9000 + 10 * k + i, process_noise=level) for i, m in enumerate(motions)]
+    runs = [generate(robot, str(m), {}, 20.0, 9000 + 10 * k + i, process_noise=level, physics=physics)
+            for i, m in enumerate(motions)]
     return robot, level, runs
 
 
-def left_of(k: int) -> list:
+def left_of(k: int, physics: str) -> list:
     """What is left of a sound robot without any effect, whatever the detection says."""
-    robot, level, runs = sound_runs(k)
+    robot, level, runs = sound_runs(k, physics)
     case = prepare(f"{robot}_multirate", runs[:-1], runs[-1:])
     left = prove(case, SimpleNamespace(named=None), 0).remainders
     if left:
@@ -67,9 +69,9 @@ def left_of(k: int) -> list:
     return left
 
 
-def sound(k: int) -> str:
+def sound(k: int, physics: str) -> str:
     """The verdict on a sound robot."""
-    robot, level, runs = sound_runs(k)
+    robot, level, runs = sound_runs(k, physics)
     started = time.perf_counter()
     answer = explain(f"{robot}_multirate", runs[:-1], runs[-1:])
     seconds = time.perf_counter() - started

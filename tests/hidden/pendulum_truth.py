@@ -27,6 +27,7 @@ from hidden.effects_truth import (
     wheel_torque,
 )
 from hidden.motions import TICK_S
+from hidden.noise_truth import between
 
 SUBSTEPS = 10
 STEP_S = TICK_S / SUBSTEPS
@@ -219,10 +220,16 @@ def read_imu(tick, z, velocity, change, imu, slope, out):
     ax = change[0] + l * (change[2] * c - nod * nod * s) - turn * turn * l * s + GRAVITY * uphill
     ay = v * turn + change[1] * l * s + 2.0 * turn * l * c * nod + GRAVITY * aside
     az = GRAVITY - l * (change[2] * s + nod * nod * c)
-    felt = imu.turn @ np.array([c * ax - s * az, ay, s * ax + c * az])
-    turned = imu.turn @ np.array([-s * turn, nod, c * turn])
+    felt = np.array([c * ax - s * az, ay, s * ax + c * az])
+    as_read(tick, felt, np.array([-s * turn, nod, c * turn]), imu, out)
+
+
+@njit(cache=True)
+def as_read(tick, force, turned, imu, out):
+    """What the IMU makes (6) of a specific force (3) and a rate (3) in the body's axes."""
+    force, turned = imu.turn @ force, imu.turn @ turned
     for i in range(3):
-        out[i] = imu.gain[i] * felt[i] + imu.bias[i] + imu.noise[tick, i]
+        out[i] = imu.gain[i] * force[i] + imu.bias[i] + imu.noise[tick, i]
         out[3 + i] = imu.gain[3 + i] * turned[i] + imu.bias[3 + i] + imu.noise[tick, 3 + i]
 
 
@@ -233,6 +240,85 @@ def seen_velocity(z, slip, e):
     return np.array([u, (1.0 - slip[1]) * z[TURN], z[NOD]])
 
 
+class Loop(NamedTuple):
+    """What sensors and controller keep from tick to tick."""
+
+    commanded: np.ndarray  # (ticks, 2)
+    held: np.ndarray  # (ticks, 2)
+    angles: np.ndarray  # (ticks + 1, 2)
+    felt: np.ndarray  # (ticks + 1, 6)
+    poses: np.ndarray  # (ticks + 1, 3)
+    truth: np.ndarray  # (ticks + 1, 7)
+    path: np.ndarray  # (ticks + 1, 2) of odometry: s, phi
+    fixes: np.ndarray  # (captures, 5)
+    numbers: np.ndarray  # (3,) fixes so far, tick of the last one's capture, tilt at the last tick
+    raw: np.ndarray  # (2,), as the following
+    counts: np.ndarray
+    omega: np.ndarray
+    slewed: np.ndarray
+    lagged: np.ndarray
+    gap: np.ndarray
+    fix: np.ndarray  # (3,)
+    error: np.ndarray  # (3,)
+    then: np.ndarray  # (2,)
+    tilt: np.ndarray  # (3,)
+    p: np.ndarray  # (3, 3)
+
+
+@njit(cache=True)
+def fresh(ticks, law, encoder):
+    """A loop before its first tick."""
+    return Loop(
+        np.zeros((ticks, 2)), np.zeros((ticks, 2)), np.zeros((ticks + 1, 2)), np.zeros((ticks + 1, 6)),
+        np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 7)), np.zeros((ticks + 1, 2)), np.zeros((ticks // 19 + 1, 5)),
+        np.array([0.0, -1.0, 0.0]), np.floor(encoder.phase), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2),
+        np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(3), np.diag(law.initial),
+    )
+
+
+@njit(cache=True)
+def sense_and_command(tick, z, shown, loop, way_points, law, encoder, camera, e):
+    """What sensors and controller do in a tick, after the IMU's row of it is in the loop; False: the run is over.
+
+    z: the state, or its first seven numbers. shown (2): angles behind the wheels' play.
+    """
+    angles, path, tilt, then, numbers = loop.angles, loop.path, loop.tilt, loop.then, loop.numbers
+    loop.poses[tick] = z[:3]
+    loop.truth[tick] = z[:7]
+    read_encoder(tick, shown, encoder, e, loop.raw, loop.counts, angles[tick])
+    filter_tilt(tick == 0, loop.felt[tick], TICK_S, law.variances, tilt, loop.p)
+    r, b = law.radius_m, law.half_track_m
+    if tick > 0:
+        right, left = angles[tick] - angles[tick - 1]
+        path[tick, 0] = path[tick - 1, 0] + 0.5 * r * (right + left + 2.0 * (tilt[0] - numbers[2]))
+        path[tick, 1] = path[tick - 1, 1] + 0.5 * r / b * (right - left)
+        loop.omega[0] = encoder.memory * loop.omega[0] + (1.0 - encoder.memory) * right / TICK_S
+        loop.omega[1] = encoder.memory * loop.omega[1] + (1.0 - encoder.memory) * left / TICK_S
+    numbers[2] = tilt[0]
+    capture = due(tick, camera)
+    if capture >= 0 and see(capture, loop.poses, camera, loop.fix):
+        seen = int(numbers[0])
+        numbers[0], numbers[1] = seen + 1.0, 19.0 * capture
+        loop.fixes[seen, 0], loop.fixes[seen, 1] = 19 * capture, tick
+        loop.fixes[seen, 2:] = loop.fix
+    if tick == len(loop.commanded) or abs(z[TILT]) > 1.5 or not np.isfinite(z[V]):
+        return False
+    if numbers[1] >= 0.0 and (capture >= 0 or tick % 19 == 0):
+        track(loop.fix, way_points[tick // 19], law.look_ahead_m, law.hold_radius_m, law.longest_m, loop.error)
+        then[:] = path[int(numbers[1])]
+    miss_s, miss_phi = loop.error[0] + then[0] - path[tick, 0], loop.error[1] + then[1] - path[tick, 1]
+    speed = 0.5 * r * (loop.omega[0] + loop.omega[1] + 2.0 * tilt[1])
+    state = np.array([
+        -miss_s, -miss_phi, tilt[0], speed - loop.error[2], 0.5 * r / b * (loop.omega[0] - loop.omega[1]), tilt[1],
+    ])
+    feedback = -law.gain @ state
+    for i in range(2):
+        friction = expected_friction(loop.omega[i], law.coulomb, law.viscous, law.dead_band, law.scale)
+        loop.commanded[tick, i] = feedback[i] + friction
+    drive(tick, loop.commanded[tick], loop.slewed, TICK_S, e, loop.held[tick])
+    return True
+
+
 @njit(cache=True)
 def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera, e: Effects):
     """The closed loop for `ticks` ticks from the pose `start` (3), upright.
@@ -241,66 +327,23 @@ def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera,
     Returns torque (ticks, 2), encoder (ticks + 1, 2), imu (ticks + 1, 6), fixes (k, 5: capture, tick of arrival, pose),
     truth (ticks + 1, 7: pose, tilt, s', phi', tilt rate). Stops where the body falls.
     """
-    z, work = np.zeros(SIZE), np.zeros((5, SIZE))
+    z, work, loop = np.zeros(SIZE), np.zeros((5, SIZE)), fresh(ticks, law, encoder)
     z[:3] = start
-    commanded, held, angles = np.zeros((ticks, 2)), np.zeros((ticks, 2)), np.zeros((ticks + 1, 2))
-    felt, poses, truth = np.zeros((ticks + 1, 6)), np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 7))
-    fixes, seen = np.zeros((ticks // 19 + 1, 5)), 0
-    raw, counts, omega = np.floor(encoder.phase), np.zeros(2), np.zeros(2)
-    slewed, lagged, gap, torque = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    fix, known, shown, error = np.zeros(3), -1, np.zeros(2), np.zeros(3)
-    path, then = np.zeros((ticks + 1, 2)), np.zeros(2)  # of odometry: s, phi
-    tilt, p, leaned = np.zeros(3), np.diag(law.initial), 0.0
-    force, slip = np.zeros(3), np.zeros(2)
+    torque, force, slip = np.zeros(2), np.zeros(3), np.zeros(2)
     velocity, before, change = np.zeros(3), np.zeros(3), np.zeros(3)
-    r, b = law.radius_m, law.half_track_m
     for tick in range(ticks + 1):
-        poses[tick] = z[:3]
-        truth[tick] = z[:7]
-        for i in range(2):
-            shown[i] = z[THETA + i] + gap[i]
-        read_encoder(tick, shown, encoder, e, raw, counts, angles[tick])
-        read_imu(tick, z, velocity, change, imu, e.slope, felt[tick])
-        filter_tilt(tick == 0, felt[tick], TICK_S, law.variances, tilt, p)
-        if tick > 0:
-            right, left = angles[tick] - angles[tick - 1]
-            path[tick, 0] = path[tick - 1, 0] + 0.5 * r * (right + left + 2.0 * (tilt[0] - leaned))
-            path[tick, 1] = path[tick - 1, 1] + 0.5 * r / b * (right - left)
-            omega[0] = encoder.memory * omega[0] + (1.0 - encoder.memory) * right / TICK_S
-            omega[1] = encoder.memory * omega[1] + (1.0 - encoder.memory) * left / TICK_S
-        leaned = tilt[0]
-        capture = due(tick, camera)
-        if capture >= 0 and see(capture, poses, camera, fix):
-            known = 19 * capture
-            fixes[seen, 0], fixes[seen, 1] = known, tick
-            fixes[seen, 2:] = fix
-            seen += 1
-        if tick == ticks or abs(z[TILT]) > 1.5 or not np.isfinite(z[V]):
+        read_imu(tick, z, velocity, change, imu, e.slope, loop.felt[tick])
+        if not sense_and_command(tick, z, z[THETA:] + loop.gap, loop, way_points, law, encoder, camera, e):
             break
-        if known >= 0 and (capture >= 0 or tick % 19 == 0):
-            track(fix, way_points[tick // 19], law.look_ahead_m, law.hold_radius_m, law.longest_m, error)
-            then[:] = path[known]
-        miss_s, miss_phi = error[0] + then[0] - path[tick, 0], error[1] + then[1] - path[tick, 1]
-        speed = 0.5 * r * (omega[0] + omega[1] + 2.0 * tilt[1])
-        state = np.array([
-            -miss_s, -miss_phi, tilt[0], speed - error[2], 0.5 * r / b * (omega[0] - omega[1]), tilt[1],
-        ])
-        feedback = -law.gain @ state
-        for i in range(2):
-            friction = expected_friction(omega[i], law.coulomb, law.viscous, law.dead_band, law.scale)
-            commanded[tick, i] = feedback[i] + friction
-        drive(tick, commanded[tick], slewed, TICK_S, e, held[tick])
         for step in range(SUBSTEPS):
             share = (step + 0.5) / SUBSTEPS
             time_s = (tick + share) * TICK_S
-            for i in range(3):
-                force[i] = push[tick, i] + share * (push[tick + 1, i] - push[tick, i])
-            for i in range(2):
-                slip[i] = wander[tick, i] + share * (wander[tick + 1, i] - wander[tick, i])
-            motor_torque(held, time_s, STEP_S, TICK_S, e, lagged, gap, torque)
+            between(push, tick, share, force)
+            between(wander, tick, share, slip)
+            motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
             before[:] = seen_velocity(z, slip, e)
             advance(time_s, z, torque, force, slip, body, e, work)
             velocity[:] = seen_velocity(z, slip, e)
             for i in range(3):
                 change[i] = (velocity[i] - before[i]) / STEP_S
-    return commanded, angles, felt, fixes[:seen], truth
+    return loop.commanded, loop.angles, loop.felt, loop.fixes[: int(loop.numbers[0])], loop.truth

@@ -12,7 +12,7 @@ from drake_ispace.scenario import load_scenario
 from hidden import motions, omni_truth, pendulum_truth
 from hidden.effect_sizes import TYPICAL, TYPICAL_UNKNOWN, effects_of, scaled, scaled_unknown
 from hidden.effects_truth import NEUTRAL, ROBOTS, UNKNOWN, complete, drive, motor_torque, of_one_wheel, pack
-from hidden.generator import RobotLost, follow, generate
+from hidden.generator import FOREIGN, OWN, RobotLost, follow, generate
 from hidden.motions import MOTIONS, path_of
 from hidden.noise_truth import coloured
 
@@ -359,3 +359,29 @@ def test_way_points_move_as_they_say(robot, motion):
             change = np.angle(np.exp(1j * change))
         said = 0.5 * period * (rows[1:, speed] + rows[:-1, speed])
         assert np.quantile(np.abs(change - said), 0.85) < 2e-3
+
+
+# ------------------------------------------------------------------------------------------------- other physics
+
+
+def robot_in(physics, robot, motion="square"):
+    if robot == "pendulum" and physics == FOREIGN:
+        pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'drake_ispace[physics]')")
+    return generate(robot, motion, {}, 6.0, 4, process_noise=0.0, sensor_noise=0.0, physics=physics)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_other_physics_makes_nearly_the_same_run(robot):
+    own, foreign = (robot_in(physics, robot).channels["truth"].values for physics in (OWN, FOREIGN))
+    way = np.linalg.norm(np.diff(own[:, :2], axis=0), axis=1).sum()
+    apart = np.abs(own[:, :3] - foreign[:, :3]).max()
+    assert 0.0 < apart < 0.02 * way
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_wheels_creep_a_little_in_other_physics(robot):
+    run = robot_in(FOREIGN, robot, "spin")
+    truth, angles = run.channels["truth"].values, run.channels["encoder"].values
+    plant = getattr(load_scenario(f"{robot}_multirate"), robot).plant
+    turned = (angles[-1] - angles[0]) @ plant.geometry.forward[2]
+    assert 1e-6 < abs(turned - (truth[len(angles) - 1, 2] - truth[0, 2])) < 0.05

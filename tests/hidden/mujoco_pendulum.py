@@ -1,0 +1,108 @@
+"""The pendulum in MuJoCo, with its contacts and its dry friction, under the same controller, sensors and camera.
+
+Nothing of the other generators' physics is in it: a free body, two wheels on hinges, soft contacts with a friction
+cone, friction of the hinges as a constraint. Wheels therefore creep, and the floor gives way a little.
+"""
+
+import mujoco
+import numpy as np
+
+from hidden import pendulum_truth as truth
+from hidden.control_truth import Camera, Encoder
+from hidden.effects_truth import Effects, ground_force, motor_torque
+from hidden.motions import TICK_S
+from hidden.noise_truth import between
+
+SUBSTEPS = 5
+_HALF_WIDTH_M = 0.004  # of a wheel, that of an ellipsoid
+
+_MODEL = """
+<mujoco>
+  <option timestep="{step}" integrator="implicitfast" cone="elliptic" impratio="20" gravity="0 0 -9.80665"/>
+  <worldbody>
+    <geom type="plane" size="10 10 1" friction="0.9 0 0" solref="0.004 1"/>
+    <body name="body" pos="0 0 {radius}">
+      <freejoint/>
+      <inertial pos="0 0 {z}" mass="{mass}" diaginertia="{roll} {pitch} {yaw}"/>
+      <site name="imu" pos="0 0 {height}"/>
+      <body pos="0 {right} 0">
+        <joint name="r" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
+        <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
+        <geom type="ellipsoid" size="{radius} {width} {radius}" friction="0.9 0 0" solref="0.004 1"/>
+      </body>
+      <body pos="0 {left} 0">
+        <joint name="l" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
+        <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
+        <geom type="ellipsoid" size="{radius} {width} {radius}" friction="0.9 0 0" solref="0.004 1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="r"/><motor joint="l"/></actuator>
+  <sensor><accelerometer site="imu"/><gyro site="imu"/></sensor>
+</mujoco>
+"""
+
+
+def model_of(plant, imu_height_m: float) -> mujoco.MjModel:
+    """The robot with the numbers of a scenario's `pendulum.plant`, rotors in its body."""
+    return mujoco.MjModel.from_xml_string(_MODEL.format(
+        step=TICK_S / SUBSTEPS, radius=plant.wheel_radius_m, z=plant.centre_of_gravity_m, mass=plant.body_mass_kg,
+        roll=plant.body_inertia_roll_kg_m2, yaw=plant.body_inertia_yaw_kg_m2 + 2.0 * plant.rotor_inertia_yaw_kg_m2,
+        pitch=plant.body_inertia_pitch_kg_m2 + 2.0 * plant.rotor_inertia_kg_m2, right=-plant.half_track_m,
+        left=plant.half_track_m, wheel=plant.wheel_mass_kg, wheel_roll=plant.wheel_inertia_kg_m2,
+        wheel_yaw=plant.wheel_inertia_yaw_kg_m2, coulomb=plant.friction.coulomb_n_m,
+        viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M, height=imu_height_m,
+    ))
+
+
+def run(
+    ticks: int, start, way_points, push, model: mujoco.MjModel, law: truth.Law, encoder: Encoder, imu: truth.Imu,
+    camera: Camera, e: Effects,
+):
+    """As pendulum_truth.run, without random slip: the contacts have their own."""
+    data = mujoco.MjData(model)
+    c, s = np.cos(0.5 * start[2]), np.sin(0.5 * start[2])
+    data.qpos[:2], data.qpos[3:7] = start[:2], (c, 0.0, 0.0, s)
+    mujoco.mj_forward(model, data)
+    loop, z = truth.fresh(ticks, law, encoder), np.zeros(truth.SIZE)
+    torque, force, mass = np.zeros(2), np.zeros(3), float(np.sum(model.body_mass))
+    wheels = data.qpos[7:9].copy()
+    for tick in range(ticks + 1):
+        _state(data, z)
+        truth.as_read(tick, data.sensordata[:3].copy(), data.sensordata[3:6].copy(), imu, loop.felt[tick])
+        shown = data.qpos[7:9] - wheels + loop.gap
+        if not truth.sense_and_command(tick, z, shown, loop, way_points, law, encoder, camera, e):
+            break
+        for step in range(SUBSTEPS):
+            share = (step + 0.5) / SUBSTEPS
+            time_s = (tick + share) * TICK_S
+            motor_torque(loop.held, time_s, TICK_S / SUBSTEPS, TICK_S, e, loop.lagged, loop.gap, torque)
+            between(push, tick, share, force)
+            _state(data, z)
+            _push(data, z, force, mass, e)
+            data.ctrl[:] = torque
+            mujoco.mj_step(model, data)
+    return loop.commanded, loop.angles, loop.felt, loop.fixes[: int(loop.numbers[0])], loop.truth
+
+
+def _state(data, z):
+    """Pose, tilt, forward speed, turning rate and tilt rate of the axle's middle, into z[:7]."""
+    axes = data.xmat[1].reshape(3, 3)
+    phi = np.arctan2(axes[1, 0], axes[0, 0]) if abs(axes[2, 0]) < 0.99 else z[truth.PHI]
+    tilt = np.arctan2(-axes[2, 0], axes[2, 2])
+    turn = axes @ data.qvel[3:6]
+    ahead = np.array([np.cos(phi), np.sin(phi)])
+    past = z[truth.PHI]
+    phi = past + (phi - past + np.pi) % (2.0 * np.pi) - np.pi
+    z[:7] = (*data.qpos[:2], phi, tilt, ahead @ data.qvel[:2], turn[2], turn[1] * ahead[0] - turn[0] * ahead[1])
+
+
+def _push(data, z, force, mass, e):
+    """Outer force along the robot, yaw moment and pitch moment, and what the floor adds."""
+    c, s = np.cos(z[truth.PHI]), np.sin(z[truth.PHI])
+    speed = z[truth.V]
+    gx, gy = ground_force(z[truth.X], z[truth.Y], c * speed, s * speed, mass, e)
+    forward = force[0] + c * gx + s * gy
+    data.qfrc_applied[0], data.qfrc_applied[1] = c * forward, s * forward
+    axes = data.xmat[1].reshape(3, 3)
+    data.qfrc_applied[3:6] = axes.T @ np.array([-s * force[2], c * force[2], force[1]])
