@@ -91,7 +91,11 @@ def remainders(
     motion = [_sensed(prediction, i, w, e) for i, (w, e) in enumerate(zip(windows, after, strict=True))]
     rooms = [_places(prediction, i, v) for i, v in enumerate(values)]
     names = [track.name for track in prediction.tracks]
-    found = [*_too_noisy(noise, names), *_too_large(after, sensors, chance, names)]
+    dead_reckoned = [
+        {m: _without_offset(m, e) for m, e in run.items() if m.driven_by == WHEELS or m.metric == PREDICTION}
+        for run in after
+    ]
+    found = [*_too_noisy(noise, names), *too_large(dead_reckoned, sensors, chance, names)]
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
@@ -111,13 +115,18 @@ def _too_noisy(noise, names):
     ]
 
 
-def _too_large(after, sensors, chance, names):
-    """Where an error is larger than it may be: of the next samples, and of dead reckoning."""
+def too_large(
+    after: Sequence[Errors], sensors: Mapping[Measure, float], chance: Mapping[Measure, float], names: Sequence[str]
+) -> list[Remainder]:
+    """Where an error of the next samples, or of places and angles over longer times, is larger than it may be.
+
+    after: errors of each run. sensors, chance: as of `remainders`. names: of the runs.
+    """
     found = []
     for m in sorted({m for run in after for m in run}):
-        if (m.metric == PREDICTION) != (m.horizon == STEP) or (m.metric != PREDICTION and m.driven_by != WHEELS):
+        if (m.metric == PREDICTION) != (m.horizon == STEP):
             continue
-        errors = [_without_offset(m, run[m]) for run in after if m in run]
+        errors = [run[m] for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
         if size > _TOO_LARGE[m.metric] * max(floor, 1e-300):

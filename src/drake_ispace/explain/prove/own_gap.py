@@ -15,6 +15,7 @@ from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
@@ -32,13 +33,17 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     parts = [
         (HELD_OUT, "" if kind == UNNAMED else kind, case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
     ]
-    rows = []
+    rows, left = [], []
     for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
         columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
         noise = _noise(case.prediction, tracks, answer, columns[1], seed)
         rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
+        if runs == HELD_OUT or not parts:
+            best = min(columns[1:], key=lambda each: rms([error for run in each for error in run.values()]))
+            left += too_large(best, *noise, [track.name for track in tracks])
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
-    return Proof("held-out runs" if parts else "", rows, [], None, plain.point or None, plant)
+    worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
+    return Proof("held-out runs" if parts else "", rows, worst, None, plain.point or None, plant)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
