@@ -68,6 +68,7 @@ def run(
     torque, force, mass = np.zeros(2), np.zeros(3), float(np.sum(model.body_mass))
     wheels = data.qpos[7:9].copy()
     for tick in range(ticks + 1):
+        mujoco.mj_forward(model, data)  # sensors of this instant, not of the step before
         _state(data, z)
         truth.as_read(tick, data.sensordata[:3].copy(), data.sensordata[3:6].copy(), imu, loop.felt[tick])
         shown = data.qpos[7:9] - wheels + loop.gap
