@@ -170,9 +170,9 @@ def window(run, robot, effects, i, j):
     return float(np.sum(((pose - seen[i, :3])[:2] * scale - (seen[j] - seen[i])[:2]) ** 2))
 
 
-def judged(name, model, robot, runs, held_out, truth, choice="largest"):
+def judged(name, model, robot, runs, held_out, truth):
     """What explain prints for a case, and what the yardstick says of the same row."""
-    answer = di.explain(model, runs, held_out, choice=choice)
+    answer = di.explain(model, runs, held_out)
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     row = answer.headline if answer.effects else None
     told = {"case": name, "verdict": answer.verdict, "effects": sorted(effects), "printed": answer.closed}
@@ -233,7 +233,7 @@ def real_cases(data):
             return optiodom.load_folder(data / "optiodom" / name / kind)
 
         yield judged(f"OptiOdom {name}", f"optiodom_{name}", robot, runs("circular")[:4], {k: runs(k) for k in kinds},
-                     None, "together")
+                     None)
 
 
 def main():

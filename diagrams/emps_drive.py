@@ -10,6 +10,6 @@ import drake_ispace as di
 
 options, model, effects = asked(__doc__), carriage(), [*di.effects().values(), ForceOffset()]
 whole, first, second = rail_runs(options.data)
-how = {"effects": effects, "tell": options.tell, "choice": "together"}
+how = {"effects": effects, "tell": options.tell}
 answer, half = di.explain(model, [whole], **how), di.explain(model, [first], {"second half": [second]}, **how)
 show(options, answer, steps=steps(model, whole, answer, effects), half=half.to_data())

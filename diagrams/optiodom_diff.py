@@ -10,4 +10,4 @@ import drake_ispace as di
 options = asked(__doc__)
 held_out = optiodom_runs(options, "diff", "circular", "square", "free")
 circles = held_out.pop("circular")
-show(options, di.explain("optiodom_diff", circles, held_out, tell=options.tell, choice="together"))
+show(options, di.explain("optiodom_diff", circles, held_out, tell=options.tell))

@@ -10,4 +10,4 @@ import drake_ispace as di
 options = asked(__doc__)
 held_out = optiodom_runs(options, "omni3", "circular", "square", "joystick")
 circles = held_out.pop("circular")
-show(options, di.explain("optiodom_omni3", circles, held_out, tell=options.tell, choice="together"))
+show(options, di.explain("optiodom_omni3", circles, held_out, tell=options.tell))

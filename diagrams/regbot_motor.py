@@ -11,4 +11,4 @@ import drake_ispace as di
 options = asked(__doc__)
 runs, held_out = voltage_steps(options.data, options.runs)
 frictions = [di.effects()[name] for name in ("viscous_friction", "coulomb_friction", "stribeck_friction")]
-show(options, di.explain(motors(runs), runs, held_out, frictions, tell=options.tell, choice="free_run"))
+show(options, di.explain(motors(runs), runs, held_out, frictions, tell=options.tell))

@@ -104,7 +104,7 @@ def test_what_was_logged_is_what_is_compared():
 
 
 def test_validation_leaves_out_what_does_not_help():
-    answer = di.explain(motor(), STEPS, [step(2.5), step(-2.5)], FRICTIONS, choice="free_run")
+    answer = di.explain(motor(), STEPS, [step(2.5), step(-2.5)], FRICTIONS)
     assert [effect.name for effect in answer.effects] == ["viscous_friction"] and answer.verdict == "named"
     assert answer.closed > 0.95 and answer.detection is None
     errors = {tuple(row.effects): row.error for row in answer.validated}
@@ -115,7 +115,7 @@ def test_validation_leaves_out_what_does_not_help():
 
 def test_validation_names_both_where_both_are_missing():
     runs = [step(volts, coulomb=COULOMB, noise=0.05, seed=i) for i, volts in enumerate((1.0, 2.0, 3.0, -1.5))]
-    answer = di.explain(motor(), runs, effects=FRICTIONS, choice="free_run")
+    answer = di.explain(motor(), runs, effects=FRICTIONS)
     sizes = {effect.name: next(iter(effect.parameters.values())).estimate for effect in answer.effects}
     assert sizes == {
         "viscous_friction": pytest.approx(VISCOUS, rel=0.1), "coulomb_friction": pytest.approx(COULOMB, rel=0.1)
@@ -124,7 +124,7 @@ def test_validation_names_both_where_both_are_missing():
 
 def test_validation_finds_nothing_in_a_motor_that_lacks_nothing():
     runs = [step(volts, viscous=0.0, noise=0.05, seed=i) for i, volts in enumerate((1.0, 2.0, 3.0, -1.5))]
-    answer = di.explain(motor(), runs, [step(2.5, viscous=0.0)], FRICTIONS, choice="free_run")
+    answer = di.explain(motor(), runs, [step(2.5, viscous=0.0)], FRICTIONS)
     assert answer.verdict == "none" and answer.effects == [] and answer.closed is None
 
 
@@ -135,7 +135,7 @@ class Twin(ViscousFriction):
 
 
 def test_effects_that_validate_alike_are_a_set():
-    answer = di.explain(motor(), STEPS, effects=[FRICTIONS[0], Twin()], choice="free_run")
+    answer = di.explain(motor(), STEPS, effects=[FRICTIONS[0], Twin()])
     (effect,) = answer.effects
     assert answer.verdict == "set" and {effect.name, *effect.equivalents} == {"viscous_friction", "twin"}
 
@@ -149,15 +149,6 @@ def test_what_cannot_be_validated_is_refused(runs, effects, said):
     with pytest.raises(InputError, match=said):
         validated_choice(case.prediction, candidates(case.replay.effects, case.replay.body))
 
-
-@pytest.mark.parametrize("model, choice, said", [
-    ("omni_multirate", "free_run", "choice: 'free_run' is for a plant of your own (OwnModel), expected 'largest' or "),
-    ("omni_multirate", "al", "choice: there is no 'al', expected one of largest, together, free_run"),
-])
-def test_a_choice_that_cannot_be_is_refused(model, choice, said):
-    with pytest.raises(InputError) as error:
-        di.explain(model, STEPS, choice=choice)
-    assert str(error.value).startswith(said)
 
 
 @pytest.fixture(scope="module")

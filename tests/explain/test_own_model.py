@@ -122,13 +122,13 @@ def test_a_plant_that_no_torque_accelerates_is_refused():
         OwnModel(lagging, torque="drive", wheel_angle="position").linearised()
 
 
-@pytest.fixture(scope="module", params=["largest", "together", "free_run"])
-def explained(request):
+@pytest.fixture(scope="module")
+def explained():
     runs = [measured(0.004, seed=seed) for seed in (1, 2)]
-    return di.explain(MODEL, runs, {"third": measured(0.004, seed=3)}, EFFECTS[:2], choice=request.param)
+    return di.explain(MODEL, runs, {"third": measured(0.004, seed=3)}, EFFECTS[:2])
 
 
-def test_every_choice_names_the_missing_friction_with_its_size(explained):
+def test_the_missing_friction_is_named_with_its_size(explained):
     (effect,) = explained.effects
     size = effect.parameters["coefficient_n_m_s"]
     assert explained.verdict == "named" and effect.name == "viscous_friction" and not effect.equivalents
@@ -137,11 +137,11 @@ def test_every_choice_names_the_missing_friction_with_its_size(explained):
     assert 0.9 < effect.share <= 1.0
 
 
-def test_every_choice_closes_the_gap_of_the_held_out_run(explained):
+def test_the_gap_of_the_held_out_run_closes(explained):
     assert explained.closed > 0.9 and explained.headline.kind == "third" and explained.headline.unit == "rad"
 
 
-def test_every_choice_comes_with_simulations_of_whole_runs(explained):
+def test_an_answer_comes_with_simulations_of_whole_runs(explained):
     errors = {(row.runs, row.unit): row.after / row.before for row in explained.gap}
     assert set(errors) == {("training", "rad"), ("training", "1"), ("held_out", "rad"), ("held_out", "1")}
     assert max(errors.values()) < 0.2

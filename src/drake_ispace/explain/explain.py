@@ -22,8 +22,8 @@ nearly the same way; docs/glossary.md has the other words. Six stages, a folder 
             recorded channels that show the disagreement, what is left of it, and a new scenario with the effects in it
             (where the model is a scenario). For a scenario also how well its controller explains the recorded torque.
 
-A plant of the user's own (OwnModel) may be explained without the filter's likelihood (`choice="free_run"`): stage 2
-then fits free-run simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
+Of a plant of the user's own (OwnModel) whose runs last less than a second there is no filter: stage 2 fits free-run
+simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
 """
 
 import time
@@ -31,7 +31,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
@@ -42,7 +41,6 @@ from drake_ispace.explain.answer.verdict import add_proof
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.joint import decide_jointly
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -52,14 +50,12 @@ from drake_ispace.explain.prove.prove import prove
 from drake_ispace.scenario import Scenario, as_scenario
 
 _THREADS = 2
-_DECIDERS = {"largest": decide, "together": decide_jointly}
-_VALIDATED = "free_run"
 
 
 def explain(
     model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
     effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
-    choice: str = "largest", trust_data: bool = False,
+    trust_data: bool = False,
 ) -> Explanation:
     """Find what the model lacks.
 
@@ -68,18 +64,12 @@ def explain(
         runs: measured: one or several, or by name as `hide` returns them; a folder stands for the run in it.
         held_out: other runs, to prove the answer on; a mapping has kinds of runs, whose errors are reported apart.
         effects: to try, default the whole library. seed: of the bootstraps. tell: called with the name of each step.
-        choice: which effects are named. "largest": the effect that explains most, and further ones unless they are
-            small beside it; for a model that lacks little. "together": all effects that the runs support, each weighed
-            against the others; for somebody else's robot, whose model mostly lacks several of very different size.
-            "free_run": the fewest effects that simulate whole runs well, fitted to one half of the runs and judged on
-            the other; for a plant of your own, and runs that are too short for a filter.
         trust_data: whether to go on although the recordings contradict each other.
 
     Raises:
-        InputError: a run that the model cannot predict, an unknown choice, or one that this model cannot have.
+        InputError: a run that the model cannot predict.
     """
     started = time.perf_counter()
-    _check_choice(choice, model)
 
     # 0 check
     model = model if isinstance(model, OwnModel) else as_scenario(model)
@@ -97,19 +87,15 @@ def explain(
         tried = candidates(case.effects_to_try, case.replay.body)
 
         # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
-        if choice == _VALIDATED:
-            decision = validated_choice(case.prediction, tried, tell)
+        if case.is_filtered:
+            decision = decide(case.prediction, tried, seed, pool, tell)
         else:
-            decision = _DECIDERS[choice](case.prediction, tried, seed, pool, tell)
+            decision = validated_choice(case.prediction, tried, tell)
 
-        # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
-        tell("measuring the gap")
-        proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed, pool)
-
-        # 5 answer
-        tell("finding the channels that show it")
-        answer = describe(case, decision)
-    add_proof(answer, case, proof)
+        answer = _answered(case, decision, seed, pool, tell)
+        if answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None:
+            decision = decision.otherwise
+            answer = _answered(case, decision, seed, pool, tell)
     if answer.effects and case.scenario is not None:
         add_effects(answer, case, decision)
     add_findings(answer, examined)
@@ -122,10 +108,14 @@ def explain(
     return answer
 
 
-def _check_choice(choice, model):
-    known = [*_DECIDERS, _VALIDATED]
-    if choice not in known:
-        raise InputError(f"choice: there is no {shown(choice)}, {expected_one_of(choice, known)}")
-    if choice == _VALIDATED and not isinstance(model, OwnModel):
-        others = " or ".join(repr(name) for name in _DECIDERS)
-        raise InputError(f"choice: {_VALIDATED!r} is for a plant of your own (OwnModel), expected {others}")
+def _answered(case, decision, seed, pool, tell) -> Explanation:
+    """What a decision comes to."""
+    # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
+    tell("measuring the gap")
+    proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed, pool)
+
+    # 5 answer
+    tell("finding the channels that show it")
+    answer = describe(case, decision)
+    add_proof(answer, case, proof)
+    return answer

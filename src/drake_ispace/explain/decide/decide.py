@@ -1,8 +1,12 @@
 """Name the effects that the model lacks, the one that explains most first.
 
-Further effects are added one at a time, fitted together with those named before. They are taken away again where the
-others suffice. Every comparison is one of deviances under the same noise. An effect that does nearly as well as a
-named one is its rival, and a generic disagreement that does better than every effect makes the verdict "unknown".
+Further effects are added one at a time, fitted together with those named before, as long as one is detected and lowers
+the deviance enough. They are taken away again where the others suffice. Every comparison is one of deviances under the
+same noise, which is learned anew with each effect: what a large effect explains says nothing of a small one.
+
+An effect that does nearly as well as a named one is its rival. Where a generic disagreement does better than every
+single effect, effects are tried together all the same: a model may lack several. If they do no better, the verdict is
+"unknown"; if they do, "unknown" is kept as the answer should they not suffice on unseen runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.detect import Detection, detect, trials
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
@@ -19,14 +23,13 @@ from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import rivals_of
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.survey import Survey, fit_with_noise, survey, with_memory_marginalised
-from drake_ispace.explain.decide.unknown import GenericProposal, believed, better_than
+from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 
-_MOST_EFFECTS = 4
+_MOST_EFFECTS = 6
 _BEYOND_DOUBT = 25.0  # -log10 p, below which an alarm must hold with the noise's memory marginalised as well
-_LEAST_UNKNOWN_SHARE = 0.15  # of the named effects' gain, that an unknown disagreement beside them must reach
 _NEAR_GAIN, _NEAR_MINUS_LOG10_P = 0.4, 0.25  # shares of the leader's, from which on another effect comes near
 _MOST_NEAR = 2  # effects besides the leader that are followed
 
@@ -35,7 +38,7 @@ def decide(
     prediction: Prediction, candidates: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
     tell: Callable[[str], None] = lambda text: None, generics: Generics = generic_signatures,
 ) -> Decision:
-    """Name effects until what remains is noise, small beside what they explain, or unknown.
+    """Name effects until what remains is noise, or no effect explains it.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstrap. pool: threads that predictions
@@ -44,36 +47,51 @@ def decide(
     survey_at = partial(survey, prediction, candidates=candidates, pool=pool, generics=generics)
     tell("looking at every effect")
     start = current = survey_at({})
-    decision, proposals = None, None
-    while len(current.point) < _MOST_EFFECTS:
+    decision, doubt = None, None
+    while True:
         largest = trials(current.screen, current.noise, current.instants, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
         proposals, disagreements = proposals_of(current), believed(current)
         detection = _detection(current, [*proposals, *disagreements], largest, seed)
         decision = decision or Decision(detection, start, start)
-        if not detection.found:
-            break
         leader = max(proposals, key=lambda proposal: proposal.penalised_gain, default=None)
         unknown = better_than(proposals, disagreements)
-        if decision.named is not None and _is_small(decision, leader, unknown):
+        if detection.found and unknown is not None and doubt is None:
+            doubt = Doubt(decision, current, unknown, leader)
+        is_small = leader is None or ((current.point or doubt is not None) and leader.gain < LEAST_FURTHER)
+        if not detection.found or is_small or len(current.point) == _MOST_EFFECTS:
             break
-        if unknown is not None or leader is None:
-            decision.unknown = unknown
-            decision.nearest = (leader.candidate, leader.gain) if leader else None
-            break
-        point = _best_near(current, proposals, leader).point
-        tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
-        current = survey_at(point, near=True)
-        best = fit(current.likelihood, point)
-        current, proposals = current.moved(best), None
-        decision = decision.with_named(current, best)
+        if doubt is None:
+            point = _best_near(current, proposals, leader).point
+            tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
+            current = survey_at(point, near=True)
+            best = fit(current.likelihood, point)
+            current = current.moved(best)
+        else:  # far from the best point, where the past of the residuals is mostly effects and not the noise's memory
+            tell(f"looking again with {', '.join(candidate.label for candidate in leader.fit.point)}")
+            current, best = _far(survey_at, leader.fit.point)
+        proposals, decision = None, decision.with_named(current, best)
+    if doubt is not None and not doubt.is_resolved_by(decision.named):
+        return _finished(doubt.decided, survey_at, seed) if doubt.decided.unknown is None else doubt.decided
+    finished = _finished(decision, survey_at, seed, (proposals, largest) if decision.end is current else ())
+    finished.otherwise = doubt.decided if doubt is not None and doubt.decided.unknown is not None else None
+    return finished
+
+
+def _far(survey_at, point) -> tuple[Survey, Fit]:
+    """The effects of `point` fitted under the noise that they leave there, and the survey at the fit."""
+    before = survey_at(point)
+    best = fit(before.likelihood, point)
+    return survey_at(best.point, whitening=before.likelihood.whitening), best
+
+
+def _finished(decision, survey_at, seed, known=()) -> Decision:
+    """The Decision with no more effects than needed, their rivals, and what is left; known: as of `left_over`."""
     if decision.named is None:
         return decision
-    decision = pruned(survey_at, decision)
+    end, decision = decision.end, pruned(survey_at, decision)
     decision.rivals = rivals_of(decision)
-    if decision.unknown is None:
-        known = decision.end is current and proposals is not None
-        decision.left_over = left_over(decision, seed, *((proposals, largest) if known else ()))
+    decision.left_over = left_over(decision, seed, *(known if decision.end is end and known and known[0] else ()))
     return decision
 
 
@@ -92,14 +110,6 @@ def _detection(
     minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
     held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
     return detect(held, trials(again.screen, again.noise, again.instants, seed))
-
-
-def _is_small(decision, leader, unknown):
-    """Whether what remains beside the named effects may be a flaw of their form."""
-    gain = 0.0 if unknown is None else unknown[1]
-    if max(leader.gain if leader else 0.0, gain) < decision.least_gain:
-        return True
-    return unknown is not None and gain < _LEAST_UNKNOWN_SHARE * decision.first_gain
 
 
 def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal) -> Fit:

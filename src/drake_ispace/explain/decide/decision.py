@@ -9,9 +9,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit
 
 MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
-LEAST_SHARE_OF_END = 0.01  # of what the named effects explain under the noise of the end: less is a flaw of their form
-_LEAST_SHARE = 0.05  # of what they explain under the noise of the start, likewise
-_LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach in any case
+LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
 
 
 @dataclass(frozen=True)
@@ -50,9 +48,8 @@ class Decision:
             those that cannot be ruled out in its place. gains: named effect -> rise of the deviance without it.
         unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
-        total_gain, first_gain: drop in deviance by the named effects under the noise of `end` and of `start`. The
-            noise of `start` is larger, because the model lacks the effects there; small further effects are measured
-            by `first_gain`.
+        total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
+            back on should the named effects not suffice on unseen runs.
     """
 
     detection: Detection
@@ -65,14 +62,8 @@ class Decision:
     nearest: tuple[Candidate, float] | None = None
     left_over: LeftOver | None = None
     total_gain: float = 0.0
-    first_gain: float = 0.0
-
-    @property
-    def least_gain(self) -> float:
-        """Drop in deviance below which a further effect is taken for a flaw of the form of the named ones."""
-        return max(_LEAST_FURTHER, _LEAST_SHARE * self.first_gain, LEAST_SHARE_OF_END * self.total_gain)
+    otherwise: "Decision | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
-        gains = {"total_gain": end.gain_of(named.point), "first_gain": self.start.gain_of(named.point)}
-        return replace(self, end=end, named=named, **gains)
+        return replace(self, end=end, named=named, total_gain=end.gain_of(named.point))

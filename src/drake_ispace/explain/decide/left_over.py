@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.decide.decision import LEAST_SHARE_OF_END, Decision, LeftOver
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision, LeftOver
 from drake_ispace.explain.decide.detect import detect, trials
 from drake_ispace.explain.decide.propose import Proposal, proposals_of
 from drake_ispace.explain.decide.unknown import generic_proposals
@@ -22,7 +22,7 @@ def left_over(
     end = decision.end
     proposals = proposals_of(end) if proposals is None else proposals
     clearest = max([*proposals, *generic_proposals(end)], key=lambda p: p.minus_log10_p, default=None)
-    if clearest is None or clearest.gain < LEAST_SHARE_OF_END * decision.total_gain:
+    if clearest is None or clearest.gain < LEAST_FURTHER:
         return None
     largest = trials(end.screen, end.noise, end.instants, seed) if largest is None else largest
     detection = detect(clearest.minus_log10_p, largest)

@@ -60,5 +60,5 @@ def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
 
 
 def penalty(candidate: Candidate) -> float:
-    """Complexity penalty in deviance: 2 per parameter, and 2 ln 4 for a free choice of wheel."""
-    return 2.0 * len(candidate.parameters) + (2.0 * np.log(4.0) if candidate.choices else 0.0)
+    """Complexity penalty in deviance: 2 per parameter, and 2 ln n for a free choice among n wheels."""
+    return 2.0 * len(candidate.parameters) + 2.0 * np.log(candidate.among)

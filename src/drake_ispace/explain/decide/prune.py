@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 
-from drake_ispace.explain.decide.decision import MARGIN, Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
+
+_LEAST_RISE = max(2.0 * MARGIN, LEAST_FURTHER)  # of the deviance, for which an effect is kept
 
 
 def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
@@ -24,7 +26,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
         rests = without_each(decision.end, decision.named)
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
         weakest = min(rises, key=rises.get)
-        if rises[weakest] > _least_rise(decision):
+        if rises[weakest] > _LEAST_RISE:
             decision.gains = rises
             return decision
         decision = _with_named(survey_at, decision, rests[weakest].point)
@@ -43,12 +45,7 @@ def _one_for_all(decision) -> Point | None:
         for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]
     ]
     best = min(fits, key=lambda single: single.deviance)
-    return best.point if best.deviance - decision.named.deviance < _least_rise(decision) else None
-
-
-def _least_rise(decision):
-    """Rise of the deviance for which an effect is kept."""
-    return max(2.0 * MARGIN, decision.least_gain)
+    return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
 
 
 def _with_named(survey_at, decision, point) -> Decision:

@@ -1,13 +1,14 @@
 """Generic disagreements against the effects of the library: where one explains more, the verdict is "unknown"."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from drake_ispace.explain.decide.decision import MARGIN
-from drake_ispace.explain.decide.propose import Proposal
+from drake_ispace.explain.decide.decision import MARGIN, Decision
+from drake_ispace.explain.decide.propose import Proposal, penalty
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Fit, fit
 
 _LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off
 _LEAST_LOCAL_GAIN = 120.0  # the same where it has an amplitude for every part of the room
@@ -59,10 +60,43 @@ def generic_proposals(survey: Survey) -> list[GenericProposal]:
     return sorted(proposals, key=lambda proposal: -proposal.gain)
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """A generic disagreement that explains more than every single effect.
+
+    Attributes:
+        before: the Decision until then. survey: at its effects. unknown: the disagreement. leader: the effect that
+            explains most.
+    """
+
+    before: Decision
+    survey: Survey
+    unknown: GenericProposal
+    leader: Proposal | None
+
+    @property
+    def decided(self) -> Decision:
+        """The Decision until then, and the disagreement as the answer where nothing is named."""
+        if self.before.named is not None:
+            return self.before
+        nearest = None if self.leader is None else (self.leader.candidate, self.leader.gain)
+        return replace(self.before, unknown=(self.unknown.generic, self.unknown.gain), nearest=nearest)
+
+    def is_resolved_by(self, named: Fit | None) -> bool:
+        """Whether the effects that were named since explain as much, under the same noise."""
+        added = [] if named is None else [c for c in named.point if c not in self.survey.point]
+        if not added:
+            return False
+        likelihood = self.survey.likelihood
+        best = fit(likelihood, named.point)
+        drop = likelihood.deviance(self.survey.w) - best.deviance - sum(penalty(c) for c in added)
+        return self.unknown.penalised_drop <= drop + max(MARGIN, _RELATIVE_MARGIN * drop)
+
+
 def better_than(
     proposals: Sequence[Proposal], disagreements: Sequence[GenericProposal]
-) -> tuple[Generic, float] | None:
-    """The first generic disagreement that explains more than every proposed effect, and its gain; None if none does."""
+) -> GenericProposal | None:
+    """The first generic disagreement that explains more than every proposed effect; None if none does."""
     best = max([proposal.penalised_drop for proposal in proposals], default=0.0)
     least = best + max(MARGIN, _RELATIVE_MARGIN * best)
-    return next(((other.generic, other.gain) for other in disagreements if other.penalised_drop > least), None)
+    return next((other for other in disagreements if other.penalised_drop > least), None)

@@ -26,11 +26,13 @@ class Candidate:
         effect: of the library, or a Generic disagreement.
         choices: (name, wheel number from 1) of each choice.
         parameters: those that a fit moves; coordinates are in their order.
+        among: number of ways in which the choices can be made.
     """
 
     effect: Cause
     choices: tuple[tuple[str, int], ...]
     parameters: tuple[Parameter, ...]
+    among: int = 1
 
     @property
     def name(self) -> str:
@@ -77,7 +79,8 @@ def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:
     result = []
     for effect in effects.values():
         wheels = [[(name, w) for w in range(1, body.wheels + 1)] for name in effect.choices]
-        result += [Candidate(effect, picked, effect.parameters_of(body)) for picked in itertools.product(*wheels)]
+        every = list(itertools.product(*wheels))
+        result += [Candidate(effect, picked, effect.parameters_of(body), len(every)) for picked in every]
     return result
 
 

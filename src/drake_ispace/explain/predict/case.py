@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
-from drake_ispace.explain.predict.tracks import Track, track
+from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
@@ -39,6 +40,11 @@ class Case:
     prediction: Prediction
     held_out: Prediction | None
     kinds: Mapping[str, slice]
+
+    @property
+    def is_filtered(self) -> bool:
+        """Whether the runs are long enough for the statistics of a filter; those of a scenario's robot always are."""
+        return max(track.ticks for track in self.prediction.tracks) * TICK_S >= SHORTEST_S
 
     @property
     def effects_to_try(self) -> dict[str, Effect]:

@@ -16,6 +16,7 @@ IMU = 6  # columns of the channel
 #: of the second [s]. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle
 #: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
 _FAST_FIXES_S, _THINNED_S = 0.08, 1.0
+SHORTEST_S = 1.0  # of a run
 _LONGEST_S = 3600.0
 
 
@@ -63,7 +64,7 @@ class Track:
         return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
-def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = 1.0) -> Track:
+def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S) -> Track:
     """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
 
     Raises:
