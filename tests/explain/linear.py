@@ -58,6 +58,9 @@ class Linear:
         explained = sum(parameters["size"] * self.shapes[name] for name, parameters in values.items())
         return streams(self.measured - explained)
 
+    def labels(self, stream):
+        return ["kinect: x"]
+
     def nuisances(self, values, pool=None):
         return [(run, {"room": shape[:, None]}) for run, shape in self.offsets]
 

@@ -176,8 +176,9 @@ def test_an_effect_that_is_small_beside_the_first_is_named():
     assert set(sizes(decided(noise() + GREAT + SMALL))) == {"tilt", "lag"}
 
 
-def test_an_effect_that_is_next_to_nothing_is_not_named():
-    assert list(sizes(decided(noise() + GREAT + 0.05 * SHAPES["lag"]))) == ["tilt"]
+def test_an_effect_that_is_next_to_nothing_beside_the_first_is_left_over_and_not_named():
+    decision = decided(noise() + 10.0 * SHAPES["tilt"] + SMALL)
+    assert list(sizes(decision)) == ["tilt"] and decision.left_over.candidate.name == "lag"
 
 
 def test_noise_is_not_left_over():

@@ -21,7 +21,7 @@ def localize(prediction: Prediction, start: Survey, explained: Residuals) -> lis
         prediction: of the training runs. start: survey of the model as given. explained: residuals of the model with
             the best explanation in it.
     """
-    labels, drops = channel_rows(prediction, start), _drops(start, explained)
+    labels, drops = start.channels, _drops(start, explained)
     total = float(drops.sum())
     if total <= 0.0:
         return []
@@ -67,14 +67,6 @@ def onset(start: Survey, explained: Residuals) -> str:
     if late[2] > 0.6:
         return "mostly in the first third of a run"
     return "from the start of a run"
-
-
-def channel_rows(prediction: Prediction, at: Survey) -> np.ndarray:
-    """(rows,) the channel that each whitened number of a survey belongs to."""
-    return np.concatenate([
-        np.tile(np.array(prediction.labels(name), dtype=object), noise.rows(run[name]))
-        for run in at.residuals for name, noise in at.likelihood.whitening.noise.items()
-    ])
 
 
 def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], label, explained):

@@ -41,6 +41,14 @@ class Survey:
     noise: np.ndarray
     instants: np.ndarray
 
+    @property
+    def channels(self) -> np.ndarray:
+        """(rows,) the channel that each row belongs to, such as "kinect: x"."""
+        return np.concatenate([
+            np.tile(np.array(self.view.prediction.labels(name), dtype=object), noise.rows(run[name]))
+            for run in self.residuals for name, noise in self.likelihood.whitening.noise.items()
+        ])
+
     def moved(self, best: Fit) -> "Survey":
         """The Survey at a fit nearby, under the same noise and with the same signatures."""
         return replace(self, point=best.point, w=best.w, minus_log10_p=self.screen.minus_log10_p(best.w))
