@@ -67,7 +67,7 @@ def test_what_a_name_leaves_is_said():
     runs = [generate("omni", m, {}, 14.0, 70 + i, 1.0, unknown) for i, m in enumerate(["square", "eight"])]
     found = explain("omni_multirate", runs)
     assert [effect.name for effect in found.effects] == ["soft_floor"]
-    assert any("perhaps a force that goes with place and direction" in warning for warning in found.warnings)
+    assert found.verdict == "incomplete" and any(left.driver == "place" for left in found.remainders)
 
 
 def test_two_effects_at_once_are_both_named_and_measured():
