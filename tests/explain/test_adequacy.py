@@ -1,5 +1,7 @@
 """What an answer leaves: process noise as strong as it is, and variables that predict what is left."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.adequacy import predicted_share
 from drake_ispace.explain.prove.free_run import errors, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
+from drake_ispace.explain.prove.prove import prove
+from drake_ispace.explain.prove.repeats import repeated_share
 from hidden.generator import generate
 
 RANDOM = np.random.default_rng(3)
@@ -61,3 +65,36 @@ def test_a_single_run_is_cut():
 
 def test_a_variable_that_never_changes_predicts_nothing():
     assert predicted_share([(np.zeros((50, 2)), RANDOM.standard_normal((50, 1))) for _ in range(3)]) <= 0.0
+
+
+def same_motion(repeated, noise=1.0, runs=3, rows=400):
+    """(speed, errors) of runs of one motion, with an error that comes again in each beside noise of its own."""
+    speed, again = RANDOM.standard_normal((rows, 2)), RANDOM.standard_normal((rows, 1))
+    return [(speed, repeated * again + noise * RANDOM.standard_normal((rows, 1))) for _ in range(runs)]
+
+
+def test_an_error_that_comes_again_is_told_from_noise():
+    share, standard_errors = repeated_share(same_motion(1.0))
+    assert share == pytest.approx(1.0 / (2.0 * 1.5), abs=0.06) and standard_errors > 3.0
+
+
+def test_noise_does_not_come_again():
+    share, standard_errors = repeated_share(same_motion(0.0))
+    assert abs(share) < 0.02 and standard_errors < 3.0
+
+
+def test_runs_of_other_motions_say_nothing_of_each_other():
+    one, other = same_motion(1.0)[0], same_motion(1.0)[0]
+    assert repeated_share([one, (other[0], one[1])]) == (0.0, 0.0)
+
+
+def test_the_opposite_does_not_count_as_again():
+    (speed, errors), *_ = same_motion(1.0)
+    assert repeated_share([(speed, errors), (speed, -errors)])[0] < 0.0
+
+
+def test_the_heading_of_a_robot_that_does_not_turn_goes_with_nothing():
+    """Fixes would be compared with their own errors if the turn were taken from them."""
+    runs = [generate("omni", "square", {}, 12.0, 66000 + i, process_noise=0.3) for i in range(3)]
+    case = prepare("omni_multirate", runs)
+    assert prove(case, SimpleNamespace(named=None), 0).remainders == []

@@ -4,7 +4,8 @@ It is not noise where
 
 - forces from outside would have to be stronger than is plausible,
 - an error is larger than sensors and plausible process noise together can make it,
-- a measured variable predicts it in runs from which the prediction was not learned, or
+- a measured variable predicts it in runs from which the prediction was not learned,
+- it comes again in runs of the same motion, or
 - it differs between wheels that are alike.
 """
 
@@ -32,8 +33,10 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
+from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
+from drake_ispace.explain.prove.repeats import repeated_share
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
@@ -42,6 +45,7 @@ _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
 _FOLDS = 4  # into which the only run is cut
+_BLOCKS = 10  # into which runs of the same motion are cut at most
 NOTHING = "nothing measured"
 
 
@@ -69,10 +73,11 @@ class Remainder:
 
 @dataclass(frozen=True)
 class _Series:
-    """Errors of one run in time: t (k,) [s], errors (k, d), drivers name -> (k, c)."""
+    """Errors of one run in time: t (k,) [s], errors (k, d), motion (k, c) and drivers name -> (k, c) as measured."""
 
     t: np.ndarray
     errors: np.ndarray
+    motion: np.ndarray
     drivers: Mapping[str, np.ndarray]
 
 
@@ -100,8 +105,8 @@ def remainders(
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
             pooled = _as_pooled(m)
-            if remainder := _predicted(m, own, float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))):
-                found.append(remainder)
+            usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
+            found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     found += _unlike(motion, names)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
@@ -162,6 +167,23 @@ def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) ->
         m.channel, driver, size, m.unit, m.horizon, shares[driver] / _PREDICTED, _since(series),
         _worst([rms([run.errors]) for run in series], names),
         f"{100 * shares[driver]:.0f} % of the squared error over {m.horizon} goes with {driver}",
+    )
+
+
+def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> Remainder | None:
+    """An error that comes again in runs of the same motion; None as in `_predicted`."""
+    names, series = zip(*runs, strict=True)
+    lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
+    share, errors_apart = repeated_share(
+        [(run.motion, run.errors) for run in series], min(_BLOCKS, int(lasts / (2.0 * seconds(m.horizon))))
+    )
+    size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
+    if share < _PREDICTED or errors_apart < _CERTAIN or size < usual:
+        return None
+    return Remainder(
+        m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),
+        _worst([rms([run.errors]) for run in series], names),
+        f"{100 * share:.0f} % of the squared error over {m.horizon} comes again in runs of the same motion",
     )
 
 
@@ -228,7 +250,7 @@ def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> 
     series = {}
     for measure, rows in after.items():
         if (measure.metric, measure.horizon) == (PREDICTION, windows.shortest):
-            series[measure] = _Series(middle * TICK_S, _without_offset(measure, rows), drivers)
+            series[measure] = _Series(middle * TICK_S, _without_offset(measure, rows), drivers["speed"], drivers)
     return series
 
 
@@ -244,21 +266,22 @@ def _places(prediction: Prediction, i: int, values: Values) -> dict[Measure, _Se
         if not len(rows):
             continue
         begin, end = (track.poses[column] for column in rows.T)
-        in_body = relative_errors(tuple(reckoned[column] for column in rows.T), (begin, end))
+        by_wheels = tuple(reckoned[column] for column in rows.T)
+        in_body = relative_errors(by_wheels, (begin, end))
         c, s = np.cos(end[:, 2]), np.sin(end[:, 2])  # errors are seen from the measured pose at the end
         in_room = np.column_stack([c * in_body[:, 0] - s * in_body[:, 1], s * in_body[:, 0] + c * in_body[:, 1]])
-        along, across = _of_motion(track, rows, begin, end), _of_place(prediction, track, rows, begin, end)
+        along, across = _of_motion(*by_wheels), _of_place(prediction, track, rows, begin, end)
         label, t = f"{horizon:g}s", track.fix_t[rows[:, 1]]
         for channel, unit, errors, drivers in (
             ("kinect: along the body", "m", in_body[:, :2], along), ("kinect: along the room", "m", in_room, across),
             ("kinect: heading", "rad", in_body[:, 2:], along | across),
         ):
-            series[Measure("RPE", label, channel, unit, WHEELS)] = _Series(t, errors, drivers)
+            series[Measure("RPE", label, channel, unit, WHEELS)] = _Series(t, errors, along["speed"], drivers)
     return series
 
 
-def _of_motion(track: Track, rows, begin, end):
-    """Functions of the motion in a window, along the axes of the body."""
+def _of_motion(begin, end):
+    """Functions of the motion in a window, along the axes of the body, as the wheels say: fixes share their errors."""
     way = relative(end, begin)  # as seen from the end
     return {"speed": way, "direction": np.sign(way) * np.abs(way).mean(axis=0), "distance": np.abs(way)}
 
