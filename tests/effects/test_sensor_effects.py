@@ -22,7 +22,7 @@ OF_ALL = {
 OF_IMU = {
     "gyro_bias": {"pitch_rad_s": 0.01, "yaw_rad_s": -0.02}, "gyro_scale": {"share": 0.02},
     "accelerometer_bias": {"x_m_s2": 0.05, "z_m_s2": -0.1}, "accelerometer_scale": {"share": -0.02},
-    "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": -0.02},
+    "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": -0.02}, "imu_offset": {"ahead_m": 0.02, "above_m": 0.03},
 }
 
 
@@ -63,6 +63,16 @@ def test_an_imu_turned_about_z_reads_what_points_ahead_as_to_its_right():
 def test_an_imu_turned_about_x_reads_gravity_as_to_its_left():
     standing = passed("imu_misalignment", PENDULUM, [0, 0, 9.8, 0, 0, 1], about_x_rad=0.1)
     assert standing == pytest.approx([0, 9.8 * np.sin(0.1), 9.8 * np.cos(0.1), 0, np.sin(0.1), np.cos(0.1)])
+
+
+def test_an_imu_elsewhere_on_a_turning_body_feels_what_draws_it_inwards():
+    ahead = passed("imu_offset", PENDULUM, [0, 0, 9.8, 0, 0, 2.0], ahead_m=0.5)
+    assert ahead == pytest.approx([-4.0 * 0.5, 0, 9.8, 0, 0, 2.0])
+    above = passed("imu_offset", PENDULUM, [0, 0, 9.8, 0, 3.0, 0], above_m=0.1)
+    assert above == pytest.approx([0, 0, 9.8 - 9.0 * 0.1, 0, 3.0, 0])
+    assert passed("imu_offset", PENDULUM, MOTION, ahead_m=0.5, above_m=0.2) == pytest.approx(
+        [-24.7, 18.0, 6.8, 4.0, 5.0, 6.0]
+    )
 
 
 def test_a_misaligned_imu_still_measures_lengths():

@@ -70,6 +70,7 @@ TYPICAL = {
         "accelerometer_bias": {"x_m_s2": 0.15, "z_m_s2": 0.15},
         "accelerometer_scale": {"share": 0.05},
         "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": 0.03},
+        "imu_offset": {"ahead_m": 0.04, "above_m": 0.04},
     },
 }
 

@@ -72,6 +72,7 @@ NEUTRAL = {
         "accelerometer_bias": {"x_m_s2": 0.0, "z_m_s2": 0.0},
         "accelerometer_scale": {"share": 0.0},
         "imu_misalignment": {"about_x_rad": 0.0, "about_z_rad": 0.0},
+        "imu_offset": {"ahead_m": 0.0, "above_m": 0.0},
     },
 }
 

@@ -106,7 +106,7 @@ def follow(
         else:
             from hidden import mujoco_pendulum  # MuJoCo is an extra
 
-            model = mujoco_pendulum.model_of(scenario.pendulum.plant, scenario.pendulum.imu.height_m)
+            model = mujoco_pendulum.model_of(scenario.pendulum.plant, imu.height_m, imu.ahead_m)
             torque, angles, felt, fixes, truth = mujoco_pendulum.run(
                 ticks, start, points, push, model, law, encoder, imu, camera, hidden
             )
@@ -204,4 +204,7 @@ def _imu(nominal, values, ticks, seed, level):
     bias += [force["x_m_s2"], 0.0, force["z_m_s2"], 0.0, turn["pitch_rad_s"], turn["yaw_rad_s"]]
     axes = Rotation.from_rotvec([off["about_x_rad"], level * mounted, off["about_z_rad"]]).as_matrix()
     gain = np.repeat([1.0 + values["accelerometer_scale"]["share"], 1.0 + values["gyro_scale"]["share"]], 3)
-    return pendulum_truth.Imu(nominal.height_m, np.ascontiguousarray(axes.T), gain, bias, level * noise)
+    offset = values["imu_offset"]
+    return pendulum_truth.Imu(
+        nominal.height_m + offset["above_m"], offset["ahead_m"], np.ascontiguousarray(axes.T), gain, bias, level * noise
+    )

@@ -24,7 +24,7 @@ _MODEL = """
     <body name="body" pos="0 0 {radius}">
       <freejoint/>
       <inertial pos="0 0 {z}" mass="{mass}" diaginertia="{roll} {pitch} {yaw}"/>
-      <site name="imu" pos="0 0 {height}"/>
+      <site name="imu" pos="{ahead} 0 {height}"/>
       <body pos="0 {right} 0">
         <joint name="r" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
         <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
@@ -43,7 +43,7 @@ _MODEL = """
 """
 
 
-def model_of(plant, imu_height_m: float) -> mujoco.MjModel:
+def model_of(plant, imu_height_m: float, imu_ahead_m: float = 0.0) -> mujoco.MjModel:
     """The robot with the numbers of a scenario's `pendulum.plant`, rotors in its body."""
     return mujoco.MjModel.from_xml_string(_MODEL.format(
         step=TICK_S / SUBSTEPS, radius=plant.wheel_radius_m, z=plant.centre_of_gravity_m, mass=plant.body_mass_kg,
@@ -51,7 +51,7 @@ def model_of(plant, imu_height_m: float) -> mujoco.MjModel:
         pitch=plant.body_inertia_pitch_kg_m2 + 2.0 * plant.rotor_inertia_kg_m2, right=-plant.half_track_m,
         left=plant.half_track_m, wheel=plant.wheel_mass_kg, wheel_roll=plant.wheel_inertia_kg_m2,
         wheel_yaw=plant.wheel_inertia_yaw_kg_m2, coulomb=plant.friction.coulomb_n_m,
-        viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M, height=imu_height_m,
+        viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M, height=imu_height_m, ahead=imu_ahead_m,
     ))
 
 

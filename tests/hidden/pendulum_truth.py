@@ -68,9 +68,10 @@ class Law(NamedTuple):
 
 
 class Imu(NamedTuple):
-    """Height above the axle, axes, bias and noise of the IMU."""
+    """Place above and ahead of the axle, axes, bias and noise of the IMU."""
 
     height_m: float
+    ahead_m: float
     turn: np.ndarray  # (3, 3) from the body's axes to those of the sensor
     gain: np.ndarray  # (6,)
     bias: np.ndarray  # (6,)
@@ -220,7 +221,13 @@ def read_imu(tick, z, velocity, change, imu, slope, out):
     ax = change[0] + l * (change[2] * c - nod * nod * s) - turn * turn * l * s + GRAVITY * uphill
     ay = v * turn + change[1] * l * s + 2.0 * turn * l * c * nod + GRAVITY * aside
     az = GRAVITY - l * (change[2] * s + nod * nod * c)
-    felt = np.array([c * ax - s * az, ay, s * ax + c * az])
+    # a point ahead of it on the body: d(rates)/dt x arm + rates x (rates x arm)
+    p, r, far = -s * turn, c * turn, imu.ahead_m
+    r_change = c * change[1] - s * nod * turn
+    felt = np.array([
+        c * ax - s * az - far * (nod * nod + r * r), ay + far * (r_change + p * nod),
+        s * ax + c * az + far * (p * r - change[2]),
+    ])
     as_read(tick, felt, np.array([-s * turn, nod, c * turn]), imu, out)
 
 

@@ -1,4 +1,4 @@
-"""In the wire `body_motion`, between the body and its IMU: readings in turned axes, scaled, with a constant added.
+"""In the wire `body_motion`, between the body and its IMU: another place, turned axes, a scale, a constant added.
 
 body_motion = (ax, ay, az, wx, wy, wz): specific force [m/s^2], gravity included, and angular rate [rad/s] in the body's
 axes, x ahead, y left, z up along the body. Noise comes later, in the IMU itself.
@@ -7,6 +7,7 @@ axes, x ahead, y left, z up along the body. Noise comes later, in the IMU itself
 import numpy as np
 
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.wires import BodyMotionEffect
 
@@ -32,6 +33,29 @@ def biased(body_motion, bias, out):
         out[i] = body_motion[i] + bias[i]
 
 
+@kernel
+def elsewhere(body_motion, xd, ahead_m, above_m, out):
+    """Felt `ahead_m` and `above_m` of the believed place; x_d: rates of the tick before, and 1 once there are some."""
+    wx, wy, wz = body_motion[3], body_motion[4], body_motion[5]
+    tx = ty = tz = 0.0  # angular acceleration
+    if xd[3] > 0.0:
+        tx, ty, tz = (wx - xd[0]) / TICK_S, (wy - xd[1]) / TICK_S, (wz - xd[2]) / TICK_S
+    along = wx * ahead_m + wz * above_m
+    square = wx * wx + wy * wy + wz * wz
+    out[0] = body_motion[0] + ty * above_m + wx * along - square * ahead_m
+    out[1] = body_motion[1] + tz * ahead_m - tx * above_m + wy * along
+    out[2] = body_motion[2] - ty * ahead_m + wz * along - square * above_m
+    for i in range(3, 6):
+        out[i] = body_motion[i]
+
+
+@kernel
+def remember_rates(body_motion, out):
+    for i in range(3):
+        out[i] = body_motion[3 + i]
+    out[3] = 1.0
+
+
 def rotation(vector) -> np.ndarray:
     """(3, 3) matrix of a rotation vector [rad]; the identity, bit for bit, of the vector 0."""
     angle = float(np.linalg.norm(vector))
@@ -40,6 +64,28 @@ def rotation(vector) -> np.ndarray:
     x, y, z = np.asarray(vector, dtype=float) / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+
+
+class ImuOffset(BodyMotionEffect):
+    """Readings at another place of the body: a + dw/dt x r + w x (w x r), r = (ahead, 0, above)."""
+
+    card = Card(
+        name="imu_offset", title="IMU offset", home="imu",
+        equation="a' = a + dw/dt x r + w x (w x r), r = (ahead_m, 0, above_m), dw/dt over the last tick",
+        source="an IMU that sits elsewhere on the body than the model says; the thesis does not say where",
+        signature="above: ax in step with the tilt's acceleration; ahead: az in step with it, ay with that of the yaw "
+        "rate; nothing of the gyro, and nothing at rest or at steady turning but a constant",
+        look_alikes=("inertia_error", "centre_of_gravity_offset", "accelerometer_scale", "motor_lag"),
+        excitation="fast rocking on the spot, where the axle hardly accelerates; an inertia also changes how fast the "
+        "body tilts, which the gyro shows",
+    )
+    parameters = tuple(
+        Parameter(f"{name}_m", "m", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3) for name in ("ahead", "above")
+    )
+    output, update = elsewhere, remember_rates
+
+    def memory_size(self, body):
+        return 4
 
 
 class ImuMisalignment(BodyMotionEffect):
@@ -137,5 +183,5 @@ class AccelerometerBias(BodyMotionEffect):
         return {"bias": np.array([values["x_m_s2"], 0.0, values["z_m_s2"], 0.0, 0.0, 0.0])}
 
 
-#: In the order in which a reading comes about: axes, sensitivity, zero level.
-EFFECTS = (ImuMisalignment(), GyroScale(), AccelerometerScale(), GyroBias(), AccelerometerBias())
+#: In the order in which a reading comes about: place, axes, sensitivity, zero level.
+EFFECTS = (ImuOffset(), ImuMisalignment(), GyroScale(), AccelerometerScale(), GyroBias(), AccelerometerBias())
