@@ -3,8 +3,8 @@
 The yardstick shares no code with `explain`: wheels are turned into a path in a few lines of NumPy, and the omni
 robot's recorded torque is integrated by Newton's law at 1 ms. It knows the sizes of an answer and nothing else of it.
 Runs come from the independent generator of the tests, from a two-wheeled robot with three things hidden at once, and
-(--data) from the public OptiOdom runs. Closed is 1 - (after^2 - least^2) / (before^2 - least^2); least is the error of
-the true model by the same arithmetic, zero where nobody knows it.
+(--data) from the public OptiOdom, EMPS and REGBOT runs. Closed is 1 - (after^2 - least^2) / (before^2 - least^2); least
+is the error of the true model by the same arithmetic, zero where nobody knows it.
 
     python benchmarks/gap_yardstick.py [--json] [--quick] [--tiny] [--seed SEED] [--data ../shared/data]
 """
@@ -12,6 +12,7 @@ the true model by the same arithmetic, zero where nobody knows it.
 import sys
 from pathlib import Path
 
+import _drives
 import numpy as np
 from _runs import options, print_json, print_table
 
@@ -236,6 +237,28 @@ def real_cases(data):
                      None)
 
 
+def drives(data):
+    """The same for drives of one's own. Nobody knows their true model: noise is what `explain` says it is."""
+    for name, model, runs, held_out, effects, by_hand in _drives.cases(data):
+        answer = di.explain(model, runs, held_out, effects)
+        sizes = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
+        row, plant = answer.headline, {p.name: (p.before, p.after) for p in answer.plant}
+        told = {"case": name, "verdict": answer.verdict, "effects": sorted(sizes), "printed": answer.closed}
+        if row is not None:
+            before, after = (
+                np.mean(np.concatenate([by_hand(run, own, {p: pair[k] for p, pair in plant.items()}).ravel()
+                                        for run in held_out[row.kind]]) ** 2) for k, own in enumerate(({}, sizes))
+            )
+            least = row.sensors**2 + row.chance**2
+            closed = 1.0 - max(after - least, 0.0) / max(before - least, 1e-12)
+            told |= {
+                "row": f"{row.metric} {row.horizon} {row.driven_by}", "before": row.before, "after": row.after,
+                "before_here": before**0.5, "after_here": after**0.5, "closed_here": closed,
+                "points": 100.0 * abs(closed - row.closed),
+            }
+        yield told
+
+
 def main():
     asked = options(__doc__, data={"type": Path, "help": "folder of the public measurements; left out: not used"})
     if asked.tiny:
@@ -243,7 +266,7 @@ def main():
     else:
         cases = [*omni_cases(asked.seed, 3 if asked.quick else None), *two_wheeled_cases(asked.seed, 30.0)]
     if asked.data is not None:
-        cases += real_cases(asked.data)
+        cases += [*real_cases(asked.data), *drives(asked.data)]
     compared = [case for case in cases if "points" in case]
     near = sum(case["points"] <= 10.0 for case in compared)
     summary = {"answers": len(cases), "printed": sum(case["printed"] is not None for case in cases),
