@@ -191,7 +191,7 @@ def forced(measured, names, shapes):
     start = survey_at({})
     point = {c: [0.1] for c in start.screen.candidates if c.name in names}
     end = survey_at(point, near=True)
-    return survey_at, Decision(None, start, end, fit(end.likelihood, point))
+    return partial(survey_at, near=True), Decision(None, start, end, fit(end.likelihood, point))
 
 
 def test_an_effect_that_later_ones_make_superfluous_is_taken_away():

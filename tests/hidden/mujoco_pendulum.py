@@ -63,7 +63,6 @@ def run(
     data = mujoco.MjData(model)
     c, s = np.cos(0.5 * start[2]), np.sin(0.5 * start[2])
     data.qpos[:2], data.qpos[3:7] = start[:2], (c, 0.0, 0.0, s)
-    mujoco.mj_forward(model, data)
     loop, z = truth.fresh(ticks, law, encoder), np.zeros(truth.SIZE)
     torque, force, mass = np.zeros(2), np.zeros(3), float(np.sum(model.body_mass))
     wheels = data.qpos[7:9].copy()

@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
-from drake_ispace.explain.check.runs import check_sizes, name_of, solvable
+from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, outlier_findings, step_findings
@@ -23,11 +22,9 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
-from drake_ispace.wiring.catalog import entry_of
 
 _ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
@@ -98,20 +95,12 @@ def check(
     if isinstance(model, OwnModel):
         robot, settings = model.robot, model.settings
     else:
-        robot, settings = _described(as_scenario(model), loaded, names)
+        scenario = as_scenario(model)
+        robot = robot_of(scenario, loaded, names)
+        settings = getattr(scenario, robot.name)
     loaded = [_by_wheel(run, robot, settings.plant, name) for run, name in zip(loaded, names, strict=True)]
     with solvable():
         return _Search(loaded, names, robot, settings).run(tell)
-
-
-def _described(scenario, runs, names):
-    """The robot of the runs, and the scenario's settings of it."""
-    known = [robots()[name] for name in entry_of(scenario).robots]
-    for name, run in zip(names, runs, strict=True):
-        if not any(robot.answers_to(run.robot) for robot in known):
-            raise InputError(f"{name}: the run is of robot {run.robot}, expected {' or '.join(r.name for r in known)}")
-    robot = next(robot for robot in known if robot.answers_to(runs[0].robot))
-    return robot, getattr(scenario, robot.name)
 
 
 def _by_wheel(run, robot, plant, name):

@@ -8,6 +8,10 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.library import robots
+from drake_ispace.robots.robot import Robot
+from drake_ispace.scenario import Scenario
+from drake_ispace.wiring.catalog import entry_of
 
 _LARGEST = 1e12  # in any unit
 
@@ -29,6 +33,23 @@ def name_of(run: Run, number: int) -> str:
     if isinstance(run, Recording):
         return str(run.path) if run.path else f"run {number + 1}"
     return str(run)
+
+
+def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]) -> Robot:
+    """The robot of a scenario that all runs are of; names: of the runs, for messages.
+
+    Raises:
+        InputError: a run of another robot.
+    """
+    known = [robots()[name] for name in entry_of(scenario).robots]
+    own = next((robot for robot in known if robot.answers_to(runs[0].robot)), None)
+    for name, run in zip(names, runs, strict=True):
+        if own is None or not own.answers_to(run.robot):
+            raise InputError(
+                f"{name}: the run is of robot {run.robot or 'unknown'}, expected "
+                f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
+            )
+    return own
 
 
 def check_sizes(recording: Recording, name: str) -> None:

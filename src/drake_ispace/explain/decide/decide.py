@@ -71,18 +71,14 @@ def decide(
             tell(f"looking again with {', '.join(candidate.label for candidate in leader.fit.point)}")
             current, best = _far(survey_at, leader.fit.point)
         proposals, decision = None, decision.with_named(current, best)
-    if doubt is not None and not doubt.is_resolved_by(decision.named):
-        return _finished(doubt.decided, survey_at, seed) if doubt.decided.unknown is None else doubt.decided
-    if doubt is not None:
-        survey_at = partial(_without_memory, survey_at)
-    finished = _finished(decision, survey_at, seed, (proposals, largest) if decision.end is current else ())
-    finished.otherwise = doubt.decided if doubt is not None and doubt.decided.unknown is not None else None
+    known, near_best = (proposals, largest) if decision.end is current else (), partial(survey_at, near=True)
+    if doubt is None:
+        return _finished(decision, near_best, seed, known)
+    if not doubt.is_resolved_by(decision.named):
+        return _finished(doubt.decided, near_best, seed)
+    finished = _finished(decision, survey_at, seed, known)
+    finished.otherwise = doubt.decided if doubt.before.named is None else None
     return finished
-
-
-def _without_memory(survey_at, point, near) -> Survey:
-    """As `survey_at`, of effects that were found far from the best point."""
-    return survey_at(point)
 
 
 def _far(survey_at, point) -> tuple[Survey, Fit]:

@@ -21,7 +21,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     up for best is taken away, as long as the deviance hardly rises, or what it explains is next to nothing beside what
     all of them explain of every sensor: that may be a flaw of their form.
 
-    survey_at: `survey` of these runs, called with a point and `near`.
+    survey_at: `survey` of these runs, called with a point.
     """
     single = _one_for_all(decision) if len(decision.named.point) > 1 else None
     if single is not None:
@@ -40,7 +40,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
 
 
 def _shares(decision, rests) -> dict[Candidate, float]:
-    """Of each effect the largest share, over the sensors, of what all named effects explain of a sensor."""
+    """Largest share, over the sensors, that an effect has in what all named effects explain of a sensor."""
     likelihood = decision.end.likelihood
     sensors = np.array([channel.partition(":")[0] for channel in decision.end.channels])
     with_all = likelihood.parts(decision.named.w)
@@ -72,7 +72,7 @@ def _one_for_all(decision) -> Point | None:
 
 def _with_named(survey_at, decision, point) -> Decision:
     """The Decision with the effects of `point` named instead, fitted under the noise that they leave."""
-    end = survey_at(point, near=True)
+    end = survey_at(point)
     return decision.with_named(end, fit(end.likelihood, point))
 
 

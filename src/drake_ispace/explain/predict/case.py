@@ -9,18 +9,16 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Effect
-from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
+from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of, robot_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, track
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
-from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
+from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
-from drake_ispace.wiring.catalog import entry_of
 
 
 @dataclass(frozen=True)
@@ -88,7 +86,7 @@ def prepare(
         robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
         replay = own_replay(model, tracks[:n], effects)
     else:
-        known = _robot(scenario, loaded)
+        known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
         replay = replay_of(scenario, known, channels, effects)
     case = Case(
@@ -108,19 +106,6 @@ def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:
             slices[kind] = slice(end, end + len(runs))
         end += len(runs)
     return slices
-
-
-def _robot(scenario, recordings) -> Robot:
-    """The robot of the model that all recordings are of."""
-    first, known = recordings[0][1].robot, [robots()[name] for name in entry_of(scenario).robots]
-    own = next((robot for robot in known if robot.answers_to(first)), None)
-    for name, recording in recordings:
-        if own is None or not own.answers_to(recording.robot):
-            raise InputError(
-                f"{name}: the run is of robot {recording.robot or 'unknown'}, expected "
-                f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
-            )
-    return own
 
 
 def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:

@@ -42,10 +42,9 @@ _PREDICTED = 0.2  # share of the squared error that a variable may predict in ru
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
 _TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
-_CERTAIN = 3.0  # standard errors by which a wheel must differ
+_CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
 _FOLDS = 4  # into which the only run is cut
-_BLOCKS = 10  # into which runs of the same motion are cut at most
 NOTHING = "nothing measured"
 
 
@@ -174,11 +173,11 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
     """An error that comes again in runs of the same motion; None as in `_predicted`."""
     names, series = zip(*runs, strict=True)
     lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
-    share, errors_apart = repeated_share(
-        [(run.motion, run.errors) for run in series], min(_BLOCKS, int(lasts / (2.0 * seconds(m.horizon))))
+    share, standard_errors = repeated_share(
+        [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < _PREDICTED or errors_apart < _CERTAIN or size < usual:
+    if share < _PREDICTED or standard_errors < _CERTAIN or size < usual:
         return None
     return Remainder(
         m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),

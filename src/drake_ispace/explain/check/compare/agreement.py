@@ -43,7 +43,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Row:
-    """The same of all comparisons in one run together, priors included; zeros where nothing was compared."""
+    """Log likelihoods (hypotheses,) of all comparisons of a run together, priors included, and of exact agreement.
+
+    Zeros where nothing was compared.
+    """
 
     scored: np.ndarray
     most: float = 0.0

@@ -70,7 +70,7 @@ def _relation(link, base):
 
 
 def _at_lag(link, base, lag_s):
-    """The same at one lag; of places and turns that which follows worse, if it moves."""
+    """How well a channel follows the wheels at one lag; of places and turns that which follows worse, if it moves."""
     kept = inside(base, link.since_s, link.until_s, lag_s)
     if kept.sum() < FEWEST:
         return None
