@@ -22,7 +22,7 @@ def needed(robot, level):
     runs = [generate(robot, motion, {}, 12.0, 40 + i, process_noise=level) for i, motion in enumerate(motions)]
     case = prepare(f"{robot}_multirate", runs)
     prediction = case.prediction
-    windows = [windows_of(prediction, i) for i in range(2)]
+    windows = [windows_of(prediction, i, {}) for i in range(2)]
     after = [errors(prediction, i, w, {}) for i, w in enumerate(windows)]
     spreads = Spreads(prediction, windows, [{}, {}], after, sensor_noise(case.scenario, prediction), 0)
     return process_noise(prediction, windows[0].shortest, after, spreads.of_sensors(), spreads.of_process())

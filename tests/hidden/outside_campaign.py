@@ -100,7 +100,7 @@ def visibility(model: str, runs, healthy) -> float:
     sizes = []
     for some in (runs, healthy):
         prediction = prepare(model, some).prediction
-        each = [errors(prediction, i, windows_of(prediction, i), {}) for i in range(len(some))]
+        each = [errors(prediction, i, windows_of(prediction, i, {}), {}) for i in range(len(some))]
         sizes.append({
             m: rms([e[m] for e in each if m in e]) for m in each[0]
             if (m.metric == PREDICTION and m.horizon == STEP) or (m.metric == ATE and m.driven_by == "wheels")

@@ -16,7 +16,7 @@ from drake_ispace.scenario import Scenario
 def reckoned(models: Sequence[Scenario], recording: Recording) -> list[Channel] | None:
     """The camera's fixes, then what each model says of them, as channels "kinect" on the clock of the prediction.
 
-    All paths begin at one pose, as those of the gap do: the first model's, estimated from the first second.
+    All paths begin at one pose, as those of the gap do: the last model's, estimated from the first second.
 
     Returns:
         None where the run has no encoder or no fixes, or where a model cannot predict it.
@@ -27,7 +27,7 @@ def reckoned(models: Sequence[Scenario], recording: Recording) -> list[Channel] 
         predictions = [prepare(model, recording).prediction for model in models]
     except InputError:
         return None
-    track, start = predictions[0].tracks[0], windows_of(predictions[0], 0).start
+    track, start = predictions[0].tracks[0], windows_of(predictions[-1], 0, {}).start
     if len(track.fix_t) < 2:
         return None
     return [_channel(track, track.poses), *(_channel(track, _path(one, start)) for one in predictions)]

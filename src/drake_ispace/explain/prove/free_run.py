@@ -82,15 +82,19 @@ class Windows:
         return min(self.lengths, key=self.lengths.get)
 
 
-def windows_of(prediction: Prediction, i: int) -> Windows:
-    """The windows of run `i`; its start pose is that of the model as given, dead-reckoned over the first second."""
+def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
+    """The windows of run `i`, for every model with which it is compared.
+
+    values: effects of the answer. The start pose is estimated with them, by dead reckoning over the first second: a
+        model that lacks a latency would begin a moving robot where the camera saw it later.
+    """
     track, robot = prediction.tracks[i], prediction.replay.body.robot
     lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
     end = track.ticks - min(lengths.values())
     starts, dense = (np.arange(ticks_in(FIRST_S), end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
     if len(track.fix_t) < 2:
         return Windows(starts, dense, lengths, {}, prediction.starts[i][:3], None)
-    reckoned = Simulation(prediction.replay, track, prediction.starts[i], {}).reckoned
+    reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned
     first = track.fix_t <= track.fix_t[0] + FIRST_S
     start = aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
     if robot.own_dynamics:

@@ -171,7 +171,7 @@ class Spreads:
             moved = replace(self._prediction, tracks=tracks)
             windows = self._windows[i]
             if source == SENSORS:  # the start is estimated from noisy fixes
-                windows = replace(windows, start=windows_of(moved, i).start)
+                windows = replace(windows, start=windows_of(moved, i, self._values[i]).start)
             again = errors(moved, i, windows, self._values[i])
             return {m: again[m] - e for m, e in self._errors[i].items() if m in again and again[m].shape == e.shape}
 

@@ -115,7 +115,7 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
 
 
 def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int, pool) -> _Judged:
-    windows = [windows_of(prediction, i) for i in range(len(prediction.tracks))]
+    windows = [windows_of(prediction, i, each) for i, each in enumerate(values)]
     before, after = (
         [errors(prediction, i, w, v) for i, (w, v) in enumerate(zip(windows, each, strict=True))]
         for each in ([{}] * len(windows), values)
