@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from passing import passed
 from rail import rail
 
 from drake_ispace.blocks.kernels import arguments
@@ -40,8 +41,13 @@ def called(kernel, ports, size):
 def test_they_act_in_this_order():
     assert list(BY_NAME) == [
         "command_delay", "torque_saturation", "torque_slew_limit", "actuator_dead_zone", "torque_gain_error",
-        "weak_motor", "battery_sag_time", "battery_sag_load", "motor_lag",
+        "weak_motor", "motor_offset", "battery_sag_time", "battery_sag_load", "motor_lag",
     ]
+
+
+def test_an_offset_pushes_one_motor_whatever_its_command():
+    pushed = passed("motor_offset", rail(3), [1.0, -1.0, 0.0], wheel=2, offset_n_m=0.25)
+    assert pushed == pytest.approx([1.0, -0.75, 0.0])
 
 
 def test_a_block_has_its_output_on_a_bare_context():

@@ -23,6 +23,7 @@ EFFECTS = {
     "camera_latency": {"latency_s": 0.033}, "marker_offset": {"x_m": 0.02, "y_m": -0.01},
     "camera_scale": {"share": 0.03}, "camera_rotation": {"angle_rad": -0.02},
     "camera_offset": {"x_m": 0.01, "y_m": 0.02}, "camera_dropouts": {"share": 0.3},
+    "camera_distortion": {"per_m2": 0.02}, "camera_keystone": {"x_per_m": 0.02, "y_per_m": -0.01},
 }
 SHARP = ["space.localizer.whole_pixels=false", "space.localizer.noise_std_pixels=0"]
 
@@ -63,6 +64,20 @@ DROPOUTS = NEUTRAL | {"camera_dropouts": {"share": 0.5}}
 
 
 # By hand
+
+
+
+@pytest.mark.parametrize("name, values, warped", [
+    ("camera_distortion", {"per_m2": 0.1}, lambda p: p * (1.0 + 0.1 * (p @ p))),
+    ("camera_keystone", {"x_per_m": 0.1, "y_per_m": -0.2}, lambda p: p / (1.0 - 0.1 * p[0] + 0.2 * p[1])),
+])
+def test_a_warped_picture_moves_places_and_turns_headings_with_them(name, values, warped):
+    place, phi = np.array([0.8, -0.5]), 0.7
+    ahead = 1e-6 * np.array([np.cos(phi), np.sin(phi)])
+    x, y, heading = passed(name, BODY, [*place, phi], **values)
+    assert [x, y] == pytest.approx(warped(place))
+    along = warped(place + ahead) - warped(place - ahead)
+    assert heading == pytest.approx(np.arctan2(along[1], along[0]), abs=1e-8)
 
 
 def test_places_as_a_camera_reports_them():
@@ -135,7 +150,8 @@ def test_both_engines_agree_on_effects_of_the_camera(at_neutral):
 
 
 def test_effects_act_from_the_robot_to_the_message():
-    signals = simulate_compiled(omni(EFFECTS | {"camera_dropouts": {"share": 0.0}}, *SHARP)).signals
+    straight = {"camera_dropouts": {}, "camera_distortion": {}, "camera_keystone": {}}
+    signals = simulate_compiled(omni(EFFECTS | straight, *SHARP)).signals
     fixes, poses = messages(signals), signals["omni_pose"]
     assert len(fixes) > 15
     for tick, seen, x, y, phi in fixes[2:]:

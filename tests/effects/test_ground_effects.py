@@ -24,7 +24,7 @@ from drake_ispace.simulation import simulate
 
 OMNI = Body(robots()["omni"], OmniPlantParameters(), 4)
 PENDULUM = Body(robots()["pendulum"], PendulumPlantParameters(friction=Friction()), 2)
-FORCES = ("turn_scrub", "soft_floor", "floor_tilt")
+FORCES = ("turn_scrub", "soft_floor", "quadratic_drag", "floor_tilt")
 FIXED_STEP = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=TICK_S, use_error_control=False)
 PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-10, max_step_size=0.05, use_error_control=True)
 
@@ -45,6 +45,10 @@ def test_resistance_points_against_the_motion_in_body_axes():
     # heading 90 degrees: W (0.6, 0.8) is B (0.8, -0.6)
     ports = {"pose": [9.0, 9.0, np.pi / 2], "velocity": [0.3, 0.4, 1.0]}
     assert force("soft_floor", OMNI, ports, [1.0, 2.0, 3.0], force_n=2.0) == pytest.approx([-0.6, 3.2, 3.0])
+    dragged = force("quadratic_drag", OMNI, ports, [1.0, 2.0, 3.0], coefficient_n_s2_m2=8.0)
+    assert dragged == pytest.approx([-0.6, 3.2, 3.0])
+    faster = force("quadratic_drag", PENDULUM, {"balance": [0.1, -0.6, 1.0, 0.2]}, coefficient_n_s2_m2=8.0)
+    assert faster == pytest.approx([2.88, 0.0, 0.0])
     backwards = force("soft_floor", PENDULUM, {"balance": [0.1, -0.3, 1.0, 0.2]}, force_n=2.0)
     assert backwards == pytest.approx([2.0, 0.0, 0.0])
 

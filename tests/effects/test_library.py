@@ -156,7 +156,7 @@ def test_the_effect_on_the_page_is_a_whole_file_that_runs(tmp_path, capsys):
     file.write_text(text, encoding="utf-8")
     (effect,) = runpy.run_path(str(file), run_name="__main__")["EFFECTS"]
     assert re.fullmatch(r"\[.*\]\n", capsys.readouterr().out)
-    assert effect.card.name == "torque_offset" and effect.card.name not in library()
+    assert effect.card.name == "cogging" and effect.card.name not in library()
     assert set(effect.card.look_alikes) <= set(library())
     assert effect.card.name in EXAMPLES[-1]
 

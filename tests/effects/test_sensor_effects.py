@@ -8,7 +8,7 @@ from rail import rail
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
-from drake_ispace.effects.places.imu import rotation
+from drake_ispace.effects.places.imu import lagged, remember_lagged, rotation
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import load_scenario
@@ -17,12 +17,13 @@ OMNI, PENDULUM = Body(robots()["omni"], None, 4), Body(robots()["pendulum"], Non
 #: Effects in these files -> a value away from neutral.
 OF_ALL = {
     "encoder_scale": {"share": 0.02}, "encoder_lost_counts": {"wheel": 2, "share": 0.03},
-    "clock_offset": {"offset_s": 0.0},
+    "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.02, "cosine_rad": -0.01}, "clock_offset": {"offset_s": 0.0},
 }
 OF_IMU = {
     "gyro_bias": {"pitch_rad_s": 0.01, "yaw_rad_s": -0.02}, "gyro_scale": {"share": 0.02},
     "accelerometer_bias": {"x_m_s2": 0.05, "z_m_s2": -0.1}, "accelerometer_scale": {"share": -0.02},
     "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": -0.02}, "imu_offset": {"ahead_m": 0.02, "above_m": 0.03},
+    "imu_lag": {"time_constant_s": 0.01},
 }
 
 
@@ -41,6 +42,13 @@ def test_every_encoder_shows_a_share_more():
 def test_one_encoder_loses_counts_to_and_fro():
     assert passed("encoder_lost_counts", OMNI, [1, 2, 3, 4], wheel=3, share=0.5) == pytest.approx([1, 2, 1.5, 4])
     assert passed("encoder_lost_counts", PENDULUM, [-8, -8], wheel=1, share=0.25) == pytest.approx([-6, -8])
+
+
+def test_an_eccentric_encoder_errs_once_a_turn():
+    quarters = np.pi / 2 * np.array([0, 1, 2, 4])
+    shown = [passed("encoder_eccentricity", OMNI, [q] * 4, wheel=2, sine_rad=0.1, cosine_rad=0.2) for q in quarters]
+    assert np.array(shown)[:, 1] - quarters == pytest.approx([0.0, -0.1, -0.4, 0.0])
+    assert np.array(shown)[:, 0] == pytest.approx(quarters)
 
 
 MOTION = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
@@ -81,6 +89,16 @@ def test_a_misaligned_imu_still_measures_lengths():
     matrix = rotation([0.4, 0.0, -0.3])
     assert matrix @ matrix.T == pytest.approx(np.eye(3), abs=1e-15)
     assert matrix @ [0.4, 0.0, -0.3] == pytest.approx([0.4, 0.0, -0.3])
+
+
+def test_a_low_pass_begins_at_the_first_reading_and_follows_by_its_share():
+    keep, first, later = np.exp(-0.5), np.ones(6), np.full(6, 3.0)
+    memory, stored = np.zeros(7), np.empty(7)
+    remember_lagged(memory, first, keep, stored)
+    assert stored == pytest.approx(np.ones(7))
+    out = np.empty(6)
+    lagged(stored, later, keep, out)
+    assert out == pytest.approx(np.full(6, 3.0 - 2.0 * keep))
 
 
 @pytest.mark.parametrize("offset_s, stamp", [(0.0, 38), (0.05, 48), (-0.05, 28), (0.0124, 40), (0.0126, 41)])

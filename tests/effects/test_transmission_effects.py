@@ -29,6 +29,20 @@ def test_coulomb_friction_is_of_one_size_and_smooth_at_standstill():
     assert slow == pytest.approx(-0.2 * math.tanh(1.0))
 
 
+def test_one_wheel_alone_has_friction_of_its_own():
+    left = given("single_wheel_friction", [1, 1, 1], [9, -9, 9], wheel=2, torque_n_m=0.2)
+    assert left == pytest.approx([1.0, 1.2, 1.0])
+
+
+def test_friction_in_one_direction_leaves_the_other_alone():
+    assert given("directional_friction", [1, 1, 1], [9, -9, 0], torque_n_m=0.2) == pytest.approx([0.8, 1.0, 0.9])
+    assert given("directional_friction", [1, 1, 1], [9, -9, 0], torque_n_m=-0.2) == pytest.approx([1.0, 1.2, 1.1])
+
+
+def test_drag_of_a_wheel_grows_with_the_square_of_its_speed():
+    assert given("wheel_drag", [1, 1, 1], [1, 2, -3], coefficient_n_m_s2=0.1) == pytest.approx([0.9, 0.6, 1.9])
+
+
 def test_the_stribeck_bump_fades_with_speed():
     left = given("stribeck_friction", [0, 0, 0], [1, 2, -2], bump_n_m=0.2, speed_rad_s=2.0)
     assert left == pytest.approx([-0.2 * math.exp(-0.25), -0.2 * math.exp(-1), 0.2 * math.exp(-1)])

@@ -19,6 +19,8 @@ class Camera(NamedTuple):
     angle_rad: float
     offset: np.ndarray  # (2,) [m]
     marker: np.ndarray  # (2,) in B [m]
+    lens_per_m2: float  # radial distortion
+    tilt_per_m: np.ndarray  # (2,) of the picture, not rectified
     noise: np.ndarray  # (captures, 4) [pixels]
     missed: np.ndarray  # (captures,) bool
 
@@ -42,7 +44,7 @@ def wrapped(angle):
 def read_encoder(tick, angle, encoder, e, raw, counts, out):
     """Angles (n) [rad] that the counters show for wheel angles `angle` (n); raw, counts (n): integers as floats."""
     for i in range(angle.shape[0]):
-        shown = angle[i] + (e.eccentric_rad * np.sin(angle[i]) if i == 0 else 0.0)
+        shown = angle[i] + e.eccentric[i, 0] * np.sin(angle[i]) + e.eccentric[i, 1] * (np.cos(angle[i]) - 1.0)
         now = np.floor(e.encoder_gain * shown / encoder.step_rad + encoder.phase[i])
         change = now - raw[i]
         raw[i] = now
@@ -59,6 +61,14 @@ def due(tick, camera):
     wait = int(np.ceil(max(-camera.age_ticks, 0.0)))
     stamp = tick - wait
     return stamp // 19 if stamp >= 0 and stamp % 19 == 0 else -1
+
+
+@njit(cache=True)
+def pictured(x, y, camera):
+    """Where a point of the floor [m] lands in a picture that lens and tilt of the camera distort [m]."""
+    stretch = 1.0 + camera.lens_per_m2 * (x * x + y * y)
+    depth = 1.0 - camera.tilt_per_m[0] * x - camera.tilt_per_m[1] * y
+    return x * stretch / depth, y * stretch / depth
 
 
 @njit(cache=True)
@@ -80,10 +90,12 @@ def see(capture, poses, camera, out):
     c, s = np.cos(phi), np.sin(phi)
     x, y = x + c * camera.marker[0] - s * camera.marker[1], y + s * camera.marker[0] + c * camera.marker[1]
     half, noise = 0.5 * camera.spacing_m, camera.noise[capture]
-    front_x = camera.pixel_x_m * (np.floor((x + half * c) / camera.pixel_x_m + noise[0]) + 0.5)
-    front_y = camera.pixel_y_m * (np.floor((y + half * s) / camera.pixel_y_m + noise[1]) + 0.5)
-    rear_x = camera.pixel_x_m * (np.floor((x - half * c) / camera.pixel_x_m + noise[2]) + 0.5)
-    rear_y = camera.pixel_y_m * (np.floor((y - half * s) / camera.pixel_y_m + noise[3]) + 0.5)
+    front_x, front_y = pictured(x + half * c, y + half * s, camera)
+    rear_x, rear_y = pictured(x - half * c, y - half * s, camera)
+    front_x = camera.pixel_x_m * (np.floor(front_x / camera.pixel_x_m + noise[0]) + 0.5)
+    front_y = camera.pixel_y_m * (np.floor(front_y / camera.pixel_y_m + noise[1]) + 0.5)
+    rear_x = camera.pixel_x_m * (np.floor(rear_x / camera.pixel_x_m + noise[2]) + 0.5)
+    rear_y = camera.pixel_y_m * (np.floor(rear_y / camera.pixel_y_m + noise[3]) + 0.5)
     x, y = 0.5 * camera.scale * (front_x + rear_x), 0.5 * camera.scale * (front_y + rear_y)
     c, s = np.cos(camera.angle_rad), np.sin(camera.angle_rad)
     out[0] = c * x - s * y + camera.offset[0]

@@ -6,6 +6,8 @@ from hidden.effects_truth import NEUTRAL, UNKNOWN
 
 _BOTH = {
     "weak_motor": {"wheel": 2, "loss": 0.4},
+    "camera_distortion": {"per_m2": 0.06},
+    "camera_keystone": {"x_per_m": 0.05, "y_per_m": -0.03},
     "torque_gain_error": {"share": -0.3},
     "battery_sag_time": {"rate_per_s": 0.02},
     "floor_tilt": {"slope_x_rad": 0.015, "slope_y_rad": -0.01},
@@ -42,6 +44,12 @@ TYPICAL = {
         "wheel_slip": {"gain_x": 0.9, "gain_y": 0.9},
         "turn_scrub": {"moment_n_m": 0.12},
         "soft_floor": {"force_n": 1.0},
+        "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.012},
+        "directional_friction": {"torque_n_m": 0.015},
+        "wheel_drag": {"coefficient_n_m_s2": 0.00015},
+        "motor_offset": {"wheel": 2, "offset_n_m": 0.008},
+        "quadratic_drag": {"coefficient_n_s2_m2": 12.0},
+        "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.12, "cosine_rad": 0.09},
         "inertia_error": {"share": 0.8},
         "centre_of_gravity_offset": {"x_m": 0.05, "y_m": -0.03},
     },
@@ -62,6 +70,12 @@ TYPICAL = {
         "wheel_slip": {"gain": 0.9},
         "turn_scrub": {"moment_n_m": 0.06},
         "soft_floor": {"force_n": 0.6},
+        "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.02},
+        "directional_friction": {"torque_n_m": 0.02},
+        "wheel_drag": {"coefficient_n_m_s2": 0.0004},
+        "motor_offset": {"wheel": 2, "offset_n_m": 0.02},
+        "quadratic_drag": {"coefficient_n_s2_m2": 8.0},
+        "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.04, "cosine_rad": 0.03},
         "inertia_error": {"share": 2.5},
         "yaw_inertia_error": {"share": 1.5},
         "centre_of_gravity_offset": {"height_m": 0.025},
@@ -71,20 +85,19 @@ TYPICAL = {
         "accelerometer_scale": {"share": 0.05},
         "imu_misalignment": {"about_x_rad": 0.03, "about_z_rad": 0.03},
         "imu_offset": {"ahead_m": 0.04, "above_m": 0.04},
+        "imu_lag": {"time_constant_s": 0.02},
     },
 }
 
 #: For each robot the size of the effects that no library names.
 TYPICAL_UNKNOWN = {
     "omni": {
-        "quadratic_drag": 12.0, "carpet_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02,
-        "motor_warm_up_gain": 0.5, "cogging": 0.012, "cable_pull": 1.0, "one_wheel_friction": 0.012,
-        "motor_offset": 0.008, "forward_friction": 0.015, "wheel_drag": 0.00015, "eccentric_encoder": 0.15,
+        "carpet_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02, "motor_warm_up_gain": 0.5,
+        "cogging": 0.012, "cable_pull": 1.0,
     },
     "pendulum": {
-        "quadratic_drag": 8.0, "carpet_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03,
-        "motor_warm_up_gain": 0.3, "cogging": 0.015, "cable_pull": 0.4, "one_wheel_friction": 0.02,
-        "motor_offset": 0.02, "forward_friction": 0.02, "wheel_drag": 0.0004, "eccentric_encoder": 0.05,
+        "carpet_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03, "motor_warm_up_gain": 0.3,
+        "cogging": 0.015, "cable_pull": 0.4,
     },
 }
 

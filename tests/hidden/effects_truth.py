@@ -28,16 +28,21 @@ _BOTH = {
     "actuator_dead_zone": {"width_n_m": 0.0},
     "torque_gain_error": {"share": 0.0},
     "weak_motor": {"wheel": 1, "loss": 0.0},
+    "motor_offset": {"wheel": 1, "offset_n_m": 0.0},
     "battery_sag_time": {"rate_per_s": 0.0},
     "battery_sag_load": {"share_per_n_m": 0.0},
     "motor_lag": {"time_constant_s": 0.0},
     "viscous_friction": {"coefficient_n_m_s": 0.0},
     "coulomb_friction": {"torque_n_m": 0.0},
+    "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.0},
+    "directional_friction": {"torque_n_m": 0.0},
+    "wheel_drag": {"coefficient_n_m_s2": 0.0},
     "stribeck_friction": {"bump_n_m": 0.0, "speed_rad_s": 1.0},
     "load_dependent_friction": {"share": 0.0},
     "transmission_backlash": {"gap_rad": 0.0},
     "turn_scrub": {"moment_n_m": 0.0},
     "soft_floor": {"force_n": 0.0},
+    "quadratic_drag": {"coefficient_n_s2_m2": 0.0},
     "floor_tilt": {"slope_x_rad": 0.0, "slope_y_rad": 0.0},
     "mass_error": {"share": 0.0},
     "inertia_error": {"share": 0.0},
@@ -46,7 +51,10 @@ _BOTH = {
     "track_error": {"share": 0.0},
     "encoder_scale": {"share": 0.0},
     "encoder_lost_counts": {"wheel": 1, "share": 0.0},
+    "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.0, "cosine_rad": 0.0},
     "camera_scale": {"share": 0.0},
+    "camera_distortion": {"per_m2": 0.0},
+    "camera_keystone": {"x_per_m": 0.0, "y_per_m": 0.0},
     "camera_rotation": {"angle_rad": 0.0},
     "camera_offset": {"x_m": 0.0, "y_m": 0.0},
     "marker_offset": {"x_m": 0.0, "y_m": 0.0},
@@ -73,23 +81,18 @@ NEUTRAL = {
         "accelerometer_scale": {"share": 0.0},
         "imu_misalignment": {"about_x_rad": 0.0, "about_z_rad": 0.0},
         "imu_offset": {"ahead_m": 0.0, "above_m": 0.0},
+        "imu_lag": {"time_constant_s": 0.0},
     },
 }
 
 #: Effects that no library names, with the unit of their size.
 UNKNOWN = {
-    "quadratic_drag": "N s^2/m^2",  # -k |v| v on the robot
     "carpet_patch": "N",  # resistance inside of PATCH_M
     "carpet_patch_slip": "1",  # slip inside of PATCH_M
     "motor_warm_up": "N m",  # Coulomb friction that fades with WARM_S
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
     "cogging": "N m",  # A sin(COGS theta_i)
     "cable_pull": "N/m",  # spring to CABLE_M
-    "one_wheel_friction": "N m",  # Coulomb friction of the first wheel
-    "motor_offset": "N m",  # constant torque of the second motor
-    "forward_friction": "N m",  # Coulomb friction of wheels that turn forwards
-    "wheel_drag": "N m s^2/rad^2",  # -k |w| w on every wheel
-    "eccentric_encoder": "rad",  # A sin(theta) on the first encoder
 }
 
 
@@ -101,6 +104,9 @@ class Effects(NamedTuple):
     slip_ratio: np.ndarray  # along x, y of the body
     slip_gain: np.ndarray
     slope: np.ndarray  # of the floor along x, y of W [rad]
+    own_dry: np.ndarray  # Coulomb friction of one wheel
+    offset: np.ndarray  # constant torque of one motor
+    eccentric: np.ndarray  # (n, 2) of the encoders: amplitudes of sine and cosine
     delay_s: float
     limit_n_m: float
     slew_n_m_s: float
@@ -118,17 +124,14 @@ class Effects(NamedTuple):
     floor_n: float
     encoder_gain: float
     drag: float
+    one_way: float
+    wheel_drag: float
     patch_n: float
     patch_slip: float
     warm_n_m: float
     warm_gain: float
     cogging_n_m: float
     cable_n_m: float
-    one_wheel_n_m: float
-    offset_n_m: float
-    forward_n_m: float
-    wheel_drag: float
-    eccentric_rad: float
 
 
 def complete(robot: str, effects: dict) -> dict[str, dict[str, float]]:
@@ -189,18 +192,20 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         scrub_n_m=float(values["turn_scrub"]["moment_n_m"]),
         floor_n=float(values["soft_floor"]["force_n"]),
         encoder_gain=1.0 + values["encoder_scale"]["share"],
-        drag=sizes["quadratic_drag"],
+        own_dry=of_one_wheel(robot, values["single_wheel_friction"], "torque_n_m"),
+        offset=of_one_wheel(robot, values["motor_offset"], "offset_n_m"),
+        eccentric=np.column_stack([
+            of_one_wheel(robot, values["encoder_eccentricity"], key) for key in ("sine_rad", "cosine_rad")
+        ]),
+        drag=float(values["quadratic_drag"]["coefficient_n_s2_m2"]),
+        one_way=float(values["directional_friction"]["torque_n_m"]),
+        wheel_drag=float(values["wheel_drag"]["coefficient_n_m_s2"]),
         patch_n=sizes["carpet_patch"],
         patch_slip=sizes["carpet_patch_slip"],
         warm_n_m=sizes["motor_warm_up"],
         warm_gain=sizes["motor_warm_up_gain"],
         cogging_n_m=sizes["cogging"],
         cable_n_m=sizes["cable_pull"],
-        one_wheel_n_m=sizes["one_wheel_friction"],
-        offset_n_m=sizes["motor_offset"],
-        forward_n_m=sizes["forward_friction"],
-        wheel_drag=sizes["wheel_drag"],
-        eccentric_rad=sizes["eccentric_encoder"],
     )
 
 
@@ -253,23 +258,29 @@ def motor_torque(held, time_s, step_s, tick_s, e, lagged, gap, out):
 
 
 @njit(cache=True)
+def dry_friction(wheel, torque, rate, time_s, e):
+    """How much torque [N m] the effects take against the direction of a wheel."""
+    dry = e.coulomb + e.bump * np.exp(-((rate / e.bump_rad_s) ** 2))
+    dry = dry + e.load_share * abs(torque) + e.warm_n_m * np.exp(-time_s / WARM_S) + e.own_dry[wheel]
+    return dry + (abs(e.one_way) if rate * e.one_way > 0.0 else 0.0)
+
+
+@njit(cache=True)
+def steady_torque(wheel, rate, angle, e):
+    """Torque [N m] by the effects that does not jump with the direction of a wheel."""
+    drag = (e.viscous + e.wheel_drag * abs(rate)) * rate
+    return e.offset[wheel] - drag + e.cogging_n_m * np.sin(COGS * angle)
+
+
+@njit(cache=True)
 def wheel_torque(wheel, torque, rate, angle, time_s, base_coulomb, base_viscous, steepest, e):
     """What is left [N m] of a motor's `torque` behind friction and cogging, at wheel `rate` [rad/s], `angle` [rad].
 
     steepest [N m s/rad]: slope of dry friction that the integration step allows.
     """
-    dry = base_coulomb + e.coulomb + e.bump * np.exp(-((rate / e.bump_rad_s) ** 2))
-    dry = dry + e.load_share * abs(torque) + e.warm_n_m * np.exp(-time_s / WARM_S)
-    if wheel == 0:
-        dry += e.one_wheel_n_m
-    if wheel == 1:
-        torque += e.offset_n_m
-    if rate > 0.0:
-        dry += e.forward_n_m
-    torque -= e.wheel_drag * abs(rate) * rate
+    dry = base_coulomb + dry_friction(wheel, torque, rate, time_s, e)
     width = max(0.02, abs(dry) / steepest)
-    ripple = e.cogging_n_m * np.sin(COGS * angle)
-    return torque - dry * soft_sign(rate, width) - (base_viscous + e.viscous) * rate + ripple
+    return torque + steady_torque(wheel, rate, angle, e) - dry * soft_sign(rate, width) - base_viscous * rate
 
 
 @njit(cache=True)

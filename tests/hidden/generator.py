@@ -53,8 +53,8 @@ def generate(
         process_noise: level of the outer forces and of the random slip, in units of FORCE_RMS and SLIP_RMS.
         unknown: (name, size) of an effect that no library names, `effects_truth.UNKNOWN`.
         sensor_noise: level of camera and IMU noise, IMU offsets and first pose error; counts and pixels stay whole.
-        physics: OWN, or FOREIGN: the pendulum in MuJoCo, the omni robot on wheels that creep. Effects that change the
-            body's numbers are OWN's.
+        physics: OWN, or FOREIGN: the pendulum in MuJoCo, the omni robot on wheels that creep. There slip is what the
+            contacts make of it, so effects on slip are OWN's.
 
     Raises:
         ValueError: an unknown name.
@@ -106,7 +106,7 @@ def follow(
         else:
             from hidden import mujoco_pendulum  # MuJoCo is an extra
 
-            model = mujoco_pendulum.model_of(scenario.pendulum.plant, imu.height_m, imu.ahead_m)
+            model = mujoco_pendulum.model_of(scenario.pendulum.plant, values, imu.height_m, imu.ahead_m)
             torque, angles, felt, fixes, truth = mujoco_pendulum.run(
                 ticks, start, points, push, model, law, encoder, imu, camera, hidden
             )
@@ -186,7 +186,8 @@ def _camera(space, values, ticks, seed, level):
         *space.localizer.pixel_m, space.localizer.marker_spacing_m, space.width_m / 2.0, space.depth_m / 2.0,
         age_s / TICK_S, 1.0 + values["camera_scale"]["share"], float(values["camera_rotation"]["angle_rad"]),
         np.array([offset["x_m"], offset["y_m"]], dtype=float), np.array([marker["x_m"], marker["y_m"]], dtype=float),
-        noise, missed,
+        float(values["camera_distortion"]["per_m2"]),
+        np.array([values["camera_keystone"][f"{axis}_per_m"] for axis in "xy"], dtype=float), noise, missed,
     )
 
 
@@ -206,5 +207,6 @@ def _imu(nominal, values, ticks, seed, level):
     gain = np.repeat([1.0 + values["accelerometer_scale"]["share"], 1.0 + values["gyro_scale"]["share"]], 3)
     offset = values["imu_offset"]
     return pendulum_truth.Imu(
-        nominal.height_m + offset["above_m"], offset["ahead_m"], np.ascontiguousarray(axes.T), gain, bias, level * noise
+        nominal.height_m + offset["above_m"], offset["ahead_m"], np.ascontiguousarray(axes.T), gain, bias,
+        level * noise, float(values["imu_lag"]["time_constant_s"]),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from hidden import pendulum_truth as truth
 from hidden.control_truth import Camera, Encoder
-from hidden.effects_truth import Effects, ground_force, motor_torque
+from hidden.effects_truth import GRAVITY, Effects, dry_friction, ground_force, motor_torque, soft_sign, steady_torque
 from hidden.motions import TICK_S
 from hidden.noise_truth import between
 
@@ -28,12 +28,12 @@ _MODEL = """
       <body pos="0 {right} 0">
         <joint name="r" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
         <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
-        <geom type="ellipsoid" size="{radius} {width} {radius}" friction="0.9 0 0" solref="0.004 1"/>
+        <geom type="ellipsoid" size="{radius_r} {width} {radius_r}" friction="0.9 0 0" solref="0.004 1"/>
       </body>
       <body pos="0 {left} 0">
         <joint name="l" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
         <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
-        <geom type="ellipsoid" size="{radius} {width} {radius}" friction="0.9 0 0" solref="0.004 1"/>
+        <geom type="ellipsoid" size="{radius_l} {width} {radius_l}" friction="0.9 0 0" solref="0.004 1"/>
       </body>
     </body>
   </worldbody>
@@ -43,13 +43,23 @@ _MODEL = """
 """
 
 
-def model_of(plant, imu_height_m: float, imu_ahead_m: float = 0.0) -> mujoco.MjModel:
-    """The robot with the numbers of a scenario's `pendulum.plant`, rotors in its body."""
+def model_of(plant, values: dict, imu_height_m: float, imu_ahead_m: float = 0.0) -> mujoco.MjModel:
+    """The robot with the numbers of a scenario's `pendulum.plant` and the effects `values` on them, rotors in its body.
+    """
+    def more(name):
+        return 1.0 + values[name]["share"]
+
+    radii = np.full(2, plant.wheel_radius_m * more("wheel_radius_error"))
+    radii[int(values["single_wheel_radius_error"]["wheel"]) - 1] *= more("single_wheel_radius_error")
+    track = plant.half_track_m * more("track_error")
     return mujoco.MjModel.from_xml_string(_MODEL.format(
-        step=TICK_S / SUBSTEPS, radius=plant.wheel_radius_m, z=plant.centre_of_gravity_m, mass=plant.body_mass_kg,
-        roll=plant.body_inertia_roll_kg_m2, yaw=plant.body_inertia_yaw_kg_m2 + 2.0 * plant.rotor_inertia_yaw_kg_m2,
-        pitch=plant.body_inertia_pitch_kg_m2 + 2.0 * plant.rotor_inertia_kg_m2, right=-plant.half_track_m,
-        left=plant.half_track_m, wheel=plant.wheel_mass_kg, wheel_roll=plant.wheel_inertia_kg_m2,
+        step=TICK_S / SUBSTEPS, radius=radii.mean(), radius_r=radii[0], radius_l=radii[1],
+        z=plant.centre_of_gravity_m + values["centre_of_gravity_offset"]["height_m"],
+        mass=plant.body_mass_kg * more("mass_error"),
+        roll=plant.body_inertia_roll_kg_m2 * more("yaw_inertia_error"),
+        yaw=plant.body_inertia_yaw_kg_m2 * more("yaw_inertia_error") + 2.0 * plant.rotor_inertia_yaw_kg_m2,
+        pitch=plant.body_inertia_pitch_kg_m2 * more("inertia_error") + 2.0 * plant.rotor_inertia_kg_m2, right=-track,
+        left=track, wheel=plant.wheel_mass_kg, wheel_roll=plant.wheel_inertia_kg_m2,
         wheel_yaw=plant.wheel_inertia_yaw_kg_m2, coulomb=plant.friction.coulomb_n_m,
         viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M, height=imu_height_m, ahead=imu_ahead_m,
     ))
@@ -60,16 +70,17 @@ def run(
     camera: Camera, e: Effects,
 ):
     """As pendulum_truth.run, without random slip: the contacts have their own."""
+    model.opt.gravity[:2], e = -GRAVITY * e.slope, e._replace(slope=np.zeros(2))
     data = mujoco.MjData(model)
     c, s = np.cos(0.5 * start[2]), np.sin(0.5 * start[2])
     data.qpos[:2], data.qpos[3:7] = start[:2], (c, 0.0, 0.0, s)
     loop, z = truth.fresh(ticks, law, encoder), np.zeros(truth.SIZE)
     torque, force, mass = np.zeros(2), np.zeros(3), float(np.sum(model.body_mass))
-    wheels = data.qpos[7:9].copy()
+    wheels, own_friction = data.qpos[7:9].copy(), model.dof_frictionloss[6:8].copy()
     for tick in range(ticks + 1):
         mujoco.mj_forward(model, data)  # sensors of this instant, not of the step before
         _state(data, z)
-        truth.as_read(tick, data.sensordata[:3].copy(), data.sensordata[3:6].copy(), imu, loop.felt[tick])
+        truth.as_read(tick, data.sensordata[:3].copy(), data.sensordata[3:6].copy(), imu, loop.felt)
         shown = data.qpos[7:9] - wheels + loop.gap
         if not truth.sense_and_command(tick, z, shown, loop, way_points, law, encoder, camera, e):
             break
@@ -80,7 +91,11 @@ def run(
             between(push, tick, share, force)
             _state(data, z)
             _push(data, z, force, mass, e)
-            data.ctrl[:] = torque
+            for i in range(2):
+                rate = data.qvel[6 + i]
+                dry = dry_friction(i, torque[i], rate, time_s, e)
+                data.ctrl[i] = torque[i] + steady_torque(i, rate, data.qpos[7 + i] - wheels[i], e)
+                model.dof_frictionloss[6 + i] = own_friction[i] + max(dry, 0.0)
             mujoco.mj_step(model, data)
     return loop.commanded, loop.angles, loop.felt, loop.fixes[: int(loop.numbers[0])], loop.truth
 
@@ -104,5 +119,5 @@ def _push(data, z, force, mass, e):
     gx, gy = ground_force(z[truth.X], z[truth.Y], c * speed, s * speed, mass, e)
     forward = force[0] + c * gx + s * gy
     data.qfrc_applied[0], data.qfrc_applied[1] = c * forward, s * forward
-    axes = data.xmat[1].reshape(3, 3)
-    data.qfrc_applied[3:6] = axes.T @ np.array([-s * force[2], c * force[2], force[1]])
+    axes, yaw = data.xmat[1].reshape(3, 3), force[1] - e.scrub_n_m * soft_sign(z[truth.TURN], 0.02)
+    data.qfrc_applied[3:6] = axes.T @ np.array([-s * force[2], c * force[2], yaw])

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from hidden import omni_truth as truth
-from hidden.effects_truth import GRAVITY, Effects, ground_force, motor_torque
+from hidden.effects_truth import GRAVITY, Effects, dry_friction, ground_force, motor_torque, soft_sign, steady_torque
 from hidden.motions import TICK_S
 from hidden.noise_truth import between
 
@@ -23,7 +23,7 @@ _WIDTH_RAD_S = 0.15  # of arctan friction
 
 
 @njit(cache=True)
-def rates(z, torque, push, body, e, out):
+def rates(time_s, z, torque, push, body, e, out):
     """d/dt of the state of omni_truth; torque (4) [N m], push (3) [N, N, N m]."""
     c, s = np.cos(z[truth.PHI]), np.sin(z[truth.PHI])
     vx, vy, wz = z[truth.VX], z[truth.VY], z[truth.WZ]
@@ -31,8 +31,9 @@ def rates(z, torque, push, body, e, out):
     for i in range(4):
         radius = 1.0 / np.hypot(body.g[i, 0], body.g[i, 1])
         rate = body.g[i, 0] * vx + body.g[i, 1] * vy + body.g[i, 2] * wz
-        dry = (body.coulomb + e.coulomb) * 2.0 / np.pi * np.arctan(rate / _WIDTH_RAD_S)
-        net = torque[i] - dry - (body.viscous + e.viscous) * rate
+        dry = body.coulomb + dry_friction(i, torque[i], rate, time_s, e)
+        dry *= 2.0 / np.pi * np.arctan(rate / _WIDTH_RAD_S)
+        net = torque[i] + steady_torque(i, rate, z[truth.THETA + i], e) - dry - body.viscous * rate
         share = min(max(net / radius / (_MU * 0.25 * body.mass_kg * GRAVITY), -0.95), 0.95)
         creep = _CREEP * np.tan(0.5 * np.pi * share)
         qx, qy, qz = qx + body.g[i, 0] * net, qy + body.g[i, 1] * net, qz + body.g[i, 2] * net
@@ -40,6 +41,7 @@ def rates(z, torque, push, body, e, out):
     out[truth.X], out[truth.Y], out[truth.PHI] = c * vx - s * vy, s * vx + c * vy, wz
     gx, gy = ground_force(z[truth.X], z[truth.Y], out[truth.X], out[truth.Y], body.mass_kg, e)
     qx, qy = qx + c * gx + s * gy, qy - s * gx + c * gy
+    qz -= e.scrub_n_m * soft_sign(wz, 0.02)
     qx, qy = qx + wz * body.mass_kg * vy, qy - wz * body.mass_kg * vx
     out[truth.SLIP], out[truth.SLIP + 1] = 0.0, 0.0
     for i in range(3):
@@ -60,9 +62,10 @@ def run(ticks, start, told, way_points, push, body, law, encoder, camera, e: Eff
         for step in range(SUBSTEPS):
             share = (step + 0.5) / SUBSTEPS
             between(push, tick, share, force)
-            motor_torque(loop.held, (tick + share) * TICK_S, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
-            rates(z, torque, force, body, e, rate)
+            time_s = (tick + share) * TICK_S
+            motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
+            rates(time_s, z, torque, force, body, e, rate)
             half[:] = z + 0.5 * STEP_S * rate
-            rates(half, torque, force, body, e, rate)
+            rates(time_s, half, torque, force, body, e, rate)
             z += STEP_S * rate
     return loop.commanded, loop.angles, loop.fixes[: loop.seen[0]], loop.truth

@@ -76,6 +76,7 @@ class Imu(NamedTuple):
     gain: np.ndarray  # (6,)
     bias: np.ndarray  # (6,)
     noise: np.ndarray  # (ticks + 1, 6)
+    lag_s: float  # time constant of its filter
 
 
 def true_body(plant, values: dict) -> Body:
@@ -209,8 +210,8 @@ def advance(time_s, z, torque, push, wander, body, e, work):
 
 
 @njit(cache=True)
-def read_imu(tick, z, velocity, change, imu, slope, out):
-    """Specific force and rate (6) in the sensor's axes.
+def read_imu(tick, z, velocity, change, imu, slope, readings):
+    """Specific force and rate in the sensor's axes, into row `tick` of `readings` (ticks + 1, 6).
 
     velocity (3): s', phi', tilt rate as the room sees them; change (3): their rates of change.
     """
@@ -228,16 +229,24 @@ def read_imu(tick, z, velocity, change, imu, slope, out):
         c * ax - s * az - far * (nod * nod + r * r), ay + far * (r_change + p * nod),
         s * ax + c * az + far * (p * r - change[2]),
     ])
-    as_read(tick, felt, np.array([-s * turn, nod, c * turn]), imu, out)
+    as_read(tick, felt, np.array([-s * turn, nod, c * turn]), imu, readings)
 
 
 @njit(cache=True)
-def as_read(tick, force, turned, imu, out):
-    """What the IMU makes (6) of a specific force (3) and a rate (3) in the body's axes."""
+def as_read(tick, force, turned, imu, readings):
+    """What the IMU makes of a specific force (3) and a rate (3) in the body's axes, into row `tick` of `readings`.
+
+    Its filter acts on noise as well.
+    """
+    out = readings[tick]
     force, turned = imu.turn @ force, imu.turn @ turned
     for i in range(3):
         out[i] = imu.gain[i] * force[i] + imu.bias[i] + imu.noise[tick, i]
         out[3 + i] = imu.gain[3 + i] * turned[i] + imu.bias[3 + i] + imu.noise[tick, 3 + i]
+    if imu.lag_s > 0.0 and tick > 0:
+        kept = np.exp(-TICK_S / imu.lag_s)
+        for i in range(6):
+            out[i] += kept * (readings[tick - 1, i] - out[i])
 
 
 @njit(cache=True)
@@ -339,7 +348,7 @@ def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera,
     torque, force, slip = np.zeros(2), np.zeros(3), np.zeros(2)
     velocity, before, change = np.zeros(3), np.zeros(3), np.zeros(3)
     for tick in range(ticks + 1):
-        read_imu(tick, z, velocity, change, imu, e.slope, loop.felt[tick])
+        read_imu(tick, z, velocity, change, imu, e.slope, loop.felt)
         if not sense_and_command(tick, z, z[THETA:] + loop.gap, loop, way_points, law, encoder, camera, e):
             break
         for step in range(SUBSTEPS):

@@ -42,11 +42,11 @@ where the effect enters. In `drake_ispace.effects.wires`, `VelocityEffect`, `Tor
 `drake_ispace.effects.effect`, `PlantEffect` changes a number of the plant.
 
 The kernel `output` writes the wire's signal with the effect in it; a `GroundEffect` has two in its place, `planar` and
-`balancing`. A kernel's argument names are its wiring: the wire,
-other outputs of the plant (`wheel_rate`, `velocity`, `balance`, `pose`), and parameters of the block. Those are the
-effect's own `parameters`, or what `block_parameters` makes of their values. It must make numbers only: ports and sizes
-stay the same for all values, so that a fit needs no new compilation. A kernel `update`, if there is one, writes the
-memory `xd` of the block once a tick. Where parameters depend on the robot, a method `parameters_of` gives them.
+`balancing`. A kernel's argument names are its wiring: the wire, other outputs of the plant (`wheel_angle`,
+`wheel_rate`, `velocity`, `balance`, `pose`), and parameters of the block. Those are the effect's own `parameters`, or
+what `block_parameters` makes of their values. It must make numbers only: ports and sizes stay the same for all values,
+so that a fit needs no new compilation. A kernel `update`, if there is one, writes the memory `xd` of the block once a
+tick. Where parameters depend on the robot, a method `parameters_of` gives them.
 
 ```py
 from unittest import mock
@@ -60,37 +60,30 @@ from drake_ispace.effects.wires import TorqueEffect
 
 
 @kernel
-def shifted(torque, offset, out):
+def cogged(torque, wheel_angle, ripple_n_m, out):
     for i in range(out.shape[0]):
-        out[i] = torque[i] + offset[i]
+        out[i] = torque[i] + ripple_n_m * np.sin(12.0 * wheel_angle[i])
 
 
-class TorqueOffset(TorqueEffect):
-    """tau_i + offset for one wheel."""
+class Cogging(TorqueEffect):
+    """tau + A sin(12 theta) on every wheel."""
 
-    choices = ("wheel",)
     card = Card(
-        name="torque_offset", title="Torque offset", home="actuator", equation="tau'_i = tau_i + offset for i = wheel",
-        source="zero of the motor's amplifier",
-        signature="a constant unmodelled torque at one wheel, the same at standstill and in both directions",
-        look_alikes=("coulomb_friction", "floor_tilt"),
-        excitation="reversals: friction changes its sign with the speed, an offset does not",
+        name="cogging", title="Cogging", home="actuator", equation="tau' = tau + A sin(12 theta)",
+        source="magnets of the motor that catch on its teeth, twelve to a turn",
+        signature="an unmodelled torque that comes again twelve times a turn, whatever the command",
+        look_alikes=("coulomb_friction", "encoder_eccentricity"),
+        excitation="slow turning, where the torque and not the inertia sets the speed",
     )
-    parameters = (Parameter("offset_n_m", "N*m", 0.0, -1.0, 1.0, (-0.02, 0.02)),)
-    output = shifted
-
-    def block_parameters(self, body, values):
-        offset = np.zeros(body.wheels)
-        offset[int(values["wheel"]) - 1] = values["offset_n_m"]
-        return {"offset": offset}
+    parameters = (Parameter("ripple_n_m", "N*m", 0.0, -1.0, 1.0, (0.005, 0.02)),)
+    output = cogged
 
 
-EFFECTS = [TorqueOffset()]
+EFFECTS = [Cogging()]
 
 if __name__ == "__main__":  # try it before it is installed
     with mock.patch.dict(di.effects(), {effect.name: effect for effect in EFFECTS}):
-        settings = ["seconds=1", "omni.effects.torque_offset.wheel=2", "omni.effects.torque_offset.offset_n_m=0.05"]
-        run = di.simulate(di.load_scenario("omni_multirate", settings))
+        run = di.simulate(di.load_scenario("omni_multirate", ["seconds=1", "omni.effects.cogging.ripple_n_m=0.01"]))
         print(run.signals["omni_pose"][-1])
 ```
 
@@ -107,7 +100,7 @@ Then it is in scenarios like any other:
 diagram: omni_multirate
 omni:
   effects:
-    torque_offset: {wheel: 2, offset_n_m: 0.05}
+    cogging: {ripple_n_m: 0.01}
 ```
 '''
 

@@ -156,6 +156,32 @@ class WeakMotor(TorqueEffect):
 
 
 @kernel
+def offset(torque, offsets_n_m, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] + offsets_n_m[i]
+
+
+class MotorOffset(TorqueEffect):
+    """A constant torque added on the wheel that is named, 1 to n."""
+
+    general = False
+    choices = ("wheel",)
+    card = Card(
+        name="motor_offset", title="Torque offset of one motor", home="actuator",
+        equation="tau'_i = tau_i + offset, i = wheel", source="zero level of one motor's driver or D/A converter",
+        signature="an unmodelled torque of one wheel that is always the same, also at rest and whichever way it turns",
+        look_alikes=("single_wheel_friction", "weak_motor", "floor_tilt", "centre_of_gravity_offset"),
+        excitation="both directions and several headings: friction turns its sign with the wheel, a slope with the "
+        "robot, a weak motor with the command",
+    )
+    parameters = (Parameter("offset_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=0.008),)
+    output = offset
+
+    def block_parameters(self, body, values):
+        return {"offsets_n_m": one_wheel(body, values, values["offset_n_m"], 0.0)}
+
+
+@kernel
 def sagged_in_time(xd, torque, rate_per_s, out):
     for i in range(out.shape[0]):
         out[i] = (1.0 - rate_per_s * xd[0]) * torque[i]
@@ -236,5 +262,5 @@ class MotorLag(Lag, TorqueEffect):
 
 EFFECTS = (
     CommandDelay(), TorqueSaturation(), TorqueSlewLimit(), ActuatorDeadZone(), TorqueGainError(), WeakMotor(),
-    BatterySagTime(), BatterySagLoad(), MotorLag(),
+    MotorOffset(), BatterySagTime(), BatterySagLoad(), MotorLag(),
 )

@@ -70,6 +70,27 @@ def stretched(pose, gain, out):
 
 
 @kernel
+def distorted(pose, per_m2, out):
+    """Places times 1 + k |p|^2; the heading follows two markers close to each other."""
+    x, y = pose[0], pose[1]
+    stretch = 1.0 + per_m2 * (x * x + y * y)
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    more = 2.0 * per_m2 * (c * x + s * y)
+    out[0], out[1] = stretch * x, stretch * y
+    out[2] = pose[2] + np.arctan2(more * (c * y - s * x), stretch + more * (c * x + s * y))
+
+
+@kernel
+def keystoned(pose, x_per_m, y_per_m, out):
+    """Places over 1 - a x - b y; the heading follows two markers close to each other."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    gain = 1.0 / (1.0 - (x_per_m * pose[0] + y_per_m * pose[1]))
+    more = gain * (x_per_m * c + y_per_m * s)
+    out[0], out[1] = gain * pose[0], gain * pose[1]
+    out[2] = pose[2] + np.arctan2(more * (c * pose[1] - s * pose[0]), 1.0 + more * (c * pose[0] + s * pose[1]))
+
+
+@kernel
 def rotated(pose, angle_rad, out):
     c, s = np.cos(angle_rad), np.sin(angle_rad)
     out[0] = c * pose[0] - s * pose[1]
@@ -158,6 +179,36 @@ class CameraScale(PoseEffect):
         return {"gain": 1.0 + values["share"]}
 
 
+class CameraDistortion(PoseEffect):
+    """p (1 + k |p|^2), from the room's middle, over which the camera hangs."""
+
+    card = Card(
+        name="camera_distortion", title="Lens distortion", home="camera", equation="p' = (1 + k |p|^2) p",
+        source="a lens that is not corrected; k > 0: pincushion, k < 0: barrel",
+        signature="places off in proportion to the cube of their distance from the room's middle",
+        look_alikes=("camera_scale", "camera_keystone"),
+        excitation="the middle and the corners of the room: a scale error is the same share everywhere",
+    )
+    parameters = (Parameter("per_m2", "1/m^2", 0.0, -0.2, 0.5, (0.01, 0.05), tolerance=1e-3),)
+    output = distorted
+
+
+class CameraKeystone(PoseEffect):
+    """p / (1 - a x - b y): the camera does not look straight down, and its picture was not rectified."""
+
+    card = Card(
+        name="camera_keystone", title="Keystone of the camera", home="camera", equation="p' = p / (1 - a x - b y)",
+        source="a camera that hangs askew, or a floor calibrated by too few points",
+        signature="places too far out on one side of the room and too far in on the other",
+        look_alikes=("camera_scale", "camera_distortion", "camera_rotation"),
+        excitation="all four sides of the room: a scale error is the same share on all of them",
+    )
+    parameters = tuple(
+        Parameter(f"{axis}_per_m", "1/m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy"
+    )
+    output = keystoned
+
+
 class CameraRotation(PoseEffect):
     """x, y turned about the room's middle, and the heading with them."""
 
@@ -219,4 +270,7 @@ class CameraDropouts(PoseEffect):
 
 
 #: From the robot to the message: when, which point of the robot, how it is mapped, whether it is seen.
-EFFECTS = (CameraLatency(), MarkerOffset(), CameraScale(), CameraRotation(), CameraOffset(), CameraDropouts())
+EFFECTS = (
+    CameraLatency(), MarkerOffset(), CameraScale(), CameraDistortion(), CameraKeystone(), CameraRotation(),
+    CameraOffset(), CameraDropouts(),
+)

@@ -58,4 +58,38 @@ class EncoderLostCounts(WheelAngleEffect):
         return {"gain": one_wheel(body, values, 1.0 - values["share"])}
 
 
-EFFECTS = (EncoderScale(), EncoderLostCounts())
+@kernel
+def eccentric(wheel_angle, sines_rad, cosines_rad, out):
+    for i in range(out.shape[0]):
+        angle = wheel_angle[i]
+        out[i] = angle + sines_rad[i] * np.sin(angle) + cosines_rad[i] * (np.cos(angle) - 1.0)
+
+
+class EncoderEccentricity(WheelAngleEffect):
+    """theta + s sin(theta) + c (cos(theta) - 1) of one wheel: an error that comes again with every turn."""
+
+    general = False
+    kinematic = False
+    choices = ("wheel",)
+    card = Card(
+        name="encoder_eccentricity", title="Eccentric encoder", home="encoder",
+        equation="theta_measured_i = theta_i + s sin(theta_i) + c (cos(theta_i) - 1) for i = wheel",
+        source="a code disc or magnet that sits beside the axle",
+        signature="one wheel seems to speed up and slow down once a turn; no error is left after whole turns",
+        look_alikes=("encoder_lost_counts", "single_wheel_friction", "transmission_backlash"),
+        excitation="many whole turns at several speeds: the error goes with the wheel's angle, friction and lost "
+        "counts with its direction and its way",
+    )
+    parameters = tuple(
+        Parameter(f"{name}_rad", "rad", 0.0, -1.0, 1.0, (0.01, 0.1), tolerance=2e-3) for name in ("sine", "cosine")
+    )
+    output = eccentric
+
+    def block_parameters(self, body, values):
+        return {
+            "sines_rad": one_wheel(body, values, values["sine_rad"], 0.0),
+            "cosines_rad": one_wheel(body, values, values["cosine_rad"], 0.0),
+        }
+
+
+EFFECTS = (EncoderEccentricity(), EncoderScale(), EncoderLostCounts())

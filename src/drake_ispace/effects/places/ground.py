@@ -170,6 +170,35 @@ class SoftFloor(GroundEffect):
 
 
 @kernel
+def dragged_planar(ground_force, pose, velocity, coefficient_n_s2_m2, out):
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    brake = coefficient_n_s2_m2 * np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
+    out[0] = ground_force[0] - brake * (c * velocity[0] + s * velocity[1])
+    out[1] = ground_force[1] - brake * (-s * velocity[0] + c * velocity[1])
+    out[2] = ground_force[2]
+
+
+@kernel
+def dragged_balancing(ground_force, balance, coefficient_n_s2_m2, out):
+    out[0] = ground_force[0] - coefficient_n_s2_m2 * abs(balance[1]) * balance[1]
+    out[1], out[2] = ground_force[1], ground_force[2]
+
+
+class QuadraticDrag(GroundEffect):
+    """F = -k |v| v on the robot's middle; of the pendulum on Q_s alone."""
+
+    card = Card(
+        name="quadratic_drag", title="Drag with the square of speed", home="ground", equation="F = -k |v| v",
+        source="grass, long pile, water or air in the way of the body",
+        signature="an unmodelled force against the motion that grows with the square of the speed, no yaw moment",
+        look_alikes=("wheel_drag", "viscous_friction", "soft_floor"),
+        excitation="slow and fast runs, and turning on the spot, where it is absent and drag of the wheels is not",
+    )
+    parameters = (Parameter("coefficient_n_s2_m2", "N*s^2/m^2", 0.0, 0.0, 500.0, (1.0, 10.0)),)
+    planar, balancing = dragged_planar, dragged_balancing
+
+
+@kernel
 def tilted_planar(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m, out):
     c, s = np.cos(pose[2]), np.sin(pose[2])
     fx = mass_kg * (c * downhill_m_s2[0] + s * downhill_m_s2[1])
@@ -217,4 +246,4 @@ class FloorTilt(GroundEffect, PlantEffect):
         return {"downhill_m_s2": downhill} | body.robot.weight(body.plant)
 
 
-EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), FloorTilt())
+EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), QuadraticDrag(), FloorTilt())

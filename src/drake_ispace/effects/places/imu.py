@@ -1,8 +1,11 @@
-"""In the wire `body_motion`, between the body and its IMU: another place, turned axes, a scale, a constant added.
+"""In the wire `body_motion`, between the body and its IMU: another place, turned axes, a scale, a constant added,
+a low-pass.
 
 body_motion = (ax, ay, az, wx, wy, wz): specific force [m/s^2], gravity included, and angular rate [rad/s] in the body's
 axes, x ahead, y left, z up along the body. Noise comes later, in the IMU itself.
 """
+
+import math
 
 import numpy as np
 
@@ -183,5 +186,42 @@ class AccelerometerBias(BodyMotionEffect):
         return {"bias": np.array([values["x_m_s2"], 0.0, values["z_m_s2"], 0.0, 0.0, 0.0])}
 
 
-#: In the order in which a reading comes about: place, axes, sensitivity, zero level.
-EFFECTS = (ImuOffset(), ImuMisalignment(), GyroScale(), AccelerometerScale(), GyroBias(), AccelerometerBias())
+@kernel
+def lagged(xd, body_motion, memory, out):
+    fresh = memory if xd[6] > 0.0 else 0.0  # the first reading stands as it is
+    for i in range(6):
+        out[i] = body_motion[i] + fresh * (xd[i] - body_motion[i])
+
+
+@kernel
+def remember_lagged(xd, body_motion, memory, out):
+    lagged(xd, body_motion, memory, out)
+    out[6] = 1.0
+
+
+class ImuLag(BodyMotionEffect):
+    """All readings behind a low-pass of first order, a step a tick."""
+
+    card = Card(
+        name="imu_lag", title="Low-pass of the IMU", home="imu",
+        equation="a'_k = m a'_k-1 + (1 - m) a_k, m = exp(-T / time_constant), and the same of w",
+        source="the digital filter that most parts have, and that is often left at its default",
+        signature="rates and accelerations lag behind what wheels and torque say, the faster the motion the more",
+        look_alikes=("motor_lag", "command_delay", "imu_offset", "gyro_scale"),
+        excitation="fast rocking and quick starts of a turn: a slow motor delays the encoders as well",
+    )
+    parameters = (Parameter("time_constant_s", "s", 0.0, 0.0, 0.3, (0.003, 0.02), tolerance=5e-4),)
+    output, update = lagged, remember_lagged
+
+    def memory_size(self, body):
+        return 7
+
+    def block_parameters(self, body, values):
+        time_constant_s = values["time_constant_s"]
+        return {"memory": math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0}
+
+
+#: In the order in which a reading comes about: place, axes, sensitivity, zero level, filter.
+EFFECTS = (
+    ImuOffset(), ImuMisalignment(), GyroScale(), AccelerometerScale(), GyroBias(), AccelerometerBias(), ImuLag(),
+)

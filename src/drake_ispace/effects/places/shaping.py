@@ -84,8 +84,8 @@ def scale(held, gain, out):
         out[i] = gain[i] * held[i]
 
 
-def one_wheel(body: Body, values: Mapping[str, float], gain: float) -> np.ndarray:
-    """(n,) gains of the wheels: `gain` for the one that the choice `wheel` names, 1 for all others."""
-    gains = np.ones(body.wheels)
-    gains[int(values["wheel"]) - 1] = gain
-    return gains
+def one_wheel(body: Body, values: Mapping[str, float], own: float, others: float = 1.0) -> np.ndarray:
+    """(n,) a number for each wheel: `own` for the one that the choice `wheel` names, `others` for all others."""
+    numbers = np.full(body.wheels, others)
+    numbers[int(values["wheel"]) - 1] = own
+    return numbers

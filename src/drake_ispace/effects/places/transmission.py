@@ -11,6 +11,7 @@ import numpy as np
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
+from drake_ispace.effects.places.shaping import one_wheel
 from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, slope_left, smooth_sign, speed_scale, steepest_slope
 from drake_ispace.effects.wires import TorqueEffect, WheelAngleEffect
 
@@ -67,6 +68,87 @@ class CoulombFriction(TorqueEffect):
     def block_parameters(self, body, values):
         torque = values["torque_n_m"]
         return {"torque_n_m": torque, "speed_scale_rad_s": speed_scale(body, torque)}
+
+
+@kernel
+def one_coulomb(torque, wheel_rate, torques_n_m, speed_scale_rad_s, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] - torques_n_m[i] * smooth_sign(wheel_rate[i], speed_scale_rad_s)
+
+
+class SingleWheelFriction(TorqueEffect):
+    """-C tanh(w / w_s) on the wheel that is named, 1 to n."""
+
+    general = False
+    choices = ("wheel",)
+    card = Card(
+        name="single_wheel_friction", title="Friction of one wheel", home="transmission",
+        equation="tau'_i = tau_i - C sign(w_i), i = wheel", source="one tight bearing, hair around one axle",
+        signature="an unmodelled torque of one size against the direction of one wheel; none on the others",
+        look_alikes=("coulomb_friction", "weak_motor", "motor_offset", "turn_scrub"),
+        excitation="both directions, at several torques: a weak motor misses in proportion to its command, an offset "
+        "does not turn its sign with the wheel",
+    )
+    parameters = (Parameter("torque_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.3), "torque", tolerance=0.008),)
+    output = one_coulomb
+
+    def applies_to(self, body):
+        """Whether there is more than one wheel: of one it would be Coulomb friction."""
+        return super().applies_to(body) and body.wheels > 1
+
+    def block_parameters(self, body, values):
+        torque = values["torque_n_m"]
+        return {"torques_n_m": one_wheel(body, values, torque, 0.0), "speed_scale_rad_s": speed_scale(body, torque)}
+
+
+@kernel
+def one_way(torque, wheel_rate, torque_n_m, way, speed_scale_rad_s, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] - 0.5 * torque_n_m * (1.0 + way * smooth_sign(wheel_rate[i], speed_scale_rad_s))
+
+
+class DirectionalFriction(TorqueEffect):
+    """-C (1 + tanh(w / w_s)) / 2 on every wheel for C > 0: forwards only; -C (1 - tanh(w / w_s)) / 2 for C < 0."""
+
+    general = False
+    card = Card(
+        name="directional_friction", title="Friction in one direction", home="transmission",
+        equation="tau' = tau - C for w > 0 where C > 0, tau' = tau - C for w < 0 where C < 0",
+        source="asymmetric brushes, gear flanks or seals",
+        signature="an unmodelled torque against the wheel while it turns one way, none the other way",
+        look_alikes=("coulomb_friction", "motor_offset", "load_dependent_friction", "floor_tilt"),
+        excitation="the same speeds forwards and backwards: Coulomb friction brakes both ways alike, an offset pushes "
+        "one way and brakes the other",
+    )
+    parameters = (Parameter("torque_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=0.008),)
+    output = one_way
+
+    def block_parameters(self, body, values):
+        torque = values["torque_n_m"]
+        scale = speed_scale(body, 0.5 * torque)
+        return {"torque_n_m": torque, "way": -1.0 if torque < 0.0 else 1.0, "speed_scale_rad_s": scale}
+
+
+@kernel
+def dragged(torque, wheel_rate, coefficient_n_m_s2, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] - coefficient_n_m_s2 * abs(wheel_rate[i]) * wheel_rate[i]
+
+
+class WheelDrag(TorqueEffect):
+    """-k |w| w on every wheel."""
+
+    general = False
+    card = Card(
+        name="wheel_drag", title="Drag of the wheels with the square of speed", home="transmission",
+        equation="tau' = tau - k |w| w", source="churning grease, brushes and bristles that a fast wheel whips",
+        signature="an unmodelled torque against the wheel that grows with the square of its speed",
+        look_alikes=("viscous_friction", "quadratic_drag", "coulomb_friction"),
+        excitation="slow and fast runs: viscous friction doubles where this goes up fourfold; turning on the spot, "
+        "where drag of the body is absent",
+    )
+    parameters = (Parameter("coefficient_n_m_s2", "N*m*s^2/rad^2", 0.0, 0.0, 1.0, (1e-5, 1e-4)),)
+    output = dragged
 
 
 @kernel
@@ -171,5 +253,6 @@ class TransmissionBacklash(WheelAngleEffect):
 
 
 EFFECTS = (
-    ViscousFriction(), CoulombFriction(), StribeckFriction(), LoadDependentFriction(), TransmissionBacklash(),
+    ViscousFriction(), WheelDrag(), CoulombFriction(), SingleWheelFriction(), DirectionalFriction(), StribeckFriction(),
+    LoadDependentFriction(), TransmissionBacklash(),
 )

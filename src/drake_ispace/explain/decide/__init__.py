@@ -1,7 +1,7 @@
 """Stage 3: which effects the model lacks.
 
 decide.py begins the reading order; validate.py stands in its place for runs that are too short for a filter. What
-decide.py calls stands in survey/ (what every effect could explain), detect.py (whether anything is missing), propose.py,
-unknown.py (which effect, or none), prune.py, rivals.py, left_over.py (what the runs support) and decision.py (the
-result).
+decide.py calls stands in survey/ (what every effect could explain), detect.py (whether anything is missing),
+propose.py, unknown.py (which effect, or none), prune.py, rivals.py, left_over.py (what the runs support) and
+decision.py (the result).
 """
