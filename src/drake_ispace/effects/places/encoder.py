@@ -61,8 +61,9 @@ class EncoderLostCounts(WheelAngleEffect):
 @kernel
 def eccentric(wheel_angle, sines_rad, cosines_rad, out):
     for i in range(out.shape[0]):
-        angle = wheel_angle[i]
-        out[i] = angle + sines_rad[i] * np.sin(angle) + cosines_rad[i] * (np.cos(angle) - 1.0)
+        out[i] = angle = wheel_angle[i]
+        if sines_rad[i] != 0.0 or cosines_rad[i] != 0.0:
+            out[i] = angle + sines_rad[i] * np.sin(angle) + cosines_rad[i] * (np.cos(angle) - 1.0)
 
 
 class EncoderEccentricity(WheelAngleEffect):

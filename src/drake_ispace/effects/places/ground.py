@@ -17,7 +17,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import PlantEffect
-from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, smooth_sign
+from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, dry
 from drake_ispace.effects.wires import GroundEffect
 from drake_ispace.plants.slip import GRAVITY
 
@@ -107,13 +107,13 @@ class WheelSlip(PlantEffect):
 @kernel
 def scrubbed_planar(ground_force, velocity, moment_n_m, scale_rad_s, out):
     out[0], out[1] = ground_force[0], ground_force[1]
-    out[2] = ground_force[2] - moment_n_m * smooth_sign(velocity[2], scale_rad_s)
+    out[2] = ground_force[2] - dry(moment_n_m, velocity[2], scale_rad_s)
 
 
 @kernel
 def scrubbed_balancing(ground_force, balance, moment_n_m, scale_rad_s, out):
     out[0], out[2] = ground_force[0], ground_force[2]
-    out[1] = ground_force[1] - moment_n_m * smooth_sign(balance[2], scale_rad_s)
+    out[1] = ground_force[1] - dry(moment_n_m, balance[2], scale_rad_s)
 
 
 class TurnScrub(GroundEffect):
@@ -138,7 +138,7 @@ class TurnScrub(GroundEffect):
 def resisted_planar(ground_force, pose, velocity, force_n, scale_m_s, out):
     c, s = np.cos(pose[2]), np.sin(pose[2])
     speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + 1e-18)
-    brake = force_n * smooth_sign(speed, scale_m_s) / speed
+    brake = dry(force_n, speed, scale_m_s) / speed
     out[0] = ground_force[0] - brake * (c * velocity[0] + s * velocity[1])
     out[1] = ground_force[1] - brake * (-s * velocity[0] + c * velocity[1])
     out[2] = ground_force[2]
@@ -146,7 +146,7 @@ def resisted_planar(ground_force, pose, velocity, force_n, scale_m_s, out):
 
 @kernel
 def resisted_balancing(ground_force, balance, force_n, scale_m_s, out):
-    out[0] = ground_force[0] - force_n * smooth_sign(balance[1], scale_m_s)
+    out[0] = ground_force[0] - dry(force_n, balance[1], scale_m_s)
     out[1], out[2] = ground_force[1], ground_force[2]
 
 

@@ -28,6 +28,12 @@ def smooth_sign(rate, width):
     return np.tanh(rate / width)
 
 
+@kernel
+def dry(size, rate, width):
+    """`size` with the smooth sign of `rate`; nothing is computed for an effect that is not there."""
+    return size * smooth_sign(rate, width) if size != 0.0 else 0.0
+
+
 def slope_left(body: Body) -> float:
     """Slope of friction [N m s/rad] that the step allows beyond the plant's own; infinite without torque."""
     left, most = body.robot.friction_slopes(body.plant)

@@ -12,7 +12,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.places.shaping import one_wheel
-from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, slope_left, smooth_sign, speed_scale, steepest_slope
+from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, dry, slope_left, speed_scale, steepest_slope
 from drake_ispace.effects.wires import TorqueEffect, WheelAngleEffect
 
 
@@ -43,7 +43,7 @@ class ViscousFriction(TorqueEffect):
 @kernel
 def coulomb(torque, wheel_rate, torque_n_m, speed_scale_rad_s, out):
     for i in range(out.shape[0]):
-        out[i] = torque[i] - torque_n_m * smooth_sign(wheel_rate[i], speed_scale_rad_s)
+        out[i] = torque[i] - dry(torque_n_m, wheel_rate[i], speed_scale_rad_s)
 
 
 class CoulombFriction(TorqueEffect):
@@ -73,7 +73,7 @@ class CoulombFriction(TorqueEffect):
 @kernel
 def one_coulomb(torque, wheel_rate, torques_n_m, speed_scale_rad_s, out):
     for i in range(out.shape[0]):
-        out[i] = torque[i] - torques_n_m[i] * smooth_sign(wheel_rate[i], speed_scale_rad_s)
+        out[i] = torque[i] - dry(torques_n_m[i], wheel_rate[i], speed_scale_rad_s)
 
 
 class SingleWheelFriction(TorqueEffect):
@@ -104,7 +104,7 @@ class SingleWheelFriction(TorqueEffect):
 @kernel
 def one_way(torque, wheel_rate, torque_n_m, way, speed_scale_rad_s, out):
     for i in range(out.shape[0]):
-        out[i] = torque[i] - 0.5 * torque_n_m * (1.0 + way * smooth_sign(wheel_rate[i], speed_scale_rad_s))
+        out[i] = torque[i] - 0.5 * torque_n_m - dry(0.5 * torque_n_m * way, wheel_rate[i], speed_scale_rad_s)
 
 
 class DirectionalFriction(TorqueEffect):
@@ -154,8 +154,10 @@ class WheelDrag(TorqueEffect):
 @kernel
 def stribeck(torque, wheel_rate, bump_n_m, speed_rad_s, speed_scale_rad_s, out):
     for i in range(out.shape[0]):
-        share = wheel_rate[i] / speed_rad_s
-        out[i] = torque[i] - bump_n_m * np.exp(-share * share) * smooth_sign(wheel_rate[i], speed_scale_rad_s)
+        out[i] = torque[i]
+        if bump_n_m != 0.0:
+            share = wheel_rate[i] / speed_rad_s
+            out[i] -= dry(bump_n_m * np.exp(-share * share), wheel_rate[i], speed_scale_rad_s)
 
 
 class StribeckFriction(TorqueEffect):
@@ -185,8 +187,7 @@ class StribeckFriction(TorqueEffect):
 def load_dependent(torque, wheel_rate, share, least_speed_rad_s, slope_n_m_s, out):
     for i in range(out.shape[0]):
         drag = share * abs(torque[i])
-        width = max(least_speed_rad_s, drag / slope_n_m_s)
-        out[i] = torque[i] - drag * smooth_sign(wheel_rate[i], width)
+        out[i] = torque[i] - dry(drag, wheel_rate[i], max(least_speed_rad_s, drag / slope_n_m_s))
 
 
 class LoadDependentFriction(TorqueEffect):

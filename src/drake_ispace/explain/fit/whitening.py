@@ -8,10 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from drake_ispace.blocks.kernels import kernel
 from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.memory import Memory
 from drake_ispace.explain.predict.prediction import RESTING, Residuals
 
+BLOCK_ROWS = 256  # that are whitened at once
+_BATCH = 32  # changes to a job
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
 #: Least standard deviations of streams whose rows are independent: of placing the robot together with one fix
@@ -48,14 +51,15 @@ class Noise:
     def whiten(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows - lags, p) independent numbers of unit variance. Linear in `y` (rows, p): changes are whitened alike.
 
-        classes: (rows,) class of motion of each row; None: all rows are alike.
+        y: or (k, rows, p), several at once. classes: (rows,) class of motion of each row; None: all rows are alike.
         """
-        if len(y) <= self.lags:
-            return np.empty((0, y.shape[1]))
-        e = y[self.lags :] - past(y, self.lags, self.means) @ self.a if len(self.a) else y.copy()
-        if classes is not None:
-            e = e / self.sizes[classes[self.lags :]]
-        return e @ self.unit.T
+        several = np.ascontiguousarray(y if y.ndim == 3 else y[None])
+        out = np.empty((len(several), self.rows(several[0]), y.shape[-1]))
+        classes = np.zeros(several.shape[1], int) if classes is None else classes
+        if out.shape[1]:
+            a, rates = np.ascontiguousarray(self.a), np.array(self.means)
+            whiten(several, classes, a, 1.0 / self.sizes, self.unit, rates, out)
+        return out if y.ndim == 3 else out[0]
 
     def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows - lags, p (lags + means)) regressors of `whiten`, each row over the size of the noise in it."""
@@ -63,6 +67,38 @@ class Noise:
         if classes is None:
             return before
         return before / np.exp(np.mean(np.log(self.sizes), axis=1))[classes[self.lags :], None]
+
+
+@kernel(nogil=True)
+def whiten(y, classes, a, shrink, unit, rates, out):
+    """Write `Noise.whiten` of several residuals into `out`.
+
+    y (k, rows, p), classes (rows,), a (p (lags + means), p), shrink (classes, p): 1 over the size of the noise, unit
+    (p, p), rates (means,), out (k, rows - lags, p).
+    """
+    rows, p, lags, count = y.shape[1], y.shape[2], y.shape[1] - out.shape[1], rates.shape[0]
+    before, means = np.zeros((BLOCK_ROWS, a.shape[0])), np.zeros((count, p))
+    for n in range(y.shape[0]):
+        means[:] = 0.0
+        for start in range(0, rows, BLOCK_ROWS):  # of a size that stays in the cache
+            end = min(start + BLOCK_ROWS, rows)
+            for t in range(start, end):
+                row = before[t - start]
+                for k in range(min(lags, t)):
+                    for i in range(p):
+                        row[k * p + i] = y[n, t - 1 - k, i]
+                for m in range(count):
+                    for i in range(p):
+                        row[(lags + m) * p + i] = means[m, i]
+                        means[m, i] += rates[m] * (y[n, t, i] - means[m, i])
+            predicted = np.dot(before[: end - start], a)
+            for t in range(max(start, lags), end):
+                for i in range(p):
+                    total = 0.0
+                    for j in range(p):
+                        e = y[n, t, j] - predicted[t - start, j]
+                        total += unit[i, j] * (e * shrink[classes[t], j])
+                    out[n, t - lags, i] = total
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
@@ -169,8 +205,13 @@ class Whitening:
 
     def one(self, i: int, run: dict[str, np.ndarray]) -> np.ndarray:
         """(n_i,) the whitened residuals of run `i`, one stream after the other."""
-        return np.concatenate([
-            noise.whiten(run[name], self.classes[i].get(name)).ravel() for name, noise in self.noise.items()
+        return self.several(i, [run])[0]
+
+    def several(self, i: int, runs: Sequence[dict[str, np.ndarray]]) -> np.ndarray:
+        """(k, n_i) the same of several residuals of run `i`."""
+        return np.hstack([
+            noise.whiten(np.stack([run[name] for run in runs]), self.classes[i].get(name)).reshape(len(runs), -1)
+            for name, noise in self.noise.items()
         ])
 
     def directions(
@@ -183,10 +224,15 @@ class Whitening:
         """
         starts = self.starts(residuals)
         everywhere = np.empty((len(changes), starts[-1]))
-        for row, whitened in zip(everywhere, (pool.map if pool else map)(self, changes), strict=True):
-            row[:] = whitened
+
+        def of_run(i, first):
+            some = slice(first, first + _BATCH)
+            everywhere[some, starts[i] : starts[i + 1]] = self.several(i, [change[i] for change in changes[some]])
+
+        jobs = [(i, first) for i in range(len(residuals)) for first in range(0, len(changes), _BATCH)]
+        list((pool.map if pool else map)(lambda job: of_run(*job), jobs))
         grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
-        parts = (pool.map if pool else map)(lambda group: np.stack([self.one(group[0], c) for c in group[1]]), grouped)
+        parts = (pool.map if pool else map)(lambda group: self.several(*group), grouped)
         return Directions(everywhere, [(starts[i], part) for (i, _), part in zip(grouped, parts, strict=True)])
 
     def memory(self, residuals: Residuals) -> list[Memory]:

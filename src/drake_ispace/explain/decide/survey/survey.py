@@ -106,15 +106,16 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
 
     Noise that was learned while a size was wrong holds the size back, so that a single fit would stop half-way.
     """
-    point, whitening = start, None
+    point, regression = start, None
     for _ in range(_MOST_TURNS):
         residuals = view.prediction.residuals(merged(point), view.pool)
-        likelihood = view.likelihood(residuals, near=True, start=whitening)
+        likelihood = view.likelihood(residuals, near=True, start=regression)
         best = fit(likelihood, point)
         moves = [
             abs(best.point[c][i] - point[c][i]) / max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order
         ]
-        point, whitening = best.point, likelihood.whitening
+        point = best.point
         if max(moves, default=0.0) < _STAYS:
             break
+        regression = regression or view.regression(likelihood.whitening, residuals)
     return likelihood, best

@@ -9,6 +9,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
+from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
@@ -35,7 +36,11 @@ class View:
     sizes: Mapping[Candidate, Sequence[float]]
     pool: ThreadPoolExecutor | None
 
-    def likelihood(self, residuals: Residuals, near: bool, start: Whitening | None = None) -> Likelihood:
+    def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
+        """Least squares by all changes and offsets, under this noise."""
+        return Regression(whitening, whitening.directions(residuals, self.changes, self.offsets, self.pool))
+
+    def likelihood(self, residuals: Residuals, near: bool, start: "Regression | None" = None) -> Likelihood:
         """The Likelihood of the runs with the noise of these residuals.
 
         near: as in `with_noise`. start: as in `noise_of`.
@@ -51,6 +56,22 @@ class View:
         offsets = whitening.directions(residuals, self.tolerated, self.offsets, self.pool)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
+
+
+@dataclass(frozen=True)
+class Regression:
+    """Least squares by changes of the residuals under a noise, the same for all sizes of the effects.
+
+    Attributes:
+        whitening: the noise. directions: the changes, whitened.
+    """
+
+    whitening: Whitening
+    directions: Directions
+
+    def amounts(self, residuals: Residuals) -> np.ndarray:
+        """How much of every change is in the residuals."""
+        return self.directions.least_squares(self.whitening(residuals))
 
 
 def view_from(
@@ -121,17 +142,17 @@ def _tolerated(signatures, scales):
     return changes
 
 
-def noise_of(view: View, residuals: Residuals, start: Whitening | None = None) -> Whitening:
+def noise_of(view: View, residuals: Residuals, start: Regression | None = None) -> Whitening:
     """The noise of the residuals without what the changes and the offsets of `view` explain of them.
 
-    start: noise that is nearly right already. Noise and explanation are learned in turn. If plain least squares took
-    the explanation away first, a signature that only repeats how the noise is correlated could pass for physics.
+    start: from noise that is nearly right already. Otherwise noise and explanation are learned in turn. If plain least
+    squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
+    physics.
     """
     classes = view.prediction.classes()
-    whitening = start or Whitening(residuals, classes)
+    whitening = start.whitening if start else Whitening(residuals, classes)
     for _ in range(1 if start else _ROUNDS):
-        directions = whitening.directions(residuals, view.changes, view.offsets, view.pool)
-        amounts = directions.least_squares(whitening(residuals))
+        amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
         whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts))
     return whitening
 
