@@ -81,10 +81,13 @@ def _described_choice(case, choice: Choice) -> Explanation:
     )
 
 
-def with_least_squares(effects: Sequence[NamedEffect], replay: Replay, point: Point) -> list[NamedEffect]:
+def with_least_squares(
+    effects: Sequence[NamedEffect], replay: Replay, point: Point, instead: bool = False
+) -> list[NamedEffect]:
     """The effects with the sizes at which free-run simulations come nearest to the training runs, beside the estimates.
 
-    point: effects and their coordinates.
+    point: effects and their coordinates. instead: these sizes take the place of the estimates, and intervals grow to
+        hold them.
     """
     values = {
         (candidate.name, parameter.name): _size(replay, candidate, i, z[i])
@@ -92,9 +95,16 @@ def with_least_squares(effects: Sequence[NamedEffect], replay: Replay, point: Po
     }
     return [
         replace(effect, parameters={
-            name: replace(p, least_squares=values.get((effect.name, name))) for name, p in effect.parameters.items()
+            name: _with_plain(p, values.get((effect.name, name)), instead) for name, p in effect.parameters.items()
         }) for effect in effects
     ]
+
+
+def _with_plain(p: Estimate, value: float | None, instead: bool) -> Estimate:
+    if value is None or not instead:
+        return replace(p, least_squares=value)
+    low, high = p.ci90
+    return replace(p, estimate=value, ci90=(min(low, value), max(high, value)), least_squares=value)
 
 
 def _besides(left_over: LeftOver, explained: float) -> str:

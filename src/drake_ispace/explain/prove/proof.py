@@ -27,6 +27,7 @@ class Proof:
         rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
         noise: process noise that the unseen runs need; None: not computed. least_squares: sizes that free-run least
             squares finds; None where no effect is named. plant: free parameters of a plant of the user's own.
+        is_plain: whether the sizes of the answer are those of least squares.
     """
 
     by: str
@@ -35,3 +36,4 @@ class Proof:
     noise: ProcessNoise | None
     least_squares: Point | None
     plant: list[PlantParameter] = field(default_factory=list)
+    is_plain: bool = False
