@@ -87,7 +87,10 @@ def reckoned(run, robot, effects):
     """(k, 3) the dead-reckoned path as the camera would report it at its fixes."""
     encoder = run.channels["encoder"]
     scale = 1.0 + effects.get("encoder_scale", {}).get("share", 0.0)
-    steps = np.diff(encoder.values / scale, axis=0) @ np.linalg.pinv(rates_of(robot, effects)).T
+    kept = np.full(robot["wheels"], scale)
+    if "encoder_lost_counts" in effects:
+        kept[int(effects["encoder_lost_counts"]["wheel"]) - 1] *= 1.0 - effects["encoder_lost_counts"]["share"]
+    steps = np.diff(encoder.values / kept, axis=0) @ np.linalg.pinv(rates_of(robot, effects)).T
     slip = effects.get("constant_slip", {})
     steps[:, 0] *= 1.0 - slip.get("ratio_x", slip.get("ratio", 0.0))
     steps[:, 1] *= 1.0 - slip.get("ratio_y", 0.0)
