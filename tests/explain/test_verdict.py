@@ -16,7 +16,7 @@ WORSE = replace(answers.GAP[1], before=0.006, after=0.02, worse=True)
 
 def judged(answer, rows=answers.GAP, remainders=()):
     """The answer, after a proof with these rows and remainders."""
-    add_proof(answer, None, Proof("held-out runs", list(rows), list(remainders), None, None))
+    add_proof(answer, None, Proof("held-out runs", list(rows), list(remainders), None, {}, None))
     return answer
 
 

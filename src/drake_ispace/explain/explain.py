@@ -96,8 +96,6 @@ def explain(
         if answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None:
             decision = decision.otherwise
             answer = _answered(case, decision, seed, pool, tell)
-    if answer.effects and case.scenario is not None:
-        add_effects(answer, case, decision)
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")
@@ -118,4 +116,6 @@ def _answered(case, decision, seed, pool, tell) -> Explanation:
     tell("finding the channels that show it")
     answer = describe(case, decision)
     add_proof(answer, case, proof)
+    if answer.effects and case.scenario is not None:
+        add_effects(answer, case, proof.sizes)
     return answer

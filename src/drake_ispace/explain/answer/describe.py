@@ -81,30 +81,26 @@ def _described_choice(case, choice: Choice) -> Explanation:
     )
 
 
-def with_least_squares(
-    effects: Sequence[NamedEffect], replay: Replay, point: Point, instead: bool = False
-) -> list[NamedEffect]:
-    """The effects with the sizes at which free-run simulations come nearest to the training runs, beside the estimates.
+def with_sizes(effects: Sequence[NamedEffect], replay: Replay, sizes: Point, plain: Point) -> list[NamedEffect]:
+    """The effects at these sizes, beside those of plain least squares; intervals grow to hold the sizes.
 
-    point: effects and their coordinates. instead: these sizes take the place of the estimates, and intervals grow to
-        hold them.
+    sizes, plain: effects and their coordinates.
     """
-    values = {
-        (candidate.name, parameter.name): _size(replay, candidate, i, z[i])
-        for candidate, z in point.items() for i, parameter in enumerate(candidate.parameters)
-    }
-    return [
-        replace(effect, parameters={
-            name: _with_plain(p, values.get((effect.name, name)), instead) for name, p in effect.parameters.items()
-        }) for effect in effects
-    ]
+    by_name = {candidate.name: candidate for candidate in sizes}
 
+    def changed(effect):
+        candidate, parameters = by_name[effect.name], dict(effect.parameters)
+        for i, parameter in enumerate(candidate.parameters):
+            p = parameters[parameter.name]
+            at, by_plain = (_size(replay, candidate, i, point[candidate][i]) for point in (sizes, plain))
+            low, high = p.ci90
+            parameters[parameter.name] = replace(
+                p, estimate=at, ci90=(min(low, at), max(high, at)), least_squares=by_plain,
+                on_bound=_on_bound(sizes, candidate, i),
+            )
+        return replace(effect, parameters=parameters)
 
-def _with_plain(p: Estimate, value: float | None, instead: bool) -> Estimate:
-    if value is None or not instead:
-        return replace(p, least_squares=value)
-    low, high = p.ci90
-    return replace(p, estimate=value, ci90=(min(low, value), max(high, value)), least_squares=value)
+    return [changed(effect) for effect in effects]
 
 
 def _besides(left_over: LeftOver, explained: float) -> str:
@@ -169,13 +165,13 @@ def _estimate(replay, best: Fit | Sizes, candidate, i, ends) -> Estimate:
     low, high = candidate.bounds[i]
     lower, upper = sorted(_size(replay, candidate, i, min(max(end, low), high)) for end in ends)
     at = _size(replay, candidate, i, best.point[candidate][i])
-    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(best, candidate, i))
+    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(best.point, candidate, i))
 
 
-def _on_bound(best, candidate, i) -> bool:
+def _on_bound(point: Point, candidate, i) -> bool:
     """Whether a coordinate was stopped by what is physically possible, or is beyond what makes sense."""
     low, high = candidate.bounds[i]
-    z, (least, most) = best.point[candidate][i], candidate.parameters[i].sensible
+    z, (least, most) = point[candidate][i], candidate.parameters[i].sensible
     makes_sense = least <= value_of(candidate.parameters[i], z) <= most
     return z != candidate.neutral[i] and (z <= low or z >= high or not makes_sense)
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.scenario import difference
 
 
-def add_effects(answer: Explanation, case: Case, decision: Decision) -> None:
-    """Add to the answer the scenario with the named effects in it, or a warning where a scenario cannot list them."""
-    point = decision.named.point
+def add_effects(answer: Explanation, case: Case, point: Point) -> None:
+    """Add to the answer the scenario with the effects of `point` in it, or a warning where a scenario cannot list them.
+    """
     if foreign := [candidate.name for candidate in point if candidate.name not in library()]:
         answer.warnings.append(
             f"{', '.join(foreign)}: no entry point drake_ispace.effects, so there is no model with the effect in it"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from drake_ispace.explain.answer.describe import with_least_squares
+from drake_ispace.explain.answer.describe import with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
@@ -13,7 +13,7 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     """Add the gap and what is left of it to the answer, and correct the verdict by them."""
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
     if proof.least_squares is not None:
-        answer.effects = with_least_squares(answer.effects, case.replay, proof.least_squares, proof.is_plain)
+        answer.effects = with_sizes(answer.effects, case.replay, proof.sizes, proof.least_squares)
     _judge(answer)
 
 

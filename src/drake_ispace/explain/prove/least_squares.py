@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
 
 _MOST_TRIALS = 12  # evaluations
@@ -22,8 +23,10 @@ _STEP = 0.05  # of the finite differences, in natural sizes
 def plain_fit(
     prediction: Prediction, windows: Sequence[Windows], point: Point, sizes: Mapping[Candidate, Sequence[float]],
     floors: Mapping[Measure, float], pool: ThreadPoolExecutor | None = None,
-) -> Point:
-    """The point with the effects of `point` at which the squared errors of free runs are least.
+) -> tuple[Point, list[Point]]:
+    """The point with the effects of `point` at which the squared errors of free runs are least, and without each run.
+
+    Without a run the sizes are those after a Gauss-Newton step that leaves its errors out.
 
     Args:
         prediction: of the runs to fit. windows: of each run. sizes: natural size of each coordinate. floors: measure ->
@@ -41,29 +44,52 @@ def plain_fit(
             moved[candidate][i] = float(value)
         return moved
 
-    def residuals(z, horizons):
+    def by_run(z, horizons):
         values = merged(at(z))
+        of_run = lambda i: scaled_errors(prediction, i, windows[i], values, floors, horizons[i])  # noqa: E731
+        return list((pool.map if pool else map)(of_run, range(len(windows))))
 
-        def of_run(i):
-            parts = errors(prediction, i, windows[i], values)
-            return np.concatenate([np.empty(0), *(
-                np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
-                for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons[i]
-                and (m.metric != ATE or m.driven_by == WHEELS)
-            )])
-
-        return np.concatenate([np.empty(0), *(pool.map if pool else map)(of_run, range(len(windows)))])
+    def residuals(z, horizons):
+        return np.concatenate([np.empty(0), *by_run(z, horizons)])
 
     # over long horizons a heading may be wrong by turns; from the sizes that suit short ones on it is not
-    short = [{w.shortest} for w in windows]
-    whole = [{w.shortest, RUN, *w.fixes} for w in windows]
-    for horizons in (short, whole) if start.size else ():
+    every, best = [fitted_horizons(w) for w in windows], None
+    for horizons in ([{w.shortest} for w in windows], every) if start.size else ():
         if residuals(start, horizons).size:
-            start = least_squares(
+            best = least_squares(
                 residuals, start, bounds=(low, high), max_nfev=_MOST_TRIALS, args=(horizons,),
                 jac=lambda z, horizons: _slopes(lambda other: residuals(other, horizons), z, high),
-            ).x
-    return at(start)
+            )
+            start = best.x
+    if best is None:
+        return at(start), [at(start)] * len(windows)
+    ends = np.cumsum([len(part) for part in by_run(start, horizons)])[:-1]
+    return at(start), [at(np.clip(z, low, high)) for z in _without_each(start, best, ends)]
+
+
+def _without_each(z, best, ends):
+    """Yield the coordinates after a Gauss-Newton step from `z` without the errors of each run; ends (runs - 1,)."""
+    normal, gradient = best.jac.T @ best.jac, best.jac.T @ best.fun
+    for jac, fun in zip(np.split(best.jac, ends), np.split(best.fun, ends), strict=True):
+        yield z - np.linalg.lstsq(normal - jac.T @ jac, gradient - jac.T @ fun, rcond=None)[0]
+
+
+def fitted_horizons(windows: Windows) -> set[str]:
+    """Names of the horizons over which free runs are fitted."""
+    return {windows.shortest, RUN, *windows.fixes}
+
+
+def scaled_errors(
+    prediction: Prediction, i: int, windows: Windows, values: Values, floors: Mapping[Measure, float],
+    horizons: set[str],
+) -> np.ndarray:
+    """(k,) errors of run `i` over these horizons in units of what noise leaves, every measure of the same weight."""
+    parts = errors(prediction, i, windows, values)
+    return np.concatenate([np.empty(0), *(
+        np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
+        for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons
+        and (m.metric != ATE or m.driven_by == WHEELS)
+    )])
 
 
 def _slopes(residuals, z, high):

@@ -34,8 +34,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     """
     base, answer, plain = _sizes(case, decision)
     answer_error, plain_error = (error_of(case.replay, case.prediction.tracks, sizes) for sizes in (answer, plain))
-    is_plain = plain_error < answer_error
-    answer = plain if is_plain else answer
+    answer = plain if plain_error < answer_error else answer
     parts = [
         (HELD_OUT, "" if kind == UNNAMED else kind, case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
     ]
@@ -48,8 +47,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
             left += too_large(columns[1], *noise, [track.name for track in tracks])
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
-    by, point = "held-out runs" if parts else "", plain.point or None
-    return Proof(by, rows, worst, None, point, plant, is_plain and point is not None)
+    return Proof("held-out runs" if parts else "", rows, worst, None, answer.point, plain.point or None, plant)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:

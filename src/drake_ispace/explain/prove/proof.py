@@ -25,15 +25,15 @@ class Proof:
         by: how the rows "held_out" came about: "held-out runs", "leave-one-run-out" or "blocks of the run"; empty:
             there are none.
         rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
-        noise: process noise that the unseen runs need; None: not computed. least_squares: sizes that free-run least
-            squares finds; None where no effect is named. plant: free parameters of a plant of the user's own.
-        is_plain: whether the sizes of the answer are those of least squares.
+        noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
+            least_squares: those that free-run least squares finds; None where no effect is named. plant: free
+            parameters of a plant of the user's own.
     """
 
     by: str
     rows: list[GapRow]
     remainders: list[Remainder]
     noise: ProcessNoise | None
+    sizes: Point
     least_squares: Point | None
     plant: list[PlantParameter] = field(default_factory=list)
-    is_plain: bool = False

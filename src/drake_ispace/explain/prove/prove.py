@@ -15,8 +15,7 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.adequacy import NOTHING, Remainder, remainders
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.least_squares import plain_fit
-from drake_ispace.explain.prove.left_out import blocks_in, cut, groups_of, points_without
+from drake_ispace.explain.prove.left_out import blocks_in, cut
 from drake_ispace.explain.prove.noise import (
     ProcessNoise,
     SensorNoise,
@@ -27,6 +26,7 @@ from drake_ispace.explain.prove.noise import (
     sensor_noise,
 )
 from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.explain.prove.sizes import Sizes, filtered_sizes, leads_nearer, plain_sizes
 
 
 @dataclass(frozen=True)
@@ -78,40 +78,46 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
 
     seed: of the draws of noise and of the bootstrap.
     """
-    point = {} if decision.named is None else decision.named.point
     training, n = case.prediction, len(case.prediction.tracks)
     sensors = sensor_noise(case.scenario, training)
     blocks, by = blocks_in(training), "leave-one-run-out"
-    left_out = training
+    left_out = training if n > 1 else cut(training, blocks)
+    parts = len(left_out.tracks)
+    kinds, every = {UNNAMED: slice(0, parts)}, left_out
     if n == 1:
-        left_out, by = cut(training, blocks), "blocks of the run"
-    values = [{}] * len(left_out.tracks)
-    if point:
-        values = [merged(other) for other in points_without(decision, groups_of(decision, blocks))]
-    kinds, every = {UNNAMED: slice(0, len(values))}, left_out
-    if len(values) == 1:  # too short to be cut
-        kinds, by, values = {}, "", [merged(point)]
+        by = "blocks of the run"
+    if parts == 1:  # too short to be cut
+        kinds, by = {}, ""
     if case.held_out is not None:
-        by, start, every = "held-out runs", len(values), joined(left_out, case.held_out)
-        values = values + [merged(point)] * len(case.held_out.tracks)
-        kinds = {kind: slice(start + runs.start, start + runs.stop) for kind, runs in case.kinds.items()}
-    judged = _judged(every, values, sensors, seed, pool)
-    fitted_to = judged if left_out is training else _judged(training, [merged(point)], sensors, seed, pool)
+        by, every = "held-out runs", joined(left_out, case.held_out)
+        kinds = {kind: slice(parts + runs.start, parts + runs.stop) for kind, runs in case.kinds.items()}
+
+    def judged_with(sizes):
+        values = [merged(point) for point in (sizes.without if parts > 1 else [sizes.point])]
+        return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed, pool)
+
+    chosen = Sizes({}, [{}] * parts) if decision.named is None else filtered_sizes(decision, blocks)
+    judged = judged_with(chosen)
+    fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed, pool)
     plain = None
-    if point:
+    if chosen.point:
         noise, chance = fitted_to.part(slice(0, n))
         floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
-        plain = plain_fit(training, fitted_to.windows[:n], point, decision.end.likelihood.sizes, floors, pool)
+        found = plain_sizes(training, fitted_to.windows[:n], decision, floors, pool)
+        plain = found.point
+        if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors):
+            chosen = found
+            fitted_to = judged = judged_with(chosen)
     rows = []
     for kind, runs in kinds.items():
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
-    after = [errors(training, i, fitted_to.windows[i], merged(point)) for i in range(n)]
+    after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    every_run, tolerated = slice(0, len(values)), judged.noise.tolerated
+    every_run, tolerated = slice(0, len(every.tracks)), judged.noise.tolerated
     assumed = judged.part(every_run, dict.fromkeys(judged.noise.needed, 1.0))[1]
     noise_leaves = *judged.part(every_run, tolerated), assumed
-    left = remainders(every, judged.windows, values, judged.after, judged.noise, *noise_leaves)
-    return Proof(by, rows, _distinct(left), judged.noise, plain)
+    left = remainders(every, judged.windows, judged.values, judged.after, judged.noise, *noise_leaves)
+    return Proof(by, rows, _distinct(left), judged.noise, chosen.point, plain)
 
 
 def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int, pool) -> _Judged:
