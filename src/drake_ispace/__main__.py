@@ -1,3 +1,3 @@
-from drake_ispace.cli.app import main
+from drake_ispace.cli.start import main
 
 main()

@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import arguments, cache_folder, kernel, plain
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.plants.friction import Friction
@@ -418,6 +419,22 @@ def test_a_module_within_a_kernel_is_refused():
 def test_a_name_that_is_not_defined_above_the_kernel_is_refused():
     with pytest.raises(TypeError, match="uses_nothing_known uses defined_nowhere, which is not defined yet"):
         kernel(uses_nothing_known)
+
+
+@pytest.mark.parametrize("part", ["", "kernels"])
+def test_a_cache_that_others_may_write_to_is_refused(tmp_path, monkeypatch, part):
+    monkeypatch.setenv("DRAKE_ISPACE_CACHE", str(tmp_path))
+    tmp_path.chmod(0o777)
+    with pytest.raises(InputError, match=r"DRAKE_ISPACE_CACHE: others may write to .*, expected a folder of your own"):
+        cache_folder(part)
+
+
+def test_a_folder_in_the_cache_that_others_may_write_to_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv("DRAKE_ISPACE_CACHE", str(tmp_path))
+    assert cache_folder("kernels") == tmp_path / "kernels"
+    assert (tmp_path / "kernels").stat().st_mode & 0o777 == 0o700
+    (tmp_path / "kernels").chmod(0o770)
+    assert cache_folder("kernels") is None
 
 
 def test_the_fallback_cache_belongs_to_this_user_alone(tmp_path, monkeypatch):

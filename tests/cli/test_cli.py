@@ -3,7 +3,10 @@
 import json
 import os
 import re
+import shlex
 import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -78,7 +81,7 @@ def test_simulate_tells_where_the_robot_ends(document):
 
 def test_simulate_for_people_says_the_same(said):
     text = said("simulate", "pendulum_multirate", "--seconds", "0.2")
-    assert re.search(r"pendulum_multirate: 0\.2 s in [0-9.]+ s, [0-9]+ times real time\n", text)
+    assert re.search(r"pendulum_multirate: 0\.2 s in [0-9.]+ s, [0-9.]+ times real time\n", text)
     assert re.search(r"pendulum ends at x = .* m, y = .* m, phi = .* rad\n", text)
 
 
@@ -263,6 +266,37 @@ def test_ctrl_c_says_so_once_and_leaves_nothing(launched, here, arguments):
     assert process.returncode == 130
     assert err == "drake-ispace: stopped, nothing half-written is left behind\n"
     assert os.listdir(here) == []
+
+
+INTERRUPTED_IMPORT = """
+import os, signal, sys, types
+class Interrupted(types.ModuleType):
+    def __getattr__(self, name):
+        os.kill(os.getpid(), signal.SIGINT)
+        raise AssertionError("went on")
+sys.modules["drake_ispace.cli.app"] = Interrupted("drake_ispace.cli.app")
+from drake_ispace.cli.start import main
+main()
+"""
+
+
+def test_ctrl_c_while_libraries_are_imported_is_one_line(launched):
+    process = launched("-c", INTERRUPTED_IMPORT)
+    _, err = process.communicate()
+    assert process.returncode == 130 and err == "drake-ispace: stopped, nothing half-written is left behind\n"
+
+
+def test_a_closed_standard_output_is_one_sentence():
+    program = f"{shlex.quote(sys.executable)} -m drake_ispace list >&-"
+    done = subprocess.run(["sh", "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.startswith("drake-ispace: standard output: is closed, expected")
+
+
+def test_letters_that_the_locale_lacks_stop_nothing():
+    environment = {**os.environ, "LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "drake_ispace", "montecarlo", "omni_multirate", "--runs", "1", "--seconds", "0.1"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
 
 
 def test_an_ignored_ctrl_c_stays_ignored(python):

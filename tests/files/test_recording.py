@@ -576,10 +576,21 @@ def test_bad_parquet_is_refused(tmp_path, columns, parts):
         assert part in message
 
 
-def test_damaged_parquet_is_refused_or_read_but_never_breaks(tmp_path):
+def as_written_elsewhere(folder):
+    """The run without the seals that `save` notes beside Parquet files."""
+    where = folder / "recording.yaml"
+    data = load_yaml(where, "")
+    for entry in data["channels"].values():
+        for seal in ("rows", "columns", "sha256"):
+            entry.pop(seal)
+    where.write_text(dump_yaml(data), encoding="utf-8")
+
+
+def test_damaged_parquet_without_a_checksum_never_breaks(tmp_path):
     run = awkward_run()
     run.channels = {"kinect": run.channels["kinect"]}
     run.save(tmp_path / "run", "parquet")
+    as_written_elsewhere(tmp_path / "run")
     file = tmp_path / "run" / "kinect.parquet"
     good, random = file.read_bytes(), np.random.default_rng(0)
     for _ in range(200):
@@ -593,14 +604,40 @@ def test_damaged_parquet_is_refused_or_read_but_never_breaks(tmp_path):
             assert str(file) in str(error) and "\n" not in str(error)
 
 
-def test_a_changed_bit_in_the_numbers_of_a_parquet_file_is_noticed(tmp_path):
-    run = Recording("omni", None, {"kinect": Channel(np.arange(1000.0), POSE, awkward_numbers(1000, 3))})
+def test_no_changed_bit_of_a_parquet_file_goes_unnoticed(tmp_path):
+    run = Recording("omni", None, {"kinect": Channel(np.arange(20.0), POSE, awkward_numbers(20, 3))})
     run.save(tmp_path / "run", "parquet")
     file = tmp_path / "run" / "kinect.parquet"
-    data = bytearray(file.read_bytes())
-    data[len(data) // 2] ^= 1
-    file.write_bytes(data)
-    assert refusal(load, tmp_path / "run").startswith(f"{file}: expected a Parquet file")
+    good = file.read_bytes()
+    for bit in range(0, 8 * len(good), 7):
+        damaged = bytearray(good)
+        damaged[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(damaged)
+        assert "the file is damaged, or was changed" in refusal(load, tmp_path / "run")
+    file.write_bytes(good)
+    assert np.array_equal(load(tmp_path / "run").channels["kinect"].values, run.channels["kinect"].values)
+
+
+@pytest.mark.parametrize(("seal", "value", "said"), [
+    ("rows", 21, "rows 20, expected 21"), ("columns", ["t", "x", "y", "psi"], "expected ['t', 'x', 'y', 'psi']"),
+    ("sha256", "0" * 64, "expected '000000000000...'"),
+])
+def test_a_table_that_is_not_the_noted_one_is_refused(tmp_path, seal, value, said):
+    run = Recording("omni", None, {"kinect": Channel(np.arange(20.0), POSE, awkward_numbers(20, 3))})
+    run.save(tmp_path / "run")
+    where = tmp_path / "run" / "recording.yaml"
+    data = load_yaml(where, "")
+    data["channels"]["kinect"][seal] = value
+    where.write_text(dump_yaml(data), encoding="utf-8")
+    assert said in refusal(load, tmp_path / "run")
+
+
+def test_a_parquet_file_that_announces_more_than_it_can_hold_is_refused_from_its_header(tmp_path):
+    folder = make_run(tmp_path / "run", KINECT.replace(".csv", ".parquet"), file="kinect.parquet")
+    n = 3_000_000
+    announced = pa.table(dict.fromkeys(("t", *POSE), np.zeros(n)))
+    parquet.write_table(announced, folder / "kinect.parquet", compression="zstd")
+    assert "expected times that increase to take more" in refusal(load, folder)
 
 
 # --------------------------------------------------------------------------------------------------------- writing
@@ -633,19 +670,12 @@ def test_an_interrupted_save_leaves_what_was_there(tmp_path, monkeypatch, error,
     assert not existing or load(tmp_path / "run").channels["kinect"].t.tolist() == [0, 0.1]
 
 
-def test_a_failed_rename_puts_the_old_recording_back(tmp_path, monkeypatch):
+def test_a_recording_of_another_version_is_not_replaced(tmp_path):
     make_run(tmp_path / "run")
-    rename = recording_module.Path.rename
-
-    def failing(self, target):
-        if self.suffix == ".new":
-            raise OSError(5, "Input/output error")
-        return rename(self, target)
-
-    monkeypatch.setattr(recording_module.Path, "rename", failing)
-    assert "Input/output error" in refusal(awkward_run().save, tmp_path / "run")
-    assert names_in(tmp_path) == ["run"]
-    assert list(load(tmp_path / "run").channels) == ["kinect"]
+    text = (tmp_path / "run" / "recording.yaml").read_text()
+    (tmp_path / "run" / "recording.yaml").write_text(text.replace("recording/1", "recording/999"))
+    assert "expected version 1, the only one this program reads" in refusal(awkward_run().save, tmp_path / "run")
+    assert "recording/999" in (tmp_path / "run" / "recording.yaml").read_text()
 
 
 def test_saving_replaces_a_recording_as_a_whole(tmp_path):

@@ -17,6 +17,8 @@ import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
+from drake_ispace.blocks.errors import InputError
+
 _SMALL_BYTES = 150  # of byte code
 _MODULES = ("numpy", "math")  # modules that a kernel may use; their functions do not change between two runs
 _cache_dir = threading.Lock()
@@ -38,9 +40,9 @@ def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatch
     if function is None:
         return functools.partial(kernel, nogil=nogil)
     options = jit_options(function) | {"nogil": nogil}
-    digest, text, folder = _digest(function, options), _text(function), cache_folder()
-    kept = text is not None and folder is not None  # numba keeps nothing that has no file
-    compiled = jitted(function, folder / digest[:16] if kept else None, **options)
+    digest, text = _digest(function, options), _text(function)
+    folder = None if text is None else cache_folder(digest[:16])  # numba keeps nothing that has no file
+    compiled = jitted(function, folder, **options)
     compiled.digest, compiled.text = digest, text
     return compiled
 
@@ -133,17 +135,33 @@ def jit_options(function: Callable) -> dict:
     return {"error_model": "numpy", "forceinline": True, "inline": inline}
 
 
-def cache_folder() -> Path | None:
-    """Return the folder for compiled kernels, or None if no folder can be written.
+def cache_folder(part: str = "") -> Path | None:
+    """Return the folder for compiled kernels or a folder in it, or None if none can be written by this user alone.
 
     The folder is $DRAKE_ISPACE_CACHE, or drake_ispace in the user's cache folder if that variable is not set. If this
-    folder cannot be written, a temporary folder that only this user can write to takes its place.
+    folder cannot be written, or others may write there, a temporary folder takes its place: what lies there is run.
+
+    Raises:
+        InputError: others may write to the folder that the variable names.
     """
+    given = os.environ.get("DRAKE_ISPACE_CACHE")
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(os.environ.get("DRAKE_ISPACE_CACHE") or Path(base) / "drake_ispace")
-    if _writable(folder):
-        return folder
-    folder = Path(tempfile.gettempdir()) / f"drake_ispace-{os.getuid()}"
+    temporary = Path(tempfile.gettempdir()) / f"drake_ispace-{os.getuid()}"
+    for folder in (Path(given) if given else Path(base) / "drake_ispace", temporary):
+        if not _writable(folder):
+            continue
+        if _private(folder):
+            return folder if not part else _inner(folder, part)
+        if given and folder is not temporary:
+            raise InputError(
+                f"DRAKE_ISPACE_CACHE: others may write to {folder}, expected a folder of your own (chmod go-w)"
+            )
+    return None
+
+
+def _inner(folder, part):
+    """Return the folder `part` in a private one, made for this user alone; None if others may write to it."""
+    folder = folder / part
     return folder if _writable(folder) and _private(folder) else None
 
 
@@ -157,7 +175,7 @@ def _writable(folder):
 
 def _private(folder):
     """Return whether only this user can write to the folder, so that nobody else can plant machine code in it."""
-    status = folder.lstat()
+    status = folder.stat()
     return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 

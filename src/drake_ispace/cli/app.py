@@ -17,6 +17,7 @@ from drake_ispace.cli.check import register as register_check_command
 from drake_ispace.cli.explain import register as register_explain_commands
 from drake_ispace.cli.identify import register as register_identify_command
 from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
+from drake_ispace.cli.start import stopped
 from drake_ispace.cli.terminal import print_json, print_metrics, print_spread, print_table, progress
 from drake_ispace.cli.vision import register as register_vision_commands
 from drake_ispace.files.places import check_folder
@@ -60,6 +61,8 @@ def _interrupts():
     seen = []
 
     def interrupt(number, frame):
+        if _imports_drake(frame):
+            stopped(number, frame)
         seen.append(number)
         raise KeyboardInterrupt
 
@@ -75,6 +78,15 @@ def _interrupts():
         raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _imports_drake(frame):
+    """Whether Drake is being imported, whose own code prints what it thinks of an interruption and goes on."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] == "pydrake" and frame.f_code.co_name == "<module>":
+            return True
+        frame = frame.f_back
+    return False
 
 
 def _refuse(sentence):
@@ -146,7 +158,9 @@ def simulate(
     if as_json:
         print_json(result)
         return
-    print(f"{scenario.diagram}: {simulated:g} s in {run.wall_s:.2f} s, {result['realtime_factor']:.0f} times real time")
+    factor = result["realtime_factor"]
+    speed = f"{factor:.0f}" if factor >= 10.0 else f"{factor:.2g}"
+    print(f"{scenario.diagram}: {simulated:g} s in {run.wall_s:.2f} s, {speed} times real time")
     if run.diverged_s is not None:
         print(f"the robot fell or was lost at {run.diverged_s:.3f} s")
     for robot, pose in final.items():

@@ -29,7 +29,7 @@ def check(
     if not runs:
         raise InputError("check: expected the folder of at least one run")
     if out is not None:
-        check_own_folder(out, "findings.json", "the page of a check")
+        check_own_folder(out, "the page of a check")
     if repair is not None:
         check_folder(repair)
     from drake_ispace.robots.recordings import load

@@ -39,7 +39,7 @@ def explain(
     held_out, seed = held_out or [], _checked_seed(seed)
     _check_runs(runs, held_out)
     if out is not None:
-        check_own_folder(out, "explanation.json", "an explanation")
+        check_own_folder(out, "an explanation")
     from drake_ispace.robots.recordings import load
     from drake_ispace.scenario import load_scenario
 

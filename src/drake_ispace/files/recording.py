@@ -6,11 +6,11 @@ simulated run the `scenario.yaml` that repeats it.
 """
 
 import errno
+import hashlib
 import math
 import os
 import re
 import shutil
-import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
-from drake_ispace.files.places import check_folder
+from drake_ispace.files.places import beside, check_folder, clear_leftovers, put_in_place
 from drake_ispace.files.recording_tables import check_header, read_table, write_table
 from drake_ispace.files.yaml_guard import dump_yaml, load_yaml
 
@@ -28,6 +28,7 @@ VERSION = 1
 PERIOD_TOLERANCE = 0.02  # of the period
 
 SETTINGS = "scenario.yaml"
+_SEALS = ("rows", "columns", "sha256")  # of a channel: what its file must hold, compared where it is noted
 #: Robot -> names of its wheels, as robots.library tells them; of any other robot they are what its columns say.
 WHEELS: dict[str, tuple[str, ...]] = {}
 CHANNELS = ("reference", "command", "torque", "encoder", "imu", "kinect", "truth")
@@ -126,11 +127,12 @@ class Recording:
         path = Path(os.path.realpath(path))
         validate(self, str(path))
         check_place(path)
-        fresh = path.with_name(f".{path.name}.{uuid.uuid4().hex}.new")
+        fresh = beside(path)
         try:
+            clear_leftovers(path)
             fresh.mkdir(parents=True)
             _write(self, fresh, format)
-            _put_in_place(fresh, path)
+            put_in_place(fresh, path)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
         finally:
@@ -195,6 +197,7 @@ def check_place(path: str | Path) -> None:
         data = {}
     if not str(data.get("format")).startswith(FORMAT + "/"):
         raise InputError(f"{path}: exists and is not a recording, expected a new folder or a recording to replace")
+    _check_format(data["format"], path / "recording.yaml")  # what another version wrote is not this one's to replace
     channels = data.get("channels") if isinstance(data.get("channels"), dict) else {}
     own = {str(entry.get("file")) for entry in channels.values() if isinstance(entry, dict)}
     for file in path.rglob("*"):
@@ -213,7 +216,7 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
     key = f"channels.{name}"
     if not isinstance(entry, dict):
         raise InputError(f"{where}: {key} is {shown(entry)}, expected a mapping such as {{file: {name}.csv}}")
-    _check_keys(entry, ("file", "units", "period_s"), f"{key}.", where)
+    _check_keys(entry, ("file", "units", "period_s", *_SEALS), f"{key}.", where)
     units, period_s = entry.get("units") or {}, entry.get("period_s")
     if not isinstance(units, dict):
         raise InputError(f"{where}: {key}.units is {shown(units)}, expected a mapping such as {{x: m}}")
@@ -221,7 +224,11 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
         raise InputError(f"{where}: {key}.period_s is {shown(period_s)}, expected a positive number of seconds")
 
     file = _file_inside(folder, entry.get("file"), f"{where}: {key}.file")
+    _check_sum(file, entry.get("sha256"), f"{where}: {key}")
     table = read_table(file)
+    for seal, found in (("rows", len(table.values)), ("columns", list(table.names))):
+        if seal in entry and entry[seal] != found:
+            raise InputError(f"{file}: {seal} {shown(found)}, expected {shown(entry[seal])} as {where}: {key} says")
     columns, values = table.names[1:], table.values
     _check_columns(name, columns, robot, str(file))
     in_si = {column: si_unit(column) for column in table.names if si_unit(column)}
@@ -235,6 +242,21 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
     _check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))
+
+
+def _check_sum(file: Path, expected: Any, where: str) -> None:
+    """Refuses a file that is not the one that was written; expected: its SHA-256, None where nobody noted it."""
+    if expected is None:
+        return
+    try:
+        found = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+    if found not in (None, expected):  # of a missing file the reader tells
+        raise InputError(
+            f"{file}: its SHA-256 is {found[:12]}..., expected {shown(expected, 12)} as {where}.sha256 says: the file "
+            "is damaged, or was changed (then take the line out)"
+        )
 
 
 def _in_order(channel: Channel, name: str, robot: str) -> Channel:
@@ -368,8 +390,11 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
         entries[name] = {"file": f"{name}.{format}", "units": {column: unit for column, unit in units.items() if unit}}
         if channel.period_s is not None:
             entries[name]["period_s"] = float(channel.period_s)
-        table = np.column_stack([channel.t, channel.values])
-        write_table(folder / entries[name]["file"], ("t", *channel.columns), table)
+        table, columns = np.column_stack([channel.t, channel.values]), ("t", *channel.columns)
+        write_table(folder / entries[name]["file"], columns, table)
+        if format == "parquet":  # a flipped bit can take rows away and rename columns; nobody edits such a file by hand
+            sha256 = hashlib.sha256((folder / entries[name]["file"]).read_bytes()).hexdigest()
+            entries[name] |= {"rows": len(table), "columns": list(columns), "sha256": sha256}
     data = {"format": f"{FORMAT}/{VERSION}", "robot": recording.robot, "scenario": recording.scenario}
     data |= {"channels": entries, "notes": recording.notes}
     text = dump_yaml({key: value for key, value in data.items() if value is not None})
@@ -377,17 +402,3 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
     if recording.settings is not None:
         (folder / SETTINGS).write_text(dump_yaml(recording.settings), encoding="utf-8")
 
-
-def _put_in_place(fresh: Path, path: Path) -> None:
-    """Renames `fresh` to `path`; what was there steps aside first and is deleted last."""
-    if not path.exists():
-        fresh.rename(path)
-        return
-    old = fresh.with_suffix(".old")
-    path.rename(old)
-    try:
-        fresh.rename(path)
-    except BaseException:
-        old.rename(path)
-        raise
-    shutil.rmtree(old, ignore_errors=True)

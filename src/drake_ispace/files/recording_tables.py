@@ -11,6 +11,7 @@ from drake_ispace.blocks.errors import InputError, shown
 
 LONGEST_LINE = 1 << 16  # bytes
 BLOCK = 1 << 22  # bytes of CSV parsed at a time
+_MOST_COMPRESSED = 250  # times that increasing times can be made smaller: at most 220 where tried, equal steps in zstd
 LARGEST_TABLE = 50_000_000  # numbers; a damaged Parquet file of a few bytes can announce any size
 
 _MARKS_OF_OTHER_ENCODINGS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
@@ -219,6 +220,9 @@ def _read_parquet(path: Path) -> Table:
                     raise InputError(f"{path}: column {shown(field.name)} is of type {field.type}, expected float64")
             if not 0 < rows * len(names) <= LARGEST_TABLE:
                 raise InputError(f"{path}: {rows} rows, expected between 1 and {LARGEST_TABLE // len(names)}")
+            size = path.stat().st_size
+            if 8 * rows > _MOST_COMPRESSED * size:  # increasing times cannot be that small
+                raise InputError(f"{path}: {rows} rows in {size} bytes, expected times that increase to take more")
             table = file.read()
     except (pa.ArrowException, OSError, UnicodeError) as error:
         raise InputError(f"{path}: expected a Parquet file, but {shown(str(error), 120)}") from None

@@ -157,7 +157,7 @@ class _Builder:
         is_integer, number = _INTEGER.match(text), float(text)
         if abs(number) > LARGEST_INTEGER if is_integer else math.isinf(number):
             raise self.refusal(event, key, f"{shown(text)} is out of range, expected a number that fits 64 bits")
-        return int(text) if is_integer else number
+        return int(text[:1].strip("0123456789") + (text.lstrip("+-").lstrip("0") or "0")) if is_integer else number
 
     def refusal(self, event: Any, key: str, problem: str) -> InputError:
         readable = key if key.isprintable() and len(key) <= 200 else shown(key)

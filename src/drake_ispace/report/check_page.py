@@ -36,7 +36,7 @@ def write_findings(findings: Sequence[Finding], model: Scenario, runs: Sequence[
     Raises:
         InputError: the folder cannot be written.
     """
-    with fresh_folder(out) as fresh:
+    with fresh_folder(out, "the page of a check") as fresh:
         text = json.dumps(plain([finding.to_data() for finding in findings]), indent=2, allow_nan=False)
         write_text(fresh / MARK, text)
         write_text(fresh / "index.html", findings_page(findings, model, runs, fresh))

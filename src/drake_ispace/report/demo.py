@@ -63,13 +63,13 @@ def write_demo(
     Raises:
         InputError: seconds or seed out of range, or a folder that cannot be written or holds something else.
     """
-    check_own_folder(out, "demo.json", "a demonstration")
+    check_own_folder(out, "a demonstration")
     sections, numbers, simulated_s, wall_s = [], {}, 0.0, 0.0
     seed = seed or 0
     comparisons = {key: [_scenario(name, overrides, seconds, seed) for name in names]
                    for key, _, _, names, overrides in _COMPARISONS}
     # Files are made in a folder beside and moved at the end, so that the page never shows pictures of another run.
-    with fresh_folder(out) as fresh:
+    with fresh_folder(out, "a demonstration") as fresh:
         explained, answer = write_hidden_effect(fresh, seed, progress)
         for key, title, text, names, _ in _COMPARISONS:
             progress(title)

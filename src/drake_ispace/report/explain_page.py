@@ -57,7 +57,7 @@ def write_explanation(
     """
     if explanation.model is not None:
         explanation = replace(explanation, model_path=str(out / "model.yaml"))
-    with fresh_folder(out) as fresh:
+    with fresh_folder(out, "an explanation") as fresh:
         write_files(explanation, model, runs, held_out, fresh, tell)
     return explanation
 

@@ -220,10 +220,10 @@ def _digest(emitter: Emitter) -> str:
 
 def _machine_code(emitter: Emitter, digest: str):
     """The compiled function, from the disk where it has been compiled before; damaged entries are made anew."""
-    if cache_folder() is None:
+    if (rollouts := cache_folder("rollouts")) is None:
         return _load(emitter, None)
     key = f"{digest} {inspect.getsource(views)} {numba.__version__} {np.__version__} {platform.machine()}"
-    folder = cache_folder() / "rollouts" / hashlib.sha256(key.encode()).hexdigest()[:24]
+    folder = rollouts / hashlib.sha256(key.encode()).hexdigest()[:24]
     try:
         return _load(emitter, folder)
     except (numba.core.errors.NumbaError, SyntaxError):

@@ -105,7 +105,7 @@ def campaign_folder(folder: Path, plan: dict) -> Iterator[Path]:
                 raise InputError(f"{folder}: has {parts.name} but no {PLAN}, expected an empty folder")
             with whole_file(folder / PLAN) as beside:
                 beside.write_text(text, encoding="utf-8")
-        for left in folder.glob(".*.part-*.parquet"):  # of a process that was killed
+        for left in folder.glob(".part-*.parquet"):  # of a process that was killed: nobody else writes here
             left.unlink(missing_ok=True)
         yield folder
     finally:
