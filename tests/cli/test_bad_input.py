@@ -168,6 +168,7 @@ ARGUMENTS = {
         ["explain", "nowhere", "--model", "omni_multirate", "--out", "folder"], ["folder", "something else"],
     ),
     "hide_nowhere": (["hide", "omni_multirate"], ["--out"]),
+    "escapes_in_a_name": (["simulate", "a\x1b[31mred"], [r"a\x1b[31mred"]),
     "hide_in_another_folder": (["hide", "omni_multirate", "--out", "folder"], ["folder", "expected a new or an empty"]),
     "hide_an_unknown_effect": (
         ["hide", "omni_multirate", "--effect", "coulomb_frictoin:torque_n_m=1", "--out", "h"],

@@ -268,6 +268,12 @@ def test_ctrl_c_says_so_once_and_leaves_nothing(launched, here, arguments):
     assert os.listdir(here) == []
 
 
+def test_names_of_files_do_not_reach_the_terminal_as_they_are(said, here):
+    name = "a\x1b[31mred\u202e"
+    assert r"recording: a\x1b[31mred\u202e" in said("simulate", "omni_multirate", "--seconds", "0.1", "--out", name)
+    assert (here / name / "recording.yaml").is_file()
+
+
 INTERRUPTED_IMPORT = """
 import os, signal, sys, types
 class Interrupted(types.ModuleType):

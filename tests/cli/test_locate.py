@@ -1,5 +1,7 @@
 """The commands `locate` and `calibrate`, scene files, and real footage of an overhead camera."""
 
+import struct
+import zlib
 from dataclasses import replace
 
 import cv2
@@ -189,6 +191,26 @@ def test_a_missing_file_is_named(refused, tmp_path):
 def test_files_without_a_picture_are_refused(refused, tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     assert message in refused("locate", tmp_path / name)
+
+
+def announced_png(width, height):
+    """A PNG file whose header says this size, with next to nothing in it."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(bytes(1000))) + chunk(b"IEND", b"")
+
+
+DAMAGED_BMP = b"BM" + struct.pack("<IHHIIiiHHIIiiII", 154, 0, 0, 54, 40, 2 * 10**9, 100, 1, 24, *[0] * 6) + bytes(100)
+
+
+@pytest.mark.parametrize("name, content", [
+    ("huge.png", announced_png(60000, 20000)), ("large.png", announced_png(20000, 20000)), ("bad.bmp", DAMAGED_BMP),
+])
+def test_an_image_that_announces_more_than_a_camera_makes_is_refused(refused, tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    assert "no image can be read" in refused("locate", tmp_path / name)
 
 
 def test_a_truncated_image_is_no_robot_or_a_sentence(refused, picture, tmp_path):

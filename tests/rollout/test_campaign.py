@@ -1,7 +1,6 @@
 """Campaigns: what runs draw, what becomes of interrupted ones, and that threads and clusters change nothing."""
 
 import math
-import os
 
 import numpy as np
 import pytest
@@ -207,7 +206,7 @@ def test_a_lost_part_is_done_again(scenario, whole, tmp_path):
 
 def test_leftovers_of_a_killed_process_are_removed(scenario, tmp_path):
     montecarlo(scenario, 1, out=tmp_path)
-    left = tmp_path / ".0123.part-000000001.parquet"
+    left = tmp_path / ".part-000000001.parquet.0123.new.parquet"
     left.write_text("half")
     montecarlo(scenario, 1, out=tmp_path)
     assert not left.exists()
@@ -228,12 +227,22 @@ def test_rows_of_other_code_are_not_mixed(scenario, tmp_path):
         montecarlo(scenario, 1, out=tmp_path)
 
 
-def test_a_damaged_part_is_named(scenario, tmp_path):
-    montecarlo(scenario, 1, out=tmp_path)
+@pytest.mark.parametrize("damage", ["cut", "bytes"])
+def test_a_damaged_part_is_named_and_computed_again(scenario, tmp_path, damage):
+    whole = montecarlo(scenario, 2, out=tmp_path)
     part = tmp_path / "part-000000000.parquet"
-    os.truncate(part, part.stat().st_size // 2)
+    data = bytearray(part.read_bytes())
+    if damage == "cut":
+        del data[len(data) // 2 :]
+    else:
+        data[-200:-8] = b"\xff" * 192
+    part.write_bytes(data)
     with pytest.raises(InputError, match=r"part-000000000\.parquet: cannot be read"):
-        montecarlo(scenario, 1, out=tmp_path)
+        read_campaign(tmp_path)
+    again = montecarlo(scenario, 2, out=tmp_path)
+    assert again.table.equals(whole.table) and again.runs_now == 2
+    assert [file.name for file in again.damaged] == ["part-000000000.damaged"]
+    assert montecarlo(scenario, 2, out=tmp_path).damaged == []
 
 
 def test_two_campaigns_do_not_write_into_one_folder(scenario, tmp_path):

@@ -8,11 +8,17 @@ class InputError(ValueError):
     """Bad input from the user: one sentence that names the file, the field or row, and what was expected.
 
     The command line prints the sentence and exits with status 2, without a traceback. Line breaks in the message,
-    which a file name may contain, become spaces, so that the message stays on one line.
+    which a file name may contain, become spaces, so that the message stays on one line; other control characters, which
+    a terminal would obey, are escaped.
     """
 
     def __init__(self, message: str):
-        super().__init__(" ".join(message.splitlines()))
+        super().__init__(printable(" ".join(message.splitlines())))
+
+
+def printable(text: str) -> str:
+    """Return `text` with control characters escaped, line breaks and tabs apart: names of files may hold any."""
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def shown(value: object, longest: int = 40) -> str:

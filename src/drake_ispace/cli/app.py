@@ -18,7 +18,7 @@ from drake_ispace.cli.explain import register as register_explain_commands
 from drake_ispace.cli.identify import register as register_identify_command
 from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
 from drake_ispace.cli.start import stopped
-from drake_ispace.cli.terminal import print_json, print_metrics, print_spread, print_table, progress
+from drake_ispace.cli.terminal import print_json, print_metrics, print_spread, print_table, progress, say
 from drake_ispace.cli.vision import register as register_vision_commands
 from drake_ispace.files.places import check_folder
 
@@ -43,7 +43,7 @@ def main(arguments: Iterable[str] | None = None) -> None:
         _refuse(str(error))
     except KeyboardInterrupt as error:
         said = str(error) or "stopped, nothing half-written is left behind"
-        print(f"drake-ispace: {said}", file=sys.stderr, flush=True)
+        say(f"drake-ispace: {said}", file=sys.stderr, flush=True)
         if arguments is None:
             os._exit(130)  # Python's own way out crashes where the import of Drake was interrupted
         sys.exit(130)
@@ -90,7 +90,7 @@ def _imports_drake(frame):
 
 
 def _refuse(sentence):
-    print(" ".join(f"drake-ispace: {sentence}".split()), file=sys.stderr)
+    say(" ".join(f"drake-ispace: {sentence}".split()), file=sys.stderr)
     sys.exit(2)
 
 
@@ -109,15 +109,15 @@ def list_(*, as_json: Json = False) -> None:
     if as_json:
         print_json({"diagrams": list(CATALOG), "scenarios": scenario_names(), "effects": cards()})
         return
-    print("Diagrams")
+    say("Diagrams")
     for name, entry in CATALOG.items():
-        print(f"  {name:30} {entry.title}")
-    print("Scenarios")
+        say(f"  {name:30} {entry.title}")
+    say("Scenarios")
     for name in scenario_names():
-        print(f"  {name}")
-    print("Effects")
+        say(f"  {name}")
+    say("Effects")
     for card in cards():
-        print(f"  {card['name']:30} {card['title']}")
+        say(f"  {card['name']:30} {card['title']}")
 
 
 @app.command
@@ -160,13 +160,13 @@ def simulate(
         return
     factor = result["realtime_factor"]
     speed = f"{factor:.0f}" if factor >= 10.0 else f"{factor:.2g}"
-    print(f"{scenario.diagram}: {simulated:g} s in {run.wall_s:.2f} s, {speed} times real time")
+    say(f"{scenario.diagram}: {simulated:g} s in {run.wall_s:.2f} s, {speed} times real time")
     if run.diverged_s is not None:
-        print(f"the robot fell or was lost at {run.diverged_s:.3f} s")
+        say(f"the robot fell or was lost at {run.diverged_s:.3f} s")
     for robot, pose in final.items():
-        print(f"{robot} ends at x = {pose['x']:.4f} m, y = {pose['y']:.4f} m, phi = {pose['phi']:.4f} rad")
+        say(f"{robot} ends at x = {pose['x']:.4f} m, y = {pose['y']:.4f} m, phi = {pose['phi']:.4f} rad")
     for folder in recordings.values():
-        print(f"recording: {folder}")
+        say(f"recording: {folder}")
 
 
 @app.command
@@ -195,7 +195,7 @@ def draw(
     if as_json:
         print_json(data)
     else:
-        print(data["kernel"] if kernel else out if out is not None else data["dot"])
+        say(data["kernel"] if kernel else out if out is not None else data["dot"])
 
 
 @app.command(name="schedule")
@@ -247,7 +247,7 @@ def compare(
         return
     print_metrics(data["runs"])
     if out is not None:
-        print(f"plot: {out / 'comparison.png'}")
+        say(f"plot: {out / 'comparison.png'}")
 
 
 @app.command
@@ -293,11 +293,13 @@ def montecarlo(
         "diagram": scenario.diagram, "runs": runs, "seconds": scenario.seconds,
         "diverged": sum(campaign.table["diverged"].to_pylist()), "metrics": spread(campaign.table, campaign.metrics),
         "wall_s": campaign.wall_s, "realtime_factor": simulated / campaign.wall_s if campaign.runs_now else None,
-        "out": str(out) if out is not None else None,
+        "out": str(out) if out is not None else None, "damaged": [str(file) for file in campaign.damaged],
     }
     if as_json:
         print_json(result)
         return
+    for file in campaign.damaged:
+        say(f"{file}: could not be read, its runs were computed again", file=sys.stderr)
     print_spread(result)
 
 
@@ -319,7 +321,7 @@ def parity_(
         return "not comparable" if gap is None else f"{gap:.3g}"
 
     print_table(["output", "largest difference"], [[key, said(gap)] for key, gap in result["signals"].items()])
-    print(f"{result['diagram']}: {said(result['max_abs_difference'])} at most over {result['ticks']} ticks")
+    say(f"{result['diagram']}: {said(result['max_abs_difference'])} at most over {result['ticks']} ticks")
 
 
 @app.command
@@ -336,9 +338,9 @@ def demo(
         print_json(data | {"page": str(page)})
         return
     print_metrics(data["runs"])
-    print(f"open {page}")
+    say(f"open {page}")
     for line in data["explained"].get("lines", ()):
-        print(line)
+        say(line)
 
 
 register_check_command(app)

@@ -7,7 +7,7 @@ from cyclopts import App, Parameter
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.cli.options import Json, Sets
-from drake_ispace.cli.terminal import print_json, stages
+from drake_ispace.cli.terminal import print_json, say, stages
 from drake_ispace.files.places import check_folder, check_own_folder
 
 
@@ -56,13 +56,13 @@ def check(
         return
     from drake_ispace.explain.answer.sentences import sentence_of_finding
 
-    print("The recordings agree with each other" if not checked.findings else "What is wrong with the recordings")
+    say("The recordings agree with each other" if not checked.findings else "What is wrong with the recordings")
     for finding in checked.findings:
-        print(f"  {sentence_of_finding(finding)}")
+        say(f"  {sentence_of_finding(finding)}")
     for copy in copies:
-        print(f"repaired: {copy}")
+        say(f"repaired: {copy}")
     if out is not None:
-        print(f"open {out / 'index.html'}")
+        say(f"open {out / 'index.html'}")
 
 
 def _own_model(recording):

@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
-from drake_ispace.cli.terminal import print_json, progress, stages
+from drake_ispace.cli.terminal import print_json, progress, say, stages
 from drake_ispace.files.places import check_folder, check_own_folder
 
 _SECONDS = 20.0  # duration of a hidden run, unless given
@@ -60,9 +60,9 @@ def explain(
     if as_json:
         print_json(explanation.to_data())
         return
-    print(explanation)
+    say(explanation)
     if out is not None:
-        print(f"open {out / 'index.html'}")
+        say(f"open {out / 'index.html'}")
 
 
 def hide(
@@ -106,8 +106,8 @@ def hide(
         print_json({"recordings": recordings, "answer": str(out / "answer.json"), "sha256": digest})
         return
     for path in recordings.values():
-        print(path)
-    print(f"answer: {out / 'answer.json'}, SHA-256 {digest}")
+        say(path)
+    say(f"answer: {out / 'answer.json'}, SHA-256 {digest}")
 
 
 def _checked_seed(seed):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter
 
 from drake_ispace.cli.options import Json
-from drake_ispace.cli.terminal import print_json, print_table
+from drake_ispace.cli.terminal import print_json, print_table, say
 from drake_ispace.files.places import check_folder
 
 
@@ -48,13 +48,13 @@ def identify(
         for row in data["coefficients"]
     ])
     friction = data["friction"]
-    print(f"Coulomb {friction['coulomb_n_m']:.5f} ± {friction['coulomb_std']:.5f} N*m, "
+    say(f"Coulomb {friction['coulomb_n_m']:.5f} ± {friction['coulomb_std']:.5f} N*m, "
           f"viscous {friction['viscous_n_m_s']:.5f} ± {friction['viscous_std']:.5f} N*m*s/rad (one standard deviation)")
     for test in data["residual_tests"]:
         white = "white" if test["white"] else "not white"
         tie = "independent of" if test["independent"] else "correlated with"
-        print(f"residual of {test['output']}: {white} (p = {test['whiteness_p']:.2g}), {tie} the regressors")
+        say(f"residual of {test['output']}: {white} (p = {test['whiteness_p']:.2g}), {tie} the regressors")
     for note in data["notes"]:
-        print(f"note: {note}")
+        say(f"note: {note}")
     if out is not None:
-        print(f"written: {out / 'identification.json'}, {out / 'convergence.png'}")
+        say(f"written: {out / 'identification.json'}, {out / 'convergence.png'}")

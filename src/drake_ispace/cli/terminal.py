@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from drake_ispace.blocks.errors import printable
+
 _METRICS = {
     "rms_position_error_m": ("rms error", 1e3, "mm"), "max_position_error_m": ("max", 1e3, "mm"),
     "rms_cross_track_m": ("cross-track", 1e3, "mm"), "mean_lag_m": ("lag", 1e3, "mm"),
@@ -17,6 +19,11 @@ _SPREAD = {
     "rms_cross_track_m": ("rms cross-track", 1e3, "mm"), "final_error_m": ("final error", 1e3, "mm"),
     "iae_m_s": ("IAE", 1.0, "m s"), "control_effort": ("control effort", 1.0, "N² m² s"),
 }
+
+
+def say(*words: object, **how) -> None:
+    """Print as `print` does, with nothing in it that a terminal would obey."""
+    print(*(printable(str(word)) for word in words), **how)
 
 
 def print_json(data: dict) -> None:
@@ -32,7 +39,7 @@ def print_table(titles: list[str], rows: list[list]) -> None:
 
     table = Table(*titles)
     for row in rows:
-        table.add_row(*(Text(str(cell)) for cell in row))  # a string with "[mm]" would be markup
+        table.add_row(*(Text(printable(str(cell))) for cell in row))  # a string with "[mm]" would be markup
     Console(width=None if sys.stdout.isatty() else 140).print(table)
 
 
@@ -58,9 +65,9 @@ def print_spread(result: dict) -> None:
     print_table([f"{result['diagram']}, {result['seconds']:g} s", "median", "5 %", "95 %", "worst"], rows)
     runs, diverged = result["runs"], result["diverged"]
     speed = f", {result['realtime_factor']:,.0f} times real time" if result["realtime_factor"] else ""
-    print(f"{diverged} of {runs} runs diverged ({100.0 * diverged / runs:.3g} %); {result['wall_s']:.1f} s{speed}")
+    say(f"{diverged} of {runs} runs diverged ({100.0 * diverged / runs:.3g} %); {result['wall_s']:.1f} s{speed}")
     if result["out"]:
-        print(f"rows and figure: {result['out']}")
+        say(f"rows and figure: {result['out']}")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.cli.options import Json, whole
-from drake_ispace.cli.terminal import print_json, print_table
+from drake_ispace.cli.terminal import print_json, print_table, say
 from drake_ispace.files.places import check_folder, whole_file
 
 
@@ -56,7 +56,7 @@ def locate(
         rows.append([name, f"{len(seen)} of {len(found)}", *last])
     print_table(["robot", "frames", "u", "v", "x [m]", "y [m]", "phi [rad]"], rows)
     if out is not None:
-        print(f"pictures: {out}")
+        say(f"pictures: {out}")
 
 
 def calibrate(
@@ -117,8 +117,8 @@ def calibrate(
     if as_json:
         print_json(data | {"rms_pixels": residual, "residual_pixels": result.residual_pixels.tolist()})
         return
-    print(out if out is not None else dump_yaml(data).rstrip())
-    print(f"# rms {residual:.2f} pixels over {len(given)} points")
+    say(out if out is not None else dump_yaml(data).rstrip())
+    say(f"# rms {residual:.2f} pixels over {len(given)} points")
 
 
 def vision(
@@ -137,7 +137,7 @@ def vision(
     if as_json:
         print_json(data | {"page": str(page)})
         return
-    print(f"open {page}")
+    say(f"open {page}")
 
 
 def _row(name, sighting):

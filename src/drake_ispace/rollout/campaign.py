@@ -58,12 +58,14 @@ class Campaign:
             that diverged), prefixed "robot." where a scenario has several.
         metrics: names of the columns of METRICS.
         runs_now, wall_s: runs of this call, and how long they took, compiling apart.
+        damaged: files of rows that could not be read; their runs were computed again.
     """
 
     table: pa.Table
     metrics: list[str]
     runs_now: int
     wall_s: float
+    damaged: Sequence[Path] = ()
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ def montecarlo(
         finally:
             rows.flush()
         wall_s = time.perf_counter() - started
-        return Campaign(rows.table(), _columns(robots), len(rows.done) - before, wall_s)
+        return Campaign(rows.table(), _columns(robots), len(rows.done) - before, wall_s, rows.damaged)
 
 
 def make_plan(

@@ -26,11 +26,13 @@ class Rows:
 
     Attributes:
         done: numbers of the runs whose rows exist; schema: of a row; folder: None to keep the rows in memory.
+        damaged: files that could not be read, and are set aside: their runs have no rows.
     """
 
     def __init__(self, schema: pa.Schema, folder: Path | None = None):
         self.schema = schema
         self.folder = folder
+        self.damaged = _set_damaged_aside(folder, schema) if folder else []
         self.done = set(_read_parts(folder, schema)["run"].to_pylist()) if folder else set()
         self._kept: list[dict] = []
         self._tables: list[pa.Table] = []  # without a folder
@@ -144,20 +146,34 @@ def _plain(value):
     return "missing" if value is None else value
 
 
-def _read_parts(folder: Path, schema: pa.Schema | None) -> pa.Table:
-    tables = []
+def _set_damaged_aside(folder: Path, schema: pa.Schema) -> list[Path]:
+    """Rename the parts that cannot be read, so that their runs are computed again; return their new names."""
+    damaged = []
     for file in sorted(folder.glob("part-*.parquet")):
         try:
-            with parquet.ParquetFile(file, page_checksum_verification=True) as part:
-                tables.append(part.read())
-            if schema is not None and tables[-1].schema != schema:
-                raise pa.ArrowInvalid("its columns are those of another campaign")
-        except (pa.ArrowException, OSError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise InputError(
-                f"{file}: cannot be read ({reason}), expected a part of this campaign; without it the same call "
-                "repeats its runs"
-            ) from None
+            _read_part(file, schema)
+        except InputError:
+            damaged.append(file.rename(file.with_suffix(".damaged")))
+    return damaged
+
+
+def _read_part(file: Path, schema: pa.Schema | None) -> pa.Table:
+    try:
+        with parquet.ParquetFile(file, page_checksum_verification=True) as part:
+            table = part.read()
+        if schema is not None and table.schema != schema:
+            raise pa.ArrowInvalid("its columns are those of another campaign")
+    except (pa.ArrowException, OSError, UnicodeError) as error:
+        reason = shown(str(error).splitlines()[0] if str(error) else type(error).__name__, 120)
+        raise InputError(
+            f"{file}: cannot be read ({reason}), expected a part of this campaign; the same call computes its runs "
+            "again"
+        ) from None
+    return table
+
+
+def _read_parts(folder: Path, schema: pa.Schema | None) -> pa.Table:
+    tables = [_read_part(file, schema) for file in sorted(folder.glob("part-*.parquet"))]
     if not tables:
         return schema.empty_table() if schema else pa.table({"run": pa.array([], pa.int64())})
     return pa.concat_tables(tables).sort_by("run")

@@ -171,7 +171,10 @@ def frames(path: Path) -> Iterator[tuple[float, np.ndarray]]:
         raise InputError(f"{path}: is empty, expected an image or a video")
     with _quiet():
         if path.suffix.lower() in IMAGES:
-            image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
+            try:
+                image = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_COLOR)
+            except cv2.error:  # damaged, or too large
+                image = None
             if image is None:
                 raise InputError(f"{path}: no image can be read from it, expected a whole file of {', '.join(IMAGES)}")
             yield 0.0, image
