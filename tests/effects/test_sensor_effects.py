@@ -51,6 +51,15 @@ def test_an_eccentric_encoder_errs_once_a_turn():
     assert np.array(shown)[:, 0] == pytest.approx(quarters)
 
 
+def test_which_counts_go_missing_is_chance():
+    angles, count, share = np.outer(np.arange(20000), [0.94, 0.0, 2.0, 1.0]), 0.5, 0.06
+    effect, random = library()["encoder_lost_counts"], np.random.default_rng(0)
+    added = effect.scattered(angles, {"wheel": 1, "share": share}, count, random) - angles
+    lost = random.binomial(2, share, 20000) * count  # of two counts a step
+    assert np.diff(added[:, 0]).std() == pytest.approx(lost.std(), rel=0.03)
+    assert not added[:, 1:].any()
+
+
 MOTION = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 

@@ -80,6 +80,15 @@ class Effect:
         """The continuous parameters for this body."""
         return self.parameters
 
+    def scattered(
+        self, angles: np.ndarray, values: Mapping[str, float], count_rad: float, generator: np.random.Generator
+    ) -> np.ndarray:
+        """Measured wheel angles (rows, n) with what is random in the effect, which its kernels leave out.
+
+        count_rad: of an encoder.
+        """
+        return angles
+
     def applies_to(self, body: Body) -> bool:
         """Whether the robot offers all that it needs."""
         return body.robot.offers.issuperset(self.needs) and (self.general or body.robot.in_si)

@@ -57,6 +57,14 @@ class EncoderLostCounts(WheelAngleEffect):
     def block_parameters(self, body, values):
         return {"gain": one_wheel(body, values, 1.0 - values["share"])}
 
+    def scattered(self, angles, values, count_rad, generator):
+        """Which counts go missing is chance: each with the probability `share`."""
+        moved, wheel, share = angles.copy(), int(values["wheel"]) - 1, values["share"]
+        counted = np.abs(np.diff(angles[:, wheel], prepend=angles[0, wheel])) / (1.0 - share)
+        jumps = generator.standard_normal(len(angles)) * np.sqrt(share * (1.0 - share) * count_rad * counted)
+        moved[:, wheel] += np.cumsum(jumps)
+        return moved
+
 
 @kernel
 def eccentric(wheel_angle, sines_rad, cosines_rad, out):

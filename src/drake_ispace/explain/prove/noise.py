@@ -52,10 +52,12 @@ JOLTS = ("jolt 1", "jolt 2", "jolt 3")  # of the same spectral density, new at e
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of one sample: fix (3,) [m, m, rad], and outputs (p,) [rad, m/s^2, rad/s]."""
+    """Standard deviations of one sample: fix (3,) [m, m, rad], and outputs (p,) [rad, m/s^2, rad/s]; count_rad: of an
+    encoder."""
 
     fix: np.ndarray
     outputs: np.ndarray
+    count_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
         imu = settings.imu
         outputs += [d / np.sqrt(TICK_S) for d in [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3]
     resting = _resting_fix_noise(prediction)
-    return SensorNoise(stated if resting is None else resting, np.array(outputs))
+    return SensorNoise(stated if resting is None else resting, np.array(outputs), count)
 
 
 def _resting_fix_noise(prediction):
@@ -146,17 +148,17 @@ class Spreads:
 
     def of_process(self) -> dict[str, Spread]:
         """Source -> spread under the robot's assumed process noise from this source alone."""
-        replay, sources = self._prediction.replay, {}
+        replay, tracks, sources = self._prediction.replay, self._prediction.tracks, {}
         robot = replay.body.robot
         if "encoder" in replay.feeds and robot.unknown_forces is not None:
             for axis in np.flatnonzero(robot.unknown_forces):
                 for source, correlation_s in ((FORCES[axis], CORRELATION_S), (JOLTS[axis], 0.0)):
-                    sources[source] = lambda track, g, axis=axis, correlation_s=correlation_s: replay.pushed(
-                        track, self._forces(track, axis, correlation_s, g)
+                    sources[source] = lambda i, g, axis=axis, correlation_s=correlation_s: replay.pushed(
+                        tracks[i], self._forces(tracks[i], axis, correlation_s, g)
                     )
         if {"encoder", "kinect"} <= replay.feeds:
-            sources["slip"] = lambda track, g: self._walked(track, np.array([1.0, 1.0, 0.0]), g)
-            sources["turn"] = lambda track, g: self._walked(track, np.array([0.0, 0.0, 1.0]), g)
+            sources["slip"] = lambda i, g: self._walked(tracks[i], np.array([1.0, 1.0, 0.0]), g)
+            sources["turn"] = lambda i, g: self._walked(tracks[i], np.array([0.0, 0.0, 1.0]), g)
         return {source: self._spread(perturbed, source) for source, perturbed in sources.items()}
 
     def _spread(self, perturbed, source):
@@ -165,7 +167,7 @@ class Spreads:
 
         def one(job):
             i, draw = job
-            track = perturbed(self._prediction.tracks[i], np.random.default_rng([self._seed, key, i, draw]))
+            track = perturbed(i, np.random.default_rng([self._seed, key, i, draw]))
             tracks = [*self._prediction.tracks]
             tracks[i] = track
             moved = replace(self._prediction, tracks=tracks)
@@ -183,8 +185,14 @@ class Spreads:
                 differences[i][measure] = part if known is None else np.vstack([known, part])
         return differences
 
-    def _with_sensor_noise(self, track: Track, generator) -> Track:
+    def _with_sensor_noise(self, i: int, generator) -> Track:
+        track, replay = self._prediction.tracks[i], self._prediction.replay
         measured = track.measured + generator.standard_normal(track.measured.shape) * self._noise.outputs
+        wheels = replay.body.wheels
+        for name, values in self._values[i].items():
+            measured[:, :wheels] += replay.effects[name].scattered(
+                track.measured[:, :wheels], values, self._noise.count_rad, generator
+            ) - track.measured[:, :wheels]
         sightings = track.sightings.copy()
         sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += (
             generator.standard_normal((len(track.fix_rows), 3)) * self._noise.fix
