@@ -106,7 +106,7 @@ def remainders(
             pooled = _as_pooled(m)
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
             found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
-    found += _unlike(motion, names)
+    found += _unlike(motion, names, {m: float(np.hypot(sensors.get(m, 0.0), chance.get(m, 0.0))) for m in after[0]})
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
 
@@ -214,14 +214,17 @@ def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     return 1.0 - float(left) / max(float(sum(np.sum(y**2) for _, y in parts)), 1e-300)
 
 
-def _unlike(motion, names):
-    """Wheels whose errors are larger than those of the wheels that are like them."""
+def _unlike(motion, names, floors):
+    """Wheels whose errors, over what noise leaves of each, are larger than those of the wheels that are like them.
+
+    floors: measure -> root mean square that noise leaves; the wheels of a robot that is off balance differ in it.
+    """
     wheels = [m for m in motion[0] if m.channel.startswith("encoder")] if motion else []
-    if len(wheels) < 3:  # of two wheels nobody knows which one is wrong; a variable must tell
-        return []
+    if len(wheels) < 3 or not all(floors.get(m, 0.0) for m in wheels):
+        return []  # of two wheels nobody knows which one is wrong; a variable must tell
     blocks = []
     for run in motion:
-        squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
+        squares = np.column_stack([(run[m].errors[:, 0] / floors[m]) ** 2 for m in wheels])
         blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
     if len(blocks) < 2:  # too short to tell a wheel from chance
         return []
@@ -234,8 +237,9 @@ def _unlike(motion, names):
         size = float(np.sqrt(blocks[:, k].mean()))
         if certain and size > _UNLIKE * others:
             found.append(Remainder(
-                m.channel, "this wheel", size, m.unit, m.horizon, size / others / _UNLIKE, "from the start of a run",
-                names, f"the error is {size / others:.2f} times that of the wheels that are like it",
+                m.channel, "this wheel", size * floors[m], m.unit, m.horizon, size / others / _UNLIKE,
+                "from the start of a run", names,
+                f"the error is {size / others:.2f} times that of the wheels that are like it",
             ))
     return found
 
