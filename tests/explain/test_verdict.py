@@ -5,10 +5,13 @@ from dataclasses import replace
 import pytest
 
 import answers
+from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate
 from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.explain import explain
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.scenario import load_scenario
+from hidden.generator import generate
 
 MODEL = load_scenario("omni_multirate")
 WORSE = replace(answers.GAP[1], before=0.006, after=0.02, worse=True)
@@ -61,3 +64,13 @@ def test_nothing_detected_and_noise_left_is_none():
 def test_an_answer_has_the_rows_of_its_proof():
     answer = judged(answers.named(MODEL), remainders=[answers.LEFT])
     assert (answer.gap, answer.proof, answer.remainders) == (answers.GAP, "held-out runs", [answers.LEFT])
+
+
+def test_a_size_that_differs_from_run_to_run_is_told():
+    sizes = {"square": 0.006, "eight": 0.01, "circle": 0.014}
+    runs = [
+        generate("omni", motion, {"coulomb_friction": {"torque_n_m": size}}, 10.0, 60 + i)
+        for i, (motion, size) in enumerate(sizes.items())
+    ]
+    answer = explain("omni_multirate", runs, effects=[library()[name] for name in ("coulomb_friction", "weak_motor")])
+    assert answer.verdict == "incomplete" and "drifts between runs" in answer.drifts[0], answer

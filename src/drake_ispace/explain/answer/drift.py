@@ -15,9 +15,10 @@ def drift(decision: Decision) -> list[str]:
     """A sentence for each parameter of the named effects that differs from run to run by more than chance."""
     named, likelihood = decision.named, decision.end.likelihood
     slopes = likelihood.slopes(named.point, named.order, named.w)
+    marginalised = likelihood.marginalised(slopes)  # what slow forces explain of a run is no other size there
     starts, sentences = likelihood.whitening.starts(decision.end.residuals), []
     for at, (candidate, i) in enumerate(named.order):
-        estimates, stds = _by_run(starts, slopes[at], named.w)
+        estimates, stds = _by_run(starts, slopes[at], marginalised[at], named.w)
         known = stds < _MOST_STD * np.min(stds)
         if known.sum() < 2:
             continue
@@ -32,11 +33,14 @@ def drift(decision: Decision) -> list[str]:
     return sentences
 
 
-def _by_run(starts, slope, w):
-    """(runs,) estimates of a parameter by each run for itself, less that of all runs, and their standard deviations."""
+def _by_run(starts, slope, marginalised, w):
+    """(runs,) estimates of a parameter by each run for itself, less that of all runs, and their standard deviations.
+
+    slope, marginalised: (rows,) change of the whitened residuals `w`, whole and without what nuisances explain of it.
+    """
     estimates, stds = [], []
     for a, b in itertools.pairwise(starts):
-        squared = max(float(slope[a:b] @ slope[a:b]), 1e-12)
-        estimates.append(-float(slope[a:b] @ w[a:b]) / squared)
+        squared = max(float(slope[a:b] @ marginalised[a:b]), 1e-12)
+        estimates.append(-float(marginalised[a:b] @ w[a:b]) / squared)
         stds.append(1.0 / np.sqrt(squared))
     return np.array(estimates), np.array(stds)
