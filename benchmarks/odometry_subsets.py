@@ -9,6 +9,7 @@ two-wheeled robot is simulated; with it the robots are OptiOdom's.
     python benchmarks/odometry_subsets.py [--json] [--quick] [--tiny] [--seed SEED] [--data ../shared/data]
 """
 
+import functools
 import itertools
 import sys
 from pathlib import Path
@@ -48,13 +49,18 @@ def effects_at(names, z):
     return found
 
 
+@functools.cache
+def pairs_of(stamps):
+    """Fixes that are 1 s and 5 s apart, by their stamps."""
+    return [windows(np.array(stamps), seconds) for seconds in (1.0, 5.0)]
+
+
 def errors_of(run, robot, effects):
     """Errors (k, 2) [m] of the whole run, and over 1 s and 5 s from measured poses."""
     kinect = run.channels["kinect"]
     t, seen, path = kinect.t, kinect.values[:, :3], reckoned(run, robot, effects)
     found = [(laid_on(path, seen, t) - seen)[:, :2]]
-    for seconds in (1.0, 5.0):
-        pairs = windows(t, seconds)
+    for pairs in pairs_of(tuple(t.tolist())):
         moved, truth = (seen_from(p[pairs[:, 0]], p[pairs[:, 1]]) for p in (path, seen))
         found.append((moved - truth)[:, :2])
     return found
