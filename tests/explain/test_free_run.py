@@ -161,7 +161,8 @@ def wide():
 
 def dead_reckoned(prediction, values):
     """Measure -> root mean square error of the first run."""
-    return {m: rms([e]) for m, e in errors(prediction, 0, windows_of(prediction, 0), values).items() if m.metric == ATE}
+    windows = windows_of(prediction, 0, {})
+    return {m: rms([e]) for m, e in errors(prediction, 0, windows, values).items() if m.metric == ATE}
 
 
 def by_hand(track, radius_m):

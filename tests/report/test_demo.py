@@ -9,6 +9,7 @@ from unittest import mock
 import pytest
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.files.places import CONTENTS
 from drake_ispace.report import demo as demo_module
 from drake_ispace.report.demo import write_demo
 
@@ -82,7 +83,7 @@ def data(folder):
 
 def test_every_picture_is_there_and_no_other_file(folder, page):
     assert len(page.pictures) >= 6 and len(set(page.pictures)) == len(page.pictures)
-    assert sorted(os.listdir(folder)) == sorted([*page.pictures, "explained.html", "index.html", "demo.json"])
+    assert sorted(os.listdir(folder)) == sorted([*page.pictures, "explained.html", "index.html", "demo.json", CONTENTS])
 
 
 def test_every_picture_is_what_its_name_says(folder, page):
@@ -135,6 +136,7 @@ def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch
     (tmp_path / "demo").mkdir()
     for name in ("index.html", "demo.json"):
         (tmp_path / "demo" / name).write_text("old")
+    (tmp_path / "demo" / CONTENTS).write_text("demo.json\nindex.html\n")
     printed = document("demo", "--seconds", "0.2", "--out", tmp_path / "demo")
     assert printed.pop("page") == str(tmp_path / "demo" / "index.html")
     assert json.loads((tmp_path / "demo" / "demo.json").read_text()) == printed
@@ -155,7 +157,7 @@ def test_a_demonstration_that_fails_leaves_the_former_one(tmp_path, monkeypatch)
     monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)
     monkeypatch.setattr(demo_module, "draw", fail)
     (tmp_path / "demo").mkdir()
-    (tmp_path / "demo" / "demo.json").write_text("{}")
+    (tmp_path / "demo" / CONTENTS).write_text("")
     with pytest.raises(InputError, match="no Graphviz"):
         write_demo(tmp_path / "demo", 0.2, None, lambda title: None)
-    assert os.listdir(tmp_path) == ["demo"] and os.listdir(tmp_path / "demo") == ["demo.json"]
+    assert os.listdir(tmp_path) == ["demo"] and os.listdir(tmp_path / "demo") == [CONTENTS]

@@ -12,6 +12,7 @@ import pytest
 import answers
 from drake_ispace.alignment import to_recording
 from drake_ispace.explain.answer.explanation import ControllerCheck
+from drake_ispace.files.places import CONTENTS
 from drake_ispace.hiding import hide
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.dead_reckoning import reckoned
@@ -57,7 +58,7 @@ def test_each_verdict_has_the_files_that_it_can_have(written):
     more = {"model.yaml", "after.svg", "residuals.png"}
     for name, folder in written.items():
         named = name in ("named", "set", "incomplete")
-        assert set(os.listdir(folder)) == DATA | {"path.png"} | (more if named else set())
+        assert set(os.listdir(folder)) == DATA | {"path.png", CONTENTS} | (more if named else set())
     assert set(os.listdir(written["none"].parent)) == set(written)  # nothing beside
 
 
@@ -65,8 +66,8 @@ def test_each_verdict_has_the_files_that_it_can_have(written):
 def test_a_page_needs_no_other_file(written, verdict):
     page = text_of(written[verdict])
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == len(os.listdir(written[verdict])) - len({"explanation.json", "index.html", "model.yaml"}
-                                                                   & set(os.listdir(written[verdict])))
+    pictures = set(os.listdir(written[verdict])) - {"explanation.json", "index.html", "model.yaml", CONTENTS}
+    assert len(sources) == len(pictures)
     assert all(source.startswith("data:image/") for source in sources) and "href" not in page
     assert page.count("<table") == page.count("</table>") and page.rstrip().endswith("</html>")
 

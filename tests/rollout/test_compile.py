@@ -325,7 +325,7 @@ def test_the_text_is_there_without_compiling(monkeypatch):
 
 def test_without_a_folder_to_write_to_it_compiles_all_the_same(monkeypatch):
     expected = small_rollout().run(20)["count"]
-    monkeypatch.setattr(compile_module, "cache_folder", lambda: None)
+    monkeypatch.setattr(compile_module, "cache_folder", lambda part: None)
     assert np.array_equal(small_rollout().run(20)["count"], expected)
 
 

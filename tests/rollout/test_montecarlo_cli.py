@@ -13,7 +13,8 @@ VARY = ["--vary", "omni.plant.mass_kg=normal(7.3,0.3)"]
 
 def test_montecarlo_answers_with_the_spread(document):
     data = document("montecarlo", *SHORT, "--runs", "20", *VARY)
-    assert list(data) == ["diagram", "runs", "seconds", "diverged", "metrics", "wall_s", "realtime_factor", "out"]
+    assert list(data) == ["diagram", "runs", "seconds", "diverged", "metrics", "wall_s", "realtime_factor", "out",
+                          "damaged"]
     assert (data["diagram"], data["runs"], data["seconds"], data["diverged"]) == ("omni_multirate", 20, 1.0, 0)
     error = data["metrics"]["rms_cross_track_m"]
     assert error["p05"] < error["median"] < error["p95"] <= error["max"]
