@@ -139,6 +139,7 @@ def test_a_section_without_a_value_changes_nothing(tmp_path):
 
 def test_overrides_act_in_order():
     assert load_scenario("omni_multirate", ["seed=1", "seed=2"]).seed == 2
+    assert load_scenario("omni_multirate", [f"seed={'0' * 4301}7"]).seed == 7
     overrides = ["omni.plant={mass_kg: 1.0, wheel_radius_m: 0.03}", "omni.plant.mass_kg=2"]
     plant = load_scenario("omni_multirate", overrides).omni.plant
     assert (plant.mass_kg, plant.wheel_radius_m) == (2.0, 0.03)

@@ -147,12 +147,13 @@ def cache_folder(part: str = "") -> Path | None:
     given = os.environ.get("DRAKE_ISPACE_CACHE")
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     temporary = Path(tempfile.gettempdir()) / f"drake_ispace-{os.getuid()}"
-    for folder in (Path(given) if given else Path(base) / "drake_ispace", temporary):
+    own = Path(os.path.realpath(given or Path(base) / "drake_ispace"))  # the user's own folder may be a link
+    for folder in (own, temporary):
         if not _writable(folder):
             continue
         if _private(folder):
             return folder if not part else _inner(folder, part)
-        if given and folder is not temporary:
+        if given and folder is own:
             raise InputError(
                 f"DRAKE_ISPACE_CACHE: others may write to {folder}, expected a folder of your own (chmod go-w)"
             )
@@ -175,7 +176,7 @@ def _writable(folder):
 
 def _private(folder):
     """Return whether only this user can write to the folder, so that nobody else can plant machine code in it."""
-    status = folder.stat()
+    status = folder.lstat()
     return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
 
 

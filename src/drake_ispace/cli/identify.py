@@ -49,7 +49,7 @@ def identify(
     ])
     friction = data["friction"]
     say(f"Coulomb {friction['coulomb_n_m']:.5f} ± {friction['coulomb_std']:.5f} N*m, "
-          f"viscous {friction['viscous_n_m_s']:.5f} ± {friction['viscous_std']:.5f} N*m*s/rad (one standard deviation)")
+        f"viscous {friction['viscous_n_m_s']:.5f} ± {friction['viscous_std']:.5f} N*m*s/rad (one standard deviation)")
     for test in data["residual_tests"]:
         white = "white" if test["white"] else "not white"
         tie = "independent of" if test["independent"] else "correlated with"

@@ -5,7 +5,6 @@ killed leaves it there; whoever writes to the same place next clears it away, an
 replaced.
 """
 
-import contextlib
 import ctypes
 import os
 import shutil
@@ -136,11 +135,11 @@ def put_in_place(fresh: Path, out: Path) -> None:
 
 def clear_leftovers(out: Path) -> None:
     """Delete what processes that were killed left beside `out`; what they were replacing is put back if it is gone."""
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         for entry in list(out.parent.iterdir()):
             if not entry.name.startswith(f".{out.name}.") or not _is_dead(entry.name[len(out.name) + 2 :]):
                 continue
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 if entry.suffix == _OLD and not os.path.lexists(out):
                     entry.rename(out)
                 elif entry.is_dir() and not entry.is_symlink():
@@ -159,10 +158,8 @@ def _is_dead(rest: str) -> bool:
         return False
     try:
         os.kill(int(number), 0)
-    except ProcessLookupError:
-        return True
-    except OSError:
-        return False
+    except OSError as error:
+        return isinstance(error, ProcessLookupError)
     return False
 
 

@@ -6,7 +6,6 @@ simulated run the `scenario.yaml` that repeats it.
 """
 
 import errno
-import hashlib
 import math
 import os
 import re
@@ -20,7 +19,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.files.places import beside, check_folder, clear_leftovers, put_in_place
-from drake_ispace.files.recording_tables import check_header, read_table, write_table
+from drake_ispace.files.recording_tables import check_header, check_sum, read_table, sha256_of, write_table
 from drake_ispace.files.yaml_guard import dump_yaml, load_yaml
 
 FORMAT = "drake-ispace-recording"
@@ -224,7 +223,7 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
         raise InputError(f"{where}: {key}.period_s is {shown(period_s)}, expected a positive number of seconds")
 
     file = _file_inside(folder, entry.get("file"), f"{where}: {key}.file")
-    _check_sum(file, entry.get("sha256"), f"{where}: {key}")
+    check_sum(file, entry.get("sha256"), f"{where}: {key}.sha256")
     table = read_table(file)
     for seal, found in (("rows", len(table.values)), ("columns", list(table.names))):
         if seal in entry and entry[seal] != found:
@@ -242,21 +241,6 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
     _check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))
-
-
-def _check_sum(file: Path, expected: Any, where: str) -> None:
-    """Refuses a file that is not the one that was written; expected: its SHA-256, None where nobody noted it."""
-    if expected is None:
-        return
-    try:
-        found = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
-    if found not in (None, expected):  # of a missing file the reader tells
-        raise InputError(
-            f"{file}: its SHA-256 is {found[:12]}..., expected {shown(expected, 12)} as {where}.sha256 says: the file "
-            "is damaged, or was changed (then take the line out)"
-        )
 
 
 def _in_order(channel: Channel, name: str, robot: str) -> Channel:
@@ -393,7 +377,7 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
         table, columns = np.column_stack([channel.t, channel.values]), ("t", *channel.columns)
         write_table(folder / entries[name]["file"], columns, table)
         if format == "parquet":  # a flipped bit can take rows away and rename columns; nobody edits such a file by hand
-            sha256 = hashlib.sha256((folder / entries[name]["file"]).read_bytes()).hexdigest()
+            sha256 = sha256_of(folder / entries[name]["file"])
             entries[name] |= {"rows": len(table), "columns": list(columns), "sha256": sha256}
     data = {"format": f"{FORMAT}/{VERSION}", "robot": recording.robot, "scenario": recording.scenario}
     data |= {"channels": entries, "notes": recording.notes}
@@ -401,4 +385,3 @@ def _write(recording: Recording, folder: Path, format: str) -> None:
     (folder / "recording.yaml").write_text(text, encoding="utf-8")
     if recording.settings is not None:
         (folder / SETTINGS).write_text(dump_yaml(recording.settings), encoding="utf-8")
-

@@ -1,6 +1,7 @@
 """One table of numbers in one file, CSV or Parquet: strict about what it reads, exact in what it writes."""
 
 import csv
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,29 @@ def read_table(path: Path) -> Table:
         return reader(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def check_sum(path: Path, expected: object, where: str) -> None:
+    """Refuses a file that is not the one that was written.
+
+    expected: its SHA-256, None where nobody noted it. where: the field that holds it, for the message.
+    """
+    if expected is None or not path.is_file():  # of a missing file the reader tells
+        return
+    try:
+        found = sha256_of(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    if found != expected:
+        raise InputError(
+            f"{path}: its SHA-256 is {found[:12]}..., expected {shown(expected, 12)} as {where} says: the file is "
+            "damaged, or was changed (then take the line out)"
+        )
 
 
 def write_table(path: Path, names: tuple[str, ...], values: np.ndarray) -> None:

@@ -20,7 +20,7 @@ LARGEST_INTEGER = 2**62
 
 _NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
-_INTEGER = re.compile(r"[-+]?[0-9]+\Z")
+_INTEGER = re.compile(r"([-+]?)0*([0-9]+)\Z")  # sign, and digits without leading zeros
 _NUMBER = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?\Z")
 _NOT_FINITE = re.compile(r"[-+]?\.?(?:inf|infinity|nan)\Z", re.IGNORECASE)
 
@@ -157,7 +157,7 @@ class _Builder:
         is_integer, number = _INTEGER.match(text), float(text)
         if abs(number) > LARGEST_INTEGER if is_integer else math.isinf(number):
             raise self.refusal(event, key, f"{shown(text)} is out of range, expected a number that fits 64 bits")
-        return int(text[:1].strip("0123456789") + (text.lstrip("+-").lstrip("0") or "0")) if is_integer else number
+        return int("".join(is_integer.groups())) if is_integer else number
 
     def refusal(self, event: Any, key: str, problem: str) -> InputError:
         readable = key if key.isprintable() and len(key) <= 200 else shown(key)

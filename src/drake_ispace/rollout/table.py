@@ -32,8 +32,7 @@ class Rows:
     def __init__(self, schema: pa.Schema, folder: Path | None = None):
         self.schema = schema
         self.folder = folder
-        self.damaged = _set_damaged_aside(folder, schema) if folder else []
-        self.done = set(_read_parts(folder, schema)["run"].to_pylist()) if folder else set()
+        self.done, self.damaged = _found(folder, schema) if folder else (set(), [])
         self._kept: list[dict] = []
         self._tables: list[pa.Table] = []  # without a folder
         self._written = time.monotonic()
@@ -146,15 +145,15 @@ def _plain(value):
     return "missing" if value is None else value
 
 
-def _set_damaged_aside(folder: Path, schema: pa.Schema) -> list[Path]:
-    """Rename the parts that cannot be read, so that their runs are computed again; return their new names."""
-    damaged = []
+def _found(folder: Path, schema: pa.Schema) -> tuple[set[int], list[Path]]:
+    """The runs that have rows in `folder`, and the new names of parts that cannot be read, which are set aside."""
+    done, damaged = set(), []
     for file in sorted(folder.glob("part-*.parquet")):
         try:
-            _read_part(file, schema)
+            done.update(_read_part(file, schema)["run"].to_pylist())
         except InputError:
             damaged.append(file.rename(file.with_suffix(".damaged")))
-    return damaged
+    return done, damaged
 
 
 def _read_part(file: Path, schema: pa.Schema | None) -> pa.Table:

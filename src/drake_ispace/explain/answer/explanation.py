@@ -282,7 +282,7 @@ _VERDICTS = {
 
 
 def plain(value):
-    """The same data with NumPy's numbers as Python's, and with None for infinite numbers and NaN."""
+    """Return plain data for JSON: NumPy's numbers as Python's, infinite numbers and NaN as None."""
     if isinstance(value, dict):
         return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

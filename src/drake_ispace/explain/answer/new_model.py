@@ -12,8 +12,7 @@ from drake_ispace.scenario import difference
 
 
 def add_effects(answer: Explanation, case: Case, point: Point) -> None:
-    """Add to the answer the scenario with the effects of `point` in it, or a warning where a scenario cannot list them.
-    """
+    """Add the scenario with the effects of `point` to the answer, or a warning where a scenario cannot list them."""
     if foreign := [candidate.name for candidate in point if candidate.name not in library()]:
         answer.warnings.append(
             f"{', '.join(foreign)}: no entry point drake_ispace.effects, so there is no model with the effect in it"

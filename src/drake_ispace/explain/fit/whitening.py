@@ -13,7 +13,7 @@ from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.memory import Memory
 from drake_ispace.explain.predict.prediction import RESTING, Residuals
 
-BLOCK_ROWS = 256  # that are whitened at once
+_ROWS_AT_ONCE = 256  # that are whitened at once
 _BATCH = 32  # changes to a job
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
@@ -77,11 +77,11 @@ def whiten(y, classes, a, shrink, unit, rates, out):
     (p, p), rates (means,), out (k, rows - lags, p).
     """
     rows, p, lags, count = y.shape[1], y.shape[2], y.shape[1] - out.shape[1], rates.shape[0]
-    before, means = np.zeros((BLOCK_ROWS, a.shape[0])), np.zeros((count, p))
+    before, means = np.zeros((_ROWS_AT_ONCE, a.shape[0])), np.zeros((count, p))
     for n in range(y.shape[0]):
         means[:] = 0.0
-        for start in range(0, rows, BLOCK_ROWS):  # of a size that stays in the cache
-            end = min(start + BLOCK_ROWS, rows)
+        for start in range(0, rows, _ROWS_AT_ONCE):  # of a size that stays in the cache
+            end = min(start + _ROWS_AT_ONCE, rows)
             for t in range(start, end):
                 row = before[t - start]
                 for k in range(min(lags, t)):

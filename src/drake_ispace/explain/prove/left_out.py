@@ -32,13 +32,20 @@ def points_without(decision: Decision, groups: np.ndarray) -> list[Point]:
     for group in range(int(groups.max()) + 1):
         rows = groups == group
         own = slopes[:, rows] @ marginalised[:, rows].T, marginalised[:, rows] @ best.w[rows]
-        step = -np.linalg.lstsq(normal - own[0], gradient - own[1], rcond=None)[0]
+        step = step_without(normal, gradient, *own)
         point = {candidate: list(z) for candidate, z in best.point.items()}
         for (candidate, i), change in zip(best.order, step, strict=True):
             low, high = candidate.bounds[i]
             point[candidate][i] = min(max(point[candidate][i] + change * likelihood.sizes[candidate][i], low), high)
         points.append(point)
     return points
+
+
+def step_without(
+    normal: np.ndarray, gradient: np.ndarray, own_normal: np.ndarray, own_gradient: np.ndarray
+) -> np.ndarray:
+    """(k,) Gauss-Newton step of the normal equations (k, k), (k,) of all, without the part of some."""
+    return -np.linalg.lstsq(normal - own_normal, gradient - own_gradient, rcond=None)[0]
 
 
 def groups_of(decision: Decision, blocks: int) -> np.ndarray:

@@ -81,7 +81,8 @@ class ProcessNoise:
 
     @property
     def tolerated(self) -> dict[str, float]:
-        """The same for the test of a sound robot: slip is rare, and as strong as assumed even where none was needed."""
+        """Source -> strength that a sound robot may have: the plausible one, and of slip, which is rare, at least the
+        assumed one."""
         return {name: max(size, 1.0) if name in WALKS else size for name, size in self.plausible.items()}
 
 

@@ -26,7 +26,7 @@ from drake_ispace.explain.prove.noise import (
     sensor_noise,
 )
 from drake_ispace.explain.prove.proof import Proof
-from drake_ispace.explain.prove.sizes import Sizes, filtered_sizes, leads_nearer, plain_sizes
+from drake_ispace.explain.prove.sizes import SizesByRun, filtered_sizes, leads_nearer, plain_sizes
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
         values = [merged(point) for point in (sizes.without if parts > 1 else [sizes.point])]
         return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed, pool)
 
-    chosen = Sizes({}, [{}] * parts) if decision.named is None else filtered_sizes(decision, blocks)
+    chosen = SizesByRun({}, [{}] * parts) if decision.named is None else filtered_sizes(decision, blocks)
     judged = judged_with(chosen)
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed, pool)
     plain = None

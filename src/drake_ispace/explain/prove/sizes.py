@@ -21,8 +21,8 @@ from drake_ispace.robots.robot import COMMAND
 
 
 @dataclass(frozen=True)
-class Sizes:
-    """Sizes of the named effects.
+class SizesByRun:
+    """SizesByRun of the named effects.
 
     Attributes:
         point: fitted to all training runs. without: for each training run, or each block of the only one, fitted to the
@@ -33,25 +33,26 @@ class Sizes:
     without: list[Point]
 
 
-def filtered_sizes(decision: Decision, blocks: int) -> Sizes:
+def filtered_sizes(decision: Decision, blocks: int) -> SizesByRun:
     """The sizes that the filter's innovations give. blocks: into which a single run is cut."""
-    return Sizes(decision.named.point, points_without(decision, groups_of(decision, blocks)))
+    return SizesByRun(decision.named.point, points_without(decision, groups_of(decision, blocks)))
 
 
 def plain_sizes(
     training: Prediction, windows: Sequence[Windows], decision: Decision, floors: Mapping[Measure, float],
     pool: ThreadPoolExecutor | None,
-) -> Sizes:
+) -> SizesByRun:
     """The sizes that free-run least squares finds.
 
     training: model and runs. windows: of each run. floors: measure -> what noise leaves.
     """
     sizes = decision.end.likelihood.sizes
-    return Sizes(*plain_fit(training, windows, decision.named.point, sizes, floors, pool))
+    return SizesByRun(*plain_fit(training, windows, decision.named.point, sizes, floors, pool))
 
 
 def leads_nearer(
-    plain: Sizes, filtered: Sizes, training: Prediction, windows: Sequence[Windows], floors: Mapping[Measure, float],
+    plain: SizesByRun, filtered: SizesByRun, training: Prediction, windows: Sequence[Windows],
+    floors: Mapping[Measure, float],
 ) -> bool:
     """Whether plain sizes lead nearer to the path of each run than filtered ones do, neither fitted to the run.
 

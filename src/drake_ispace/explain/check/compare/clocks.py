@@ -40,7 +40,8 @@ class Path:
 
     @property
     def loss(self) -> float:
-        """Of log likelihood, a prior: as many clocks of its kind are tried for each constant offset."""
+        """The log likelihood that a drifting or jumping clock must gain beyond a constant offset, because many more of
+        them are tried."""
         return _JUMPS if self.later_s else _DRIFTS if self.rate else 0.0
 
 
