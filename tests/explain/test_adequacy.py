@@ -11,6 +11,7 @@ from drake_ispace.explain.prove.free_run import errors, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.prove.repeats import repeated_share
+from drake_ispace.scenario import load_scenario
 from hidden.generator import generate
 
 RANDOM = np.random.default_rng(3)
@@ -98,3 +99,24 @@ def test_the_heading_of_a_robot_that_does_not_turn_goes_with_nothing():
     runs = [generate("omni", "square", {}, 12.0, 66000 + i, process_noise=0.3) for i in range(3)]
     case = prepare("omni_multirate", runs)
     assert prove(case, SimpleNamespace(named=None), 0).remainders == []
+
+
+def fixes_of(noise_std_pixels):
+    """(errors of fixes of a robot at rest, of one that moves); the camera has whole pixels."""
+    scenario = load_scenario("omni_multirate", [f"space.localizer.noise_std_pixels={noise_std_pixels}"])
+    prediction = prepare(scenario, [generate("omni", "square", {}, 3.0, 1)]).prediction
+    of_fixes = sensor_noise(scenario, prediction).of_fixes
+    moving = np.column_stack([np.linspace(0.0, 3.0, 400), np.linspace(0.0, 2.0, 400), np.linspace(0.0, 6.0, 400)])
+    return of_fixes(np.zeros((400, 3)), np.random.default_rng(1)), of_fixes(moving, np.random.default_rng(1))
+
+
+def test_whole_pixels_repeat_the_error_of_a_robot_at_rest():
+    at_rest, moving = fixes_of(0.0)
+    assert np.all(at_rest == at_rest[0]) and np.any(at_rest[0] != 0.0)
+    pixel = np.array([0.00487, 0.00551])
+    assert moving[:, :2].std(axis=0) == pytest.approx(pixel / np.sqrt(24.0), rel=0.2)  # the mean of two markers
+
+
+def test_noise_of_the_markers_comes_on_top_of_whole_pixels():
+    _, moving = fixes_of(1.0)
+    assert moving[:, 0].std() == pytest.approx(0.00487 * np.sqrt((1.0 + 1.0 / 12.0) / 2.0), rel=0.15)

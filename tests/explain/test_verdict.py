@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate
 from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.decide import detect
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.scenario import load_scenario
@@ -74,3 +76,16 @@ def test_a_size_that_differs_from_run_to_run_is_told():
     ]
     answer = explain("omni_multirate", runs, effects=[library()[name] for name in ("coulomb_friction", "weak_motor")])
     assert answer.verdict == "incomplete" and "drifts between runs" in answer.drifts[0], answer
+
+
+@pytest.mark.parametrize("drag, verdict", [(1.5e-5, "none"), (1.5e-4, "named")], ids=["trace", "effect"])
+def test_an_alarm_in_doubt_must_show_on_unseen_runs(monkeypatch, drag, verdict):
+    monkeypatch.setattr(detect, "CLEAR_MINUS_LOG10_P", np.inf)  # every alarm is in doubt
+    runs = [
+        generate("omni", motion, {"wheel_drag": {"coefficient_n_m_s2": drag}}, 12.0, 60 + i)
+        for i, motion in enumerate(("square", "eight", "circle"))
+    ]
+    answer = explain("omni_multirate", runs, effects=[library()["wheel_drag"]])
+    assert answer.detection.p_value < 1e-3
+    assert answer.verdict == verdict
+    assert any("trace of wheel_drag" in warning for warning in answer.warnings) == (verdict == "none")

@@ -37,7 +37,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.answer.verdict import add_proof, add_trace
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
@@ -96,6 +96,11 @@ def explain(
         if answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None:
             decision = decision.otherwise
             answer = _answered(case, decision, seed, pool, tell)
+        if answer.effects and case.is_filtered and decision.detection.in_doubt:
+            without = _answered(case, decision.without_effects(), seed, pool, tell)
+            if without.verdict == "none":
+                add_trace(without, answer)
+                answer = without
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")

@@ -76,6 +76,16 @@ def see(tick, robot, x, y, phi, camera, noise_stream, out):
     out[FIX.phi] = np.arctan2(front_y - rear_y, front_x - rear_x)
 
 
+def camera_of(localizer: Localizer, half_width_m: float, half_depth_m: float) -> dict[str, float]:
+    """The parameter group that `see` reads, of a camera that sees so far from the middle of the space."""
+    return {
+        "pixel_x_m": localizer.pixel_m[0], "pixel_y_m": localizer.pixel_m[1],
+        "whole_pixels": float(localizer.whole_pixels), "noise_std_pixels": localizer.noise_std_pixels,
+        "marker_spacing_m": localizer.marker_spacing_m, "dropout": localizer.dropout,
+        "half_width_m": half_width_m, "half_depth_m": half_depth_m,
+    }
+
+
 @kernel
 def capture(tick, xd, poses, camera, noise_stream, out):
     """Replace the oldest capture by a new one: x_d = [delivered messages, captured messages (oldest first)]."""
@@ -134,12 +144,7 @@ class KinectLocalizer(Block):
         super().__init__(Spec(
             inputs={"poses": len(POSE) * robots}, outputs={"fixes": Output(len(FIX) * robots, fixes)},
             parameters={
-                "camera": {
-                    "pixel_x_m": localizer.pixel_m[0], "pixel_y_m": localizer.pixel_m[1],
-                    "whole_pixels": float(localizer.whole_pixels), "noise_std_pixels": localizer.noise_std_pixels,
-                    "marker_spacing_m": localizer.marker_spacing_m, "dropout": localizer.dropout,
-                    "half_width_m": space.width_m / 2.0, "half_depth_m": space.depth_m / 2.0,
-                },
+                "camera": camera_of(localizer, space.width_m / 2.0, space.depth_m / 2.0),
                 "latency_ticks": float(latency), "noise_stream": stream(seed, "kinect"),
             },
             noise_stream="kinect", discrete_state=np.tile(record, 2 + latency // VISION_TICKS),

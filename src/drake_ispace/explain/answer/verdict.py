@@ -39,6 +39,17 @@ def _judge(answer: Explanation) -> None:
         answer.verdict = "unknown"
 
 
+def add_trace(answer: Explanation, doubted: Explanation) -> None:
+    """Say in an answer that names nothing which effects were barely detectable; doubted: the answer that named them."""
+    sizes = ", ".join(
+        f"{effect.name} ({', '.join(f'{name} {p.estimate:.3g} {p.unit}' for name, p in effect.parameters.items())})"
+        for effect in doubted.effects
+    )
+    answer.warnings.append(
+        f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"
+    )
+
+
 def made_worse(rows: Sequence[GapRow]) -> list[GapRow]:
     """Rows of unseen runs whose squared error clearly grew, by more than sensors and chance leave."""
     return [row for row in rows if row.runs == HELD_OUT and row.worse]

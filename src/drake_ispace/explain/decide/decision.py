@@ -67,3 +67,7 @@ class Decision:
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
         return replace(self, end=end, named=named, total_gain=end.gain_of(named.point))
+
+    def without_effects(self) -> "Decision":
+        """The Decision that nothing is named."""
+        return Decision(self.detection, self.start, self.start)

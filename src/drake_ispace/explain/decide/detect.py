@@ -12,6 +12,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.screen import Screen
 
 FALSE_ALARM_RATE = 0.01
+CLEAR_MINUS_LOG10_P = 6.0  # from which on a flaw of the noise model is not enough of an explanation
 _REPLICATES = 400
 _BATCH = 100
 
@@ -36,6 +37,11 @@ class Detection:
     def found(self) -> bool:
         """Whether anything is missing."""
         return self.p_value < self.false_alarm_rate
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether a flaw of the noise model could have raised the alarm."""
+        return self.minus_log10_p < CLEAR_MINUS_LOG10_P
 
 
 def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drake_ispace.explain.decide.decision import MARGIN, Decision
+from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P
 from drake_ispace.explain.decide.propose import Proposal, penalty
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
@@ -12,7 +13,6 @@ from drake_ispace.explain.fit.likelihood import Fit, fit
 
 _LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off
 _LEAST_LOCAL_GAIN = 120.0  # the same where it has an amplitude for every part of the room
-_LEAST_MINUS_LOG10_P = 6.0  # beside named effects
 _RELATIVE_MARGIN = 0.03  # of what the best effect explains
 
 
@@ -40,7 +40,7 @@ def believed(survey: Survey) -> list[GenericProposal]:
     """The generic disagreements that are clear enough to be believed, the largest gain first."""
     def is_clear(proposal):
         if survey.point:
-            return proposal.minus_log10_p > _LEAST_MINUS_LOG10_P
+            return proposal.minus_log10_p > CLEAR_MINUS_LOG10_P
         generic = proposal.generic
         return proposal.gain - 2.0 * generic.columns > (_LEAST_LOCAL_GAIN if generic.is_local else _LEAST_GAIN)
 

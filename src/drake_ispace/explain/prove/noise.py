@@ -7,15 +7,18 @@ with the way, as wheels slip. How strong each is follows from short horizons. Wh
 of that form does not is then no noise; and a strength beyond the limits of the robot is not plausible.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.messages import FIX
+from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction, wheel_speeds
@@ -30,13 +33,15 @@ from drake_ispace.explain.prove.free_run import (
     WHEELS,
     Errors,
     Measure,
+    Simulation,
     Windows,
     errors,
     rms,
     windows_of,
 )
-from drake_ispace.explain.prove.paths import chained, relative
+from drake_ispace.explain.prove.paths import chained, compose, relative
 from drake_ispace.robots.robot import COMMAND
+from drake_ispace.room.localizer import Localizer, camera_of, see
 from drake_ispace.scenario import Scenario
 
 _DRAWS = 4
@@ -52,10 +57,14 @@ JOLTS = ("jolt 1", "jolt 2", "jolt 3")  # of the same spectral density, new at e
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations of one sample: fix (3,) [m, m, rad], and outputs (p,) [rad, m/s^2, rad/s]; count_rad: of an
-    encoder."""
+    """Noise of one sample.
 
-    fix: np.ndarray
+    Attributes:
+        of_fixes: (poses (k, 3), generator) -> (k, 3) errors of fixes there [m, m, rad]. outputs: (p,) standard
+            deviations [rad, m/s^2, rad/s]. count_rad: of an encoder.
+    """
+
+    of_fixes: Callable[[np.ndarray, np.random.Generator], np.ndarray]
     outputs: np.ndarray
     count_rad: float = 0.0
 
@@ -89,16 +98,33 @@ class ProcessNoise:
 def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
     """The noise of the camera, the encoders and the IMU."""
     settings, localizer = getattr(scenario, prediction.replay.body.name), scenario.space.localizer
-    variance = localizer.noise_std_pixels**2 + (1.0 / 12.0 if localizer.whole_pixels else 0.0)
-    marker = np.array(localizer.pixel_m) * np.sqrt(variance)
-    stated = np.array([*marker / np.sqrt(2.0), np.sqrt(2.0) * marker.mean() / localizer.marker_spacing_m])
     count = 2.0 * np.pi / settings.encoder.counts_per_turn if settings.encoder.counts_per_turn else 0.0
     outputs = [count / np.sqrt(12.0)] * prediction.replay.body.wheels
     if prediction.replay.body.robot.has_imu:
         imu = settings.imu
         outputs += [d / np.sqrt(TICK_S) for d in [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3]
     resting = _resting_fix_noise(prediction)
-    return SensorNoise(stated if resting is None else resting, np.array(outputs), count)
+    of_fixes = partial(_pixels, localizer) if resting is None else partial(_as_at_rest, resting)
+    return SensorNoise(of_fixes, np.array(outputs), count)
+
+
+def _pixels(localizer: Localizer, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """(k, 3) errors of fixes by the camera's pixels. Where whole ones lie is drawn: a robot at rest repeats its error.
+    """
+    shift = np.array([*generator.uniform(0.0, 1.0, 2) * localizer.pixel_m, 0.0])
+    camera = camera_of(replace(localizer, dropout=0.0), np.inf, np.inf)
+    numbers, noise = np.array(list(camera.values())), stream(int(generator.integers(2**31)), "fixes")
+    out = np.zeros((len(poses), len(FIX)))
+    for tick, (x, y, phi) in enumerate(poses + shift):
+        see(tick, 0, x, y, phi, numbers, noise, out[tick])
+    errors = out[:, [FIX.x, FIX.y, FIX.phi]] - poses - shift
+    errors[:, 2] = wrap(errors[:, 2])
+    return errors
+
+
+def _as_at_rest(std: np.ndarray, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """(k, 3) errors of fixes as independent of each other as those of a robot at rest, standard deviations (3,)."""
+    return generator.standard_normal(poses.shape) * std
 
 
 def _resting_fix_noise(prediction):
@@ -145,7 +171,17 @@ class Spreads:
 
     def of_sensors(self) -> Spread:
         """The spread under sensor noise."""
-        return self._spread(self._with_sensor_noise, SENSORS)
+        return self._spread(partial(self._with_sensor_noise, self._paths()), SENSORS)
+
+    def _paths(self) -> list[np.ndarray]:
+        """The dead-reckoned path of each run, (k, 3) at the fixes: it has no pixels of its own."""
+        paths = []
+        for i, (track, windows, values) in enumerate(
+            zip(self._prediction.tracks, self._windows, self._values, strict=True)
+        ):
+            path = Simulation(self._prediction.replay, track, self._prediction.starts[i], values).reckoned
+            paths.append(compose(windows.start, relative(path[0], path[1:])))
+        return paths
 
     def of_process(self) -> dict[str, Spread]:
         """Source -> spread under the robot's assumed process noise from this source alone."""
@@ -186,7 +222,7 @@ class Spreads:
                 differences[i][measure] = part if known is None else np.vstack([known, part])
         return differences
 
-    def _with_sensor_noise(self, i: int, generator) -> Track:
+    def _with_sensor_noise(self, paths, i: int, generator) -> Track:
         track, replay = self._prediction.tracks[i], self._prediction.replay
         measured = track.measured + generator.standard_normal(track.measured.shape) * self._noise.outputs
         wheels = replay.body.wheels
@@ -195,9 +231,8 @@ class Spreads:
                 track.measured[:, :wheels], values, self._noise.count_rad, generator
             ) - track.measured[:, :wheels]
         sightings = track.sightings.copy()
-        sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += (
-            generator.standard_normal((len(track.fix_rows), 3)) * self._noise.fix
-        )
+        if len(track.fix_rows):
+            sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += self._noise.of_fixes(paths[i], generator)
         return replace(track, measured=measured, sightings=sightings)
 
     def _forces(self, track, axis, correlation_s, generator):
