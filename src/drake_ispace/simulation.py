@@ -11,11 +11,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import VectorLogSink
 
 from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.room.room import Space
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 _FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
-_LOST_M = 5.0  # metres from the middle of the room: the camera lost the robot long ago
 _SPINNING_RAD_S = 50.0  # eight turns a second
 _CHUNK = 200  # ticks between looks at progress and divergence
 
@@ -28,7 +28,7 @@ class Run:
         scenario: what was run.
         signals: name of the Diagram's output -> (ticks + 1, size). Row k is the value *before* the updates of tick k
             (x-), so row k of a sampled signal shows the sample of tick k - 1. docs/semantics.md.
-        diverged_s: when the robot fell, spun or left for good, else None; rows after it are left away.
+        diverged_s: when the robot fell, spun or left the room, else None; rows after it are left away.
         wall_s: duration of the simulation itself.
     """
 
@@ -72,7 +72,8 @@ def simulate_diagram(diagram: Diagram, scenario: Scenario, progress: Callable[[f
         if progress:
             progress(simulator.get_context().get_time())
         start = max(tick - _CHUNK - 1, 0)
-        diverged = first_divergence({name: _log(simulator, sink)[start:] for name, sink in sinks.items()})
+        latest = {name: _log(simulator, sink)[start:] for name, sink in sinks.items()}
+        diverged = first_divergence(latest, scenario.space)
         if diverged is not None:
             diverged += start
             break
@@ -107,14 +108,15 @@ def _log(simulator, sink):
     return sink.FindLog(simulator.get_context()).data().T
 
 
-def first_divergence(logs: dict[str, np.ndarray]) -> int | None:
-    """The first row in which a robot has fallen, spins, is lost or is no number; None if there is none."""
-    first = None
+def first_divergence(logs: dict[str, np.ndarray], space: Space) -> int | None:
+    """The first row in which a robot has fallen, spins, is outside of the room or is no number; None if there is none.
+    """
+    first, walls = None, 0.5 * np.array([space.width_m, space.depth_m])
     for name, rows in logs.items():
         finite = np.isfinite(rows)
         bad = np.zeros(len(rows), bool) if finite.all() else ~finite.all(axis=1)  # the first of both is the fast one
         if name.endswith("_pose"):
-            bad |= (np.abs(rows[:, 0]) > _LOST_M) | (np.abs(rows[:, 1]) > _LOST_M)
+            bad |= (np.abs(rows[:, :2]) > walls).any(axis=1)
         if name.endswith(("_velocity", "_balance")):
             bad |= np.abs(rows[:, 2]) > _SPINNING_RAD_S
         if name.endswith("_balance"):

@@ -68,15 +68,9 @@ def test_as_printed_the_estimate_leaves_the_robot_between_fixes():
     assert estimate_error_m(omni_run(overrides, blocks=told(1.5)), 200).max() > 0.1
 
 
-def test_as_printed_the_robot_has_not_arrived_after_40_s():
-    run = omni_run([*PRINTED, "seconds=41"], blocks=told(1.5))
-    assert run.diverged_s is None
-    gap = np.linalg.norm(run.signals["omni_pose"][-2000:, :2] - [1.0, 0.0], axis=1)
-    assert gap.mean() > 0.2  # it circles its goal; the mean of the last 10 s
-
-
-def test_as_printed_it_is_lost_at_2_rad():
-    assert omni_run([*PRINTED, "seconds=20"], blocks=told(2.0)).diverged_s < 20.0
+@pytest.mark.parametrize("heading_rad", [1.5, 2.0])
+def test_as_printed_it_leaves_the_room(heading_rad):
+    assert omni_run([*PRINTED, "seconds=20"], blocks=told(heading_rad)).diverged_s < 20.0
 
 
 class Restamp(Block):

@@ -65,7 +65,7 @@ def _followed(scenario, diagram, robot, table):
     values |= {f"table[{i}]": value for i, value in enumerate(table.ravel())}
     parameters = rollout.with_parameters({f"{block}.{name}": value for name, value in values.items()})
     logs = rollout.run(ticks_in(scenario.seconds), parameters)
-    return make_run(scenario, logs, first_divergence(logs), 0.0)
+    return make_run(scenario, logs, first_divergence(logs, scenario.space), 0.0)
 
 
 def _heading(reference):

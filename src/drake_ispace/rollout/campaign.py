@@ -219,7 +219,7 @@ def run_rows(plan_text: str, numbers: Sequence[int]) -> list[dict]:
 
 def _reduced(scenario, logs):
     """The metrics of a run, for columns of the table."""
-    run = make_run(scenario, logs, first_divergence(logs), 0.0)
+    run = make_run(scenario, logs, first_divergence(logs, scenario.space), 0.0)
     row = {"diverged": run.diverged_s is not None, "diverged_at_s": run.diverged_s}
     if not row["diverged"]:
         for robot in run.robots:

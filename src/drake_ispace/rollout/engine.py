@@ -25,7 +25,7 @@ def simulate_compiled(scenario: Scenario, diagram: Diagram | None = None) -> Run
     started = time.perf_counter()
     logs = rollout.run(ticks_in(scenario.seconds))
     wall_s = time.perf_counter() - started
-    return make_run(scenario, logs, first_divergence(logs), wall_s)
+    return make_run(scenario, logs, first_divergence(logs, scenario.space), wall_s)
 
 
 def parity(scenario: Scenario, diagram: Diagram | None = None) -> dict:

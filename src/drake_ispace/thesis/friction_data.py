@@ -54,7 +54,7 @@ def run_recording(rollout: Rollout, scenario: Scenario, ticks: int, parameters: 
         InputError: the robot fell.
     """
     logs = rollout.run(ticks, parameters)
-    lost = first_divergence(logs)
+    lost = first_divergence(logs, scenario.space)
     if lost is not None:
         raise InputError(f"the simulated robot fell or was lost at {lost * TICK_S:.2f} s, expected one that balances")
     return to_recording(make_run(scenario, logs, None, 0.0), Pendulum.name)
