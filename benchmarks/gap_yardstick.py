@@ -271,7 +271,7 @@ def main():
     if asked.data is not None:
         cases += [*real_cases(asked.data), *drives(asked.data)]
     compared = [case for case in cases if "points" in case]
-    near = sum(case["points"] <= 10.0 for case in compared)
+    near = sum(bool(case["points"] <= 10.0) for case in compared)
     summary = {"answers": len(cases), "printed": sum(case["printed"] is not None for case in cases),
                "compared": len(compared), "within_10_points": near}
     if asked.json:

@@ -173,5 +173,7 @@ def _read_effect(text):
             raise InputError(
                 f"--effect {shown(text)}: expected name:parameter=value, such as coulomb_friction:torque_n_m=0.01"
             )
+        if key.strip() in values:
+            raise InputError(f"--effect {shown(text)}: {shown(key.strip())} is given twice, expected once")
         values[key.strip()] = load_yaml(f"value: {value}\n", f"--effect {name}:{key}")["value"]
     return name.strip(), values
