@@ -48,11 +48,15 @@ def test_inputs_depend_on_the_seed_alone(tmp_path):
     assert first == second
 
 
-def test_what_once_was_read_wrong_stays_refused(tmp_path):
-    """A PNG whose last checksum is wrong: its decoder has all pixels by then, and compares no more."""
+def test_a_picture_with_a_wrong_last_checksum_is_refused(tmp_path):
+    """Its decoder has all pixels by then, and compares no more."""
     picture = bytearray(Images(tmp_path).seeds[".png"])
     picture[-13] ^= 1
     assert campaign.outcome(Images(tmp_path), b".png\n" + bytes(picture)) == "refused"
+
+
+def test_a_byte_order_mark_before_a_number_is_refused(tmp_path):
+    assert campaign.outcome(Csv(tmp_path), b"t\n\xef\xbb\xbf1\n2\n") == "refused"
 
 
 def test_a_tab_between_words_is_yaml(tmp_path):

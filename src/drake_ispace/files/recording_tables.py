@@ -15,6 +15,7 @@ BLOCK = 1 << 22  # bytes of CSV parsed at a time
 _MOST_COMPRESSED = 250  # times that increasing times can be made smaller: at most 220 where tried, equal steps in zstd
 LARGEST_TABLE = 50_000_000  # numbers; a damaged Parquet file of a few bytes can announce any size
 
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _MARKS_OF_OTHER_ENCODINGS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
 
 
@@ -100,7 +101,7 @@ def _csv_header(line: bytes, path: Path) -> tuple[str, ...]:
     place = f"{path}: line 1"
     if line.startswith(_MARKS_OF_OTHER_ENCODINGS):
         raise InputError(f"{place}: starts with the byte order mark of another encoding, expected UTF-8 text")
-    line = line.removeprefix(b"\xef\xbb\xbf")
+    line = line.removeprefix(_BYTE_ORDER_MARK)
     if not line:
         raise InputError(f"{path}: empty, expected a header line whose first column is t")
     text = _decode(line, place, ("t",))
@@ -128,14 +129,14 @@ def _parse(block: bytes, names: tuple[str, ...], path: Path, line: int) -> np.nd
     """Numbers (n, k) in whole lines of CSV, the first of them being line number `line` of the file.
 
     pyarrow does the work. What it refuses, and what it would read in silence although it should not (`nan`, `"1"2`,
-    lone carriage returns), goes through `_parse_by_line`, which finds the culprit or, if there is none, the numbers.
+    lone carriage returns, a byte order mark before a number), goes through `_parse_by_line`, which finds the culprit or, if there is none, the numbers.
     """
     import pyarrow as pa
     import pyarrow.csv as pacsv
 
     if not block.strip():
         return np.empty((0, len(names)))
-    if block.count(b"\r") == block.count(b"\r\n") and b'"' not in block:
+    if block.count(b"\r") == block.count(b"\r\n") and b'"' not in block and not block.startswith(_BYTE_ORDER_MARK):
         try:
             table = pacsv.read_csv(
                 pa.py_buffer(block),
