@@ -145,10 +145,8 @@ class CampaignWriter(Writer):
         shutil.rmtree(place / "campaign", ignore_errors=True)
 
     def write(self, version, place):
-        montecarlo(
-            load_scenario("omni_multirate", ["seconds=0.05"]), 4000, vary={"omni_plant.mass_kg": "uniform(7, 8)"}, seed=3,
-            out=place / "campaign", threads=1,
-        )
+        scenario, vary = load_scenario("omni_multirate", ["seconds=0.05"]), {"omni_plant.mass_kg": "uniform(7, 8)"}
+        montecarlo(scenario, 4000, vary=vary, seed=3, out=place / "campaign", threads=1)
 
     def version(self, place):
         if not (place / "campaign" / "campaign.yaml").exists():
