@@ -13,7 +13,9 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 #: same_answers compares two revisions; test_same_answers.py runs it.
 SCRIPTS = sorted(path.stem for path in FOLDER.glob("[!_]*.py") if path.stem != "same_answers")
-UNDRAWN = {"camera_rates", "diagnosis", "gap_yardstick", "long_runs", "odometry_subsets", "rollout_speed"}  # have no picture
+UNDRAWN = {  # have no picture
+    "camera_rates", "diagnosis", "gap_yardstick", "long_runs", "odometry_subsets", "rollout_speed",
+}
 
 
 @pytest.mark.parametrize("script", SCRIPTS)

@@ -129,7 +129,8 @@ def _parse(block: bytes, names: tuple[str, ...], path: Path, line: int) -> np.nd
     """Numbers (n, k) in whole lines of CSV, the first of them being line number `line` of the file.
 
     pyarrow does the work. What it refuses, and what it would read in silence although it should not (`nan`, `"1"2`,
-    lone carriage returns, a byte order mark before a number), goes through `_parse_by_line`, which finds the culprit or, if there is none, the numbers.
+    lone carriage returns, a byte order mark before a number) goes through `_parse_by_line`, which finds the culprit or,
+    if there is none, the numbers.
     """
     import pyarrow as pa
     import pyarrow.csv as pacsv
