@@ -15,8 +15,9 @@ import pytest
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files import recording as recording_module
 from drake_ispace.files import recording_tables
-from drake_ispace.files.recording import CHANNELS, Channel, Recording, load, validate
+from drake_ispace.files.recording import CHANNELS, Channel, Recording, validate
 from drake_ispace.files.yaml_guard import dump_yaml, load_yaml
+from drake_ispace.robots.recordings import load
 
 HEAD = "format: drake-ispace-recording/1\nrobot: omni\n"
 KINECT = HEAD + "channels: {kinect: {file: kinect.csv}}\n"

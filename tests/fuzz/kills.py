@@ -23,9 +23,10 @@ from pathlib import Path
 import numpy as np
 
 import answers
-from drake_ispace.files.recording import Channel, Recording, load
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.hiding import save_hidden
 from drake_ispace.report.explain_page import write_explanation
+from drake_ispace.robots.recordings import load
 from drake_ispace.rollout.campaign import montecarlo
 from drake_ispace.rollout.table import read_campaign
 from drake_ispace.scenario import load_scenario

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 
 from drake_ispace.cli.explain import _read_effect
-from drake_ispace.files.recording import Channel, Recording, load
+from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.recording_tables import read_table
+from drake_ispace.robots.recordings import load
 from drake_ispace.rollout.campaign import montecarlo
 from drake_ispace.rollout.draws import parse_distribution, split_vary
 from drake_ispace.scenario import load_scenario
