@@ -8,13 +8,14 @@ ARGS =
 # Tests of one file stay together, and with them what they share, until a worker has none of its own left.
 WORKERS = -n auto --maxprocesses 2 --dist worksteal
 
-.PHONY: help setup demo test test-slow hidden lint clean
+.PHONY: help setup demo test test-slow hidden mutants lint clean
 
 help:
 	@echo "make demo       run the demonstration; it writes the folder demo/"
 	@echo "make test       run the tests"
 	@echo "make test-slow  run the long campaigns"
 	@echo "make hidden     hide every effect in data and ask for it"
+	@echo "make mutants    change the code at random, and see whether the tests notice"
 	@echo "make lint       check the code style"
 	@echo "make clean      remove the environment, the demo and all caches"
 
@@ -32,6 +33,10 @@ test-slow: setup
 
 hidden: setup
 	PYTHONPATH= $(VENV)/bin/python -m pytest -m hidden $(ARGS)
+
+mutants: setup
+	@$(VENV)/bin/python -c 'import cosmic_ray' 2>/dev/null || $(VENV)/bin/python -m pip install --quiet -e '.[test,mutants]'
+	PYTHONPATH= $(VENV)/bin/python tools/mutants.py $(ARGS)
 
 lint: setup
 	@test -x $(VENV)/bin/ruff || $(VENV)/bin/python -m pip install --quiet -e '.[dev]'
