@@ -38,6 +38,13 @@ def test_least_squares_finds_what_was_put_in():
     assert DIRECTIONS.least_squares(DENSE.T @ amounts + rest) == pytest.approx(amounts)
 
 
+def test_of_three_directions_in_a_plane_none_runs_away():
+    one, other = RNG.standard_normal((2, 100))
+    found = Directions(np.array([one, other, one + other])).least_squares(3.0 * one)
+    assert np.abs(found).max() < 4.0
+    assert found @ np.array([one, other, one + other]) == pytest.approx(3.0 * one)
+
+
 def test_directions_that_coincide_share():
     one = RNG.standard_normal(100)
     assert Directions(np.array([one, one])).least_squares(one) == pytest.approx([0.5, 0.5])

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from drake_ispace.explain.fit.whitening import Whitening, fit_noise, past
+from drake_ispace.explain.predict.prediction import RESTING
 
 
 def coloured(rows, rng, memory=0.9):
@@ -41,6 +42,41 @@ def test_rows_at_rest_weigh_nothing():
     classes[1000:1500] = 0
     white = fit_noise([y], "motion", [classes]).whiten(y, classes)
     assert np.all(white[1000 - 8 + 8 : 1492] == 0.0) and white[:900].std() == pytest.approx(1.0, abs=0.1)
+
+
+def test_noise_that_is_larger_in_a_class_of_motion_is_scaled_there():
+    rng, classes = np.random.default_rng(0), np.repeat([RESTING, RESTING + 1, RESTING + 2], 2000)
+    y = rng.standard_normal((6000, 2)) * np.repeat([1.0, 3.0, 1e-3], 2000)[:, None]
+    noise = fit_noise([y], "motion", [classes])
+    overall = np.sqrt((1.0 + 9.0) / 3.0)
+    assert noise.sizes[RESTING : RESTING + 2, 0] == pytest.approx([1.0 / overall, 3.0 / overall], rel=0.05)
+    assert noise.sizes[RESTING + 2] == pytest.approx(0.1)  # quantised numbers may be still for long
+
+
+def test_a_class_with_few_rows_has_the_noise_of_all():
+    rng, classes = np.random.default_rng(0), np.full(3000, RESTING)
+    classes[:50] = RESTING + 1
+    noise = fit_noise([rng.standard_normal((3000, 2))], "motion", [classes])
+    assert np.all(noise.sizes[RESTING + 1] == 1.0)
+
+
+def test_rows_that_are_independent_have_their_spread_and_no_memory():
+    rows = np.random.default_rng(0).standard_normal((500, 3)) * [0.02, 0.02, 0.001]
+    noise = fit_noise([rows], "start", [None])
+    assert noise.lags == 0 and noise.unit.diagonal() == pytest.approx([50.0, 50.0, 1.0 / 0.026], rel=0.1)
+    few = fit_noise([np.ones((1, 3))], "start", [None])
+    assert few.unit.diagonal() == pytest.approx([1.0 / 0.006, 1.0 / 0.006, 1.0 / 0.026])
+
+
+def test_a_run_that_is_shorter_than_the_memory_gives_no_rows():
+    noise = fit_noise([coloured(3000, np.random.default_rng(0))], "motion", [None])
+    short = np.ones((3, 2))
+    assert noise.rows(short) == 0 and noise.whiten(short).shape == (0, 2)
+
+
+def test_a_short_run_is_whitened_with_a_short_memory():
+    assert fit_noise([coloured(100, np.random.default_rng(0))], "motion", [None]).lags == 1
+    assert fit_noise([coloured(20, np.random.default_rng(0))], "motion", [None]).lags == 0
 
 
 def test_rows_of_one_instant_keep_together():

@@ -56,7 +56,7 @@ def add_body(bench: Bench, scenario: "Scenario", robot: Robot, order_size: int) 
         )
         part.show(imu="imu.message", tilt="tilt_filter.tilt")
     part.add("odometry", robot.odometry(settings, start))
-    part.add("way_point", WayPoint(settings.trajectory, path, start[:2]))
+    part.add("way_point", WayPoint(settings.trajectory, path, start[:2], scenario.space.localizer.latency_ticks))
     part.add("link", RoomLink(scenario.space.link, order_size, seed, f"{robot.name}.link"))
     part.wire(
         ("plant.wheel_angle", "encoder.wheel_angle"),

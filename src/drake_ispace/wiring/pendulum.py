@@ -71,7 +71,7 @@ def add_pendulum_body(bench: Bench, scenario: Scenario, tracker: Tracker | None 
     part, start = add_body(bench, scenario, Pendulum(), order_size)
     add_estimator(part, scenario, order_size, scenario.pendulum.control.estimator_as_printed)
     if tracker:
-        part.add("tracker", TrajectoryTracker(tracker))
+        part.add("tracker", TrajectoryTracker(tracker, scenario.space.localizer.latency_ticks))
         part.takes_fix.insert(0, "tracker.fix")
         part.wire(("way_point.way_point", "tracker.way_point"), ("tracker.error", "link.order"))
     else:

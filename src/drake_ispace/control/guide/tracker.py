@@ -97,9 +97,10 @@ class TrajectoryTracker(Block):
 
     Args:
         tracker: mode and parameters.
+        latency_ticks: of the room's camera: the error is computed when a fix is there.
     """
 
-    def __init__(self, tracker: Tracker):
+    def __init__(self, tracker: Tracker, latency_ticks: int = 0):
         start = np.zeros(len(FIX))
         start[FIX.tick] = -1.0
         super().__init__(Spec(
@@ -110,5 +111,5 @@ class TrajectoryTracker(Block):
                 "feed_forward": float(tracker.feed_forward), "hold_radius_m": tracker.hold_radius_m,
                 "longest_error_m": tracker.longest_error_m,
             },
-            discrete_state=start, updates=(Update(step, Phase.COMPUTE, VISION_TICKS, through=True),),
+            discrete_state=start, updates=(Update(step, Phase.COMPUTE, VISION_TICKS, latency_ticks, through=True),),
         ))

@@ -61,7 +61,7 @@ def message(xd, out):
 
 
 class WayPoint(Block):
-    """Moves the way point along its path, with a new sample every 95 ms.
+    """Moves the way point along its path, with a new sample every 95 ms, when a fix is there.
 
     .. pydrake_system::
 
@@ -76,9 +76,10 @@ class WayPoint(Block):
         trajectory: how the way point moves.
         path: the path of the trajectory, from `build_path`.
         first: x, y [m] in W of the way point before a step or pulse, and after a pulse.
+        latency_ticks: of the room's camera: the way point is sampled when a fix is there, and goes out with it.
     """
 
-    def __init__(self, trajectory: Trajectory, path: Path, first=(0.0, 0.0)):
+    def __init__(self, trajectory: Trajectory, path: Path, first=(0.0, 0.0), latency_ticks: int = 0):
         laps = (trajectory.laps or np.inf) if path.closed else 1
         start = np.zeros(len(WAY_POINT))
         start[WAY_POINT.tick] = -1.0
@@ -93,5 +94,5 @@ class WayPoint(Block):
                 "first": np.asarray(first, dtype=float),
                 "pulse_end_s": start_s + pulse_s,
             },
-            discrete_state=start, updates=(Update(slide, Phase.SENSE, VISION_TICKS),),
+            discrete_state=start, updates=(Update(slide, Phase.SENSE, VISION_TICKS, latency_ticks),),
         ))
