@@ -334,7 +334,7 @@ class VaryOption(Reader):
         found = parse_distribution(text, f"--vary {key}")
         wanted = re.fullmatch(r"\s*(normal|uniform|loguniform|choice)\s*\((.*)\)\s*", given.split("=", 1)[1])
         numbers = wanted and wanted[2].split(",")
-        if not numbers or not all(re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*", n, re.ASCII | re.I)
+        if not numbers or not all(re.fullmatch(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?\s*", n, re.ASCII | re.I)
                                   for n in numbers):
             raise Silent("a strict parser refuses it")
         if (key, found.kind, found.numbers) != (given.split("=")[0].strip(), wanted[1], tuple(map(float, numbers))):

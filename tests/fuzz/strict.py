@@ -13,7 +13,7 @@ class Refused(Exception):
     """The input is not what it should be."""
 
 
-_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)
+_NUMBER = re.compile(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s*", re.ASCII)
 
 
 def csv_table(data: bytes) -> tuple[tuple[str, ...], np.ndarray]:

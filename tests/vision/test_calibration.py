@@ -1,5 +1,7 @@
 """The camera's place from points on the floor."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -125,4 +127,96 @@ def test_bad_points_are_refused(texts, message):
 ], ids=["on a line", "one pixel", "mirrored", "crossed"])
 def test_points_that_fix_no_camera_are_refused(points):
     with pytest.raises(InputError, match="--points: "):
+        calibrate(points, Camera())
+
+
+def spread(camera, count, seed=0, noise=0.3, reach=(1.1, 0.85)):
+    """So many clicked points on the floor, each off by some `noise` pixels."""
+    random = np.random.default_rng(seed)
+    edge = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * reach
+    places = np.vstack([edge, random.uniform(-1.0, 1.0, (max(count - 4, 0), 2)) * reach])[:count]
+    points = seen(camera, places)
+    points[:, :2] += random.normal(0.0, noise, (count, 2))
+    return points
+
+
+BENT = Camera(distortion=[0.108, 0.0, 0.0, 0.0, 0.0])  # 5 % at the corners of the picture
+
+
+def test_lens_focal_length_and_height_are_found_together():
+    camera = dataclasses.replace(BENT, focal_pixels=[520.0, 520.0])
+    found = calibrate(spread(camera, 40), Camera(), fit_focal=True, fit_lens=True).camera
+    places = np.random.default_rng(9).uniform([-1.1, -0.85], [1.1, 0.85], (200, 2))
+    assert seen(found, places)[:, :2] == pytest.approx(seen(camera, places)[:, :2], abs=1.0)
+    assert np.sqrt(np.mean((seen(found, places) - seen(camera, places))[:, :2] ** 2)) < 0.5
+    assert found.height_m == pytest.approx(2.78, abs=0.03)
+
+
+def bent(image, camera):
+    """What a bent lens makes of a picture that was taken by a straight one."""
+    view = view_of(camera)
+    pixels = view.pixel_grid().astype(np.float32)
+    straight = cv2.undistortPoints(pixels[:, None], view.matrix, view.distortion, P=view.matrix)
+    grid = straight.reshape(*image.shape[:2], 2).astype(np.float32)
+    return cv2.remap(image, grid, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def test_a_rendered_board_shows_the_lens():
+    board = (11, 8, 0.18, -0.9, 0.65, 0.0)
+    points = board_points(bent(chessboard(view_of(Camera()), *board), BENT), ",".join(map(str, board)))
+    found = calibrate(points, Camera(), fit_lens=True)
+    error, straight = (np.sqrt(np.mean(c.residual_pixels**2)) for c in (found, calibrate(points, Camera())))
+    assert error < 0.5 and error < 0.5 * straight
+    assert found.camera.distortion[0] == pytest.approx(0.108, abs=0.02)
+
+
+def swapped(points):
+    points[[0, 2], :2] = points[[2, 0], :2]
+    return points
+
+
+def mirrored(points):
+    points[:, 2] *= -1.0
+    return points
+
+
+def exchanged(points):
+    points[:, [2, 3]] = points[:, [3, 2]]
+    return points
+
+
+def slipped(points, by=30.0):
+    points[1, 0] += by
+    return points
+
+
+def on_a_line(points, off_m=0.0):
+    places = np.column_stack([np.linspace(-1.0, 1.0, len(points)), off_m * (-1.0) ** np.arange(len(points))])
+    return seen(Camera(), places)
+
+
+LONG, ABOVE = Camera(focal_pixels=[900.0, 900.0]), Camera(pitch_rad=1.5607, roll_rad=0.0, foot_m=[0.0, 0.0])
+
+
+@pytest.mark.parametrize("points, options", [
+    *((swapped(spread(Camera(), n)), {}) for n in (4, 6, 9)),
+    *((mirrored(spread(Camera(), n)), {}) for n in (4, 6, 9)),
+    *((exchanged(spread(Camera(), n)), {}) for n in (4, 6)),
+    *((slipped(spread(Camera(), n)), {}) for n in (4, 5, 6, 9, 12)),
+    (slipped(spread(Camera(), 6), -30.0), {}), (slipped(spread(Camera(), 9)), {"fit_focal": True}),
+    *((on_a_line(np.zeros((n, 4))), {}) for n in (4, 8)), (on_a_line(np.zeros((6, 4)), 2e-4), {}),
+    (spread(LONG, 6, reach=(0.5, 0.4)), {}),
+    (spread(ABOVE, 8), {"fit_focal": True}), (spread(Camera(), 4), {"fit_focal": True}),
+    (spread(BENT, 8, reach=(0.1, 0.1)), {"fit_lens": True}), (spread(BENT, 4), {"fit_lens": True}),
+])
+def test_a_bad_calibration_is_refused(points, options):
+    with pytest.raises(InputError, match=r"^--(points|fit-focal|fit-lens): .*expected"):
+        calibrate(points, Camera(), **options)
+
+
+@pytest.mark.parametrize("count", [6, 9, 12])
+def test_the_click_that_slipped_is_named(count):
+    points = slipped(spread(Camera(), count))
+    u, v = points[1, :2]
+    with pytest.raises(InputError, match=f"the point {u:g},{v:g} at .* does not go with the others"):
         calibrate(points, Camera())

@@ -25,7 +25,7 @@ from drake_ispace.vision.image_localizer import (
     oldest_frame_ticks,
     room_eye,
 )
-from drake_ispace.vision.markers import blobs
+from drake_ispace.vision.markers import Colour, blobs
 from drake_ispace.vision.renderer import Renderer
 from drake_ispace.vision.scene import PAINTS, Box, Patch, robot_box
 from drake_ispace.vision.top_view import TopView, top_view_of, trapezoid
@@ -216,6 +216,20 @@ def test_pictures_without_robots(eye, image):
 def test_pictures_of_another_kind_are_refused(eye, image):
     with pytest.raises(InputError, match="expected an image of 640 x 480 pixels with 3 colours of 8 bit"):
         eye.locate(image)
+
+
+def test_width_is_said_before_height(eye):
+    with pytest.raises(InputError, match=r"640 x 480 pixels .*, got 632 x 468 with 3 of 8 bit"):
+        eye.locate(np.zeros((468, 632, 3), np.uint8))
+
+
+def test_a_colour_that_is_paler_is_another_one():
+    hsv = np.array([[[175, 90, 220], [175, 200, 220], [175, 200, 90]]], np.uint8)
+    red, pink = Colour((170.0, 5.0), 150.0, 60.0), Colour((170.0, 5.0), 60.0, 60.0, most_saturation=149.0)
+    dark = Colour((170.0, 5.0), 60.0, 60.0, most_value=100.0)
+    assert [(colour.mask(hsv) > 0).tolist()[0] for colour in (red, pink, dark)] == [
+        [False, True, True], [True, False, False], [False, False, True],
+    ]
 
 
 def test_hue_ranges_go_through_red():

@@ -83,6 +83,7 @@ def calibrate(
     fit_focal: Annotated[
         bool, Parameter(negative="", help="find the focal length too, instead of that of the Kinect")
     ] = False,
+    fit_lens: Annotated[bool, Parameter(negative="", help="find how much the lens bends straight lines too")] = False,
     out: Annotated[Path | None, Parameter(help="scenario file to write; left out: the text is printed")] = None,
     as_json: Json = False,
 ) -> None:
@@ -107,7 +108,7 @@ def calibrate(
             f"--points: ({outside[0][0]:g}, {outside[0][1]:g}) lies outside of {image}, expected 0 to {columns - 1}, "
             f"0 to {rows - 1}"
         )
-    result = solve(given, replace(Camera(), size_pixels=[columns, rows]), fit_focal)
+    result = solve(given, replace(Camera(), size_pixels=[columns, rows]), fit_focal, fit_lens)
     data, residual = {"space": result.to_data()}, float((result.residual_pixels**2).mean() ** 0.5)
     if out is not None:
         with whole_file(out) as beside:

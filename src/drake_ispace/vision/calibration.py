@@ -1,16 +1,22 @@
 """The camera's place from points on the floor whose pixels are known: clicked, measured, or the trapezoid's corners."""
 
+import contextlib
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.optimize import least_squares
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.room.room import Camera
 from drake_ispace.vision.camera import R_CS, camera_matrix
 from drake_ispace.vision.top_view import CORNERS
 
-_WORST_PIXELS = 25.0
+_WORST_PIXELS = 2.0  # root mean square, from which on points and camera contradict each other
+_CLICK_PIXELS = 0.5  # how well a point is known at best
+_UNSURE = 0.1  # uncertainty of a focal length (as a share) or of k1, above which it is no answer
+_POSE, _SPARE = 6, 2  # unknowns of a pose, and numbers that must be left to contradict
+_FOCALS, _STARTS = (0.3, 5.0), 7  # focal lengths that are searched, in widths of the image, and how many starts
 
 
 @dataclass(frozen=True)
@@ -108,71 +114,136 @@ def board_points(image: np.ndarray, text: str) -> np.ndarray:
     ])
 
 
-def calibrate(points, camera: Camera, fit_focal: bool = False) -> Calibration:
-    """Where the camera stands, from points on the floor.
+def calibrate(points, camera: Camera, fit_focal: bool = False, fit_lens: bool = False) -> Calibration:
+    """Where the camera stands, from points on the floor; all that is looked for is fitted together.
 
     Args:
-        points: (n >= 4, 4) u, v [pixels], x, y in W [m]; camera: size, focal lengths and distortion, and the yaw that
-            is kept (only foot_yaw_rad + yaw_rad can be seen); fit_focal: find one focal length for both axes too.
+        points: (n >= 4, 4) u, v [pixels], x, y in W [m]. camera: size, focal lengths and distortion, and the yaw that
+            is kept (only foot_yaw_rad + yaw_rad can be seen). fit_focal: find one focal length for both axes too.
+        fit_lens: find how much the lens bends straight lines too (k1 of OpenCV's model).
 
     Raises:
-        InputError: points that do not fix a camera above the floor.
+        InputError: points that do not fix a camera above the floor, or a fit that misses them by more than 2 pixels
+            (root mean square), lies on the edge of what was searched, or leaves the height open.
     """
     points = np.asarray(points, dtype=float)
-    pixels, floor = np.ascontiguousarray(points[:, :2]), np.column_stack([points[:, 2:], np.zeros(len(points))])
-    bad = InputError(
+    spread = np.linalg.svd(points[:, 2:] - points[:, 2:].mean(axis=0), compute_uv=False)
+    if spread[1] < 1e-3 * max(spread[0], 1e-9):
+        raise _no_camera()
+    unknowns = _POSE + fit_focal + fit_lens
+    if 2 * len(points) < unknowns + _SPARE:
+        least = -(-(unknowns + _SPARE) // 2)
+        raise InputError(f"--points: expected at least {least} points to find so much, got {len(points)}")
+    fitted = _Fit(points, camera, fit_focal, fit_lens)
+    if fitted.rms > _WORST_PIXELS:
+        raise InputError(
+            f"--points: the best camera misses them by {fitted.rms:.1f} pixels (root mean square), expected at most "
+            f"{_WORST_PIXELS:g}: {_culprit(points, camera, fit_focal, fit_lens)}"
+        )
+    fitted.check()
+    return Calibration(fitted.camera(), fitted.residual_pixels)
+
+
+def _no_camera() -> InputError:
+    return InputError(
         "--points: no camera above the floor sees these points so, expected points in order, no three on a line"
     )
-    spread = np.linalg.svd(floor[:, :2] - floor[:, :2].mean(axis=0), compute_uv=False)
-    if spread[1] < 1e-3 * max(spread[0], 1e-9):
-        raise bad
-    if fit_focal:
-        camera = replace(camera, focal_pixels=[_focal(camera, pixels, floor, bad)] * 2)
-    matrix, distortion = camera_matrix(camera), np.array(camera.distortion)
-    rotation, place = _pose(pixels, floor, matrix, distortion, bad)
-    r_wc = cv2.Rodrigues(rotation)[0].T
-    p_wc = -r_wc @ place.ravel()
-    r_ws = r_wc @ R_CS
-    if p_wc[2] <= 0.0 or r_ws[2, 0] >= -0.05:
-        raise bad
-    yaw = float(np.arctan2(r_ws[1, 0], r_ws[0, 0]))
-    pitch = float(np.arcsin(-r_ws[2, 0]))
-    roll = float(np.arctan2(r_ws[2, 1], r_ws[2, 2]))
-    found = replace(
-        camera, height_m=float(p_wc[2]), roll_rad=roll, pitch_rad=pitch, foot_m=[float(p_wc[0]), float(p_wc[1])],
-        foot_yaw_rad=float(np.angle(np.exp(1j * (yaw - camera.yaw_rad)))),
-    )
-    back = cv2.projectPoints(floor, rotation, place, matrix, distortion)[0].reshape(-1, 2)
-    residual = np.hypot(*(back - pixels).T)
-    if (worst := float(residual.max())) > _WORST_PIXELS:
-        raise InputError(
-            f"--points: the best camera misses a point by {worst:.0f} pixels, expected at most {_WORST_PIXELS:g}: "
-            "points in order, and a focal length that is right (or found, with --fit-focal)"
+
+
+class _Fit:
+    """The camera of least squared error.
+
+    Attributes:
+        rms, residual_pixels: what it leaves of the points.
+    """
+
+    def __init__(self, points, camera, fit_focal, fit_lens):
+        self._given, self._with_focal, self._with_lens = camera, fit_focal, fit_lens
+        self._pixels = np.ascontiguousarray(points[:, :2])
+        self._floor = np.column_stack([points[:, 2:], np.zeros(len(points))])
+        known = camera_matrix(camera)[0, 0]
+        focals = np.geomspace(*_FOCALS, _STARTS) * max(camera.size_pixels) if fit_focal else [known]
+        found = [one for focal in focals for one in self._from(focal)]
+        if not found:
+            raise _no_camera()
+        self._best = min(found, key=lambda one: one.cost)
+        self.residual_pixels = np.hypot(*self._best.fun.reshape(-1, 2).T)
+        self.rms = float(np.sqrt(np.mean(self.residual_pixels**2)))
+
+    def _from(self, focal):
+        """Fits that begin at a focal length [pixels], from each of the two poses that a plane allows."""
+        matrix, distortion = self._lens(np.append(np.zeros(_POSE), np.log(focal)))
+        with contextlib.suppress(cv2.error, ValueError, np.linalg.LinAlgError):
+            _, rotations, places, _ = cv2.solvePnPGeneric(
+                self._floor, self._pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE
+            )
+            for rotation, place in zip(rotations, places, strict=True):
+                start = np.concatenate([rotation.ravel(), place.ravel(), [np.log(focal)] * self._with_focal,
+                                        [distortion[0]] * self._with_lens])
+                if np.isfinite(start).all():
+                    yield least_squares(self._misses, start, x_scale="jac", max_nfev=400)
+
+    def _lens(self, x):
+        """(matrix, distortion) at the unknowns `x`."""
+        matrix, distortion = camera_matrix(self._given), np.array(self._given.distortion)
+        if self._with_focal:
+            matrix[0, 0] = matrix[1, 1] = np.exp(np.clip(x[_POSE], -20.0, 20.0))
+        if self._with_lens and len(x) > _POSE + self._with_focal:
+            distortion[0] = x[-1]
+        return matrix, distortion
+
+    def _misses(self, x):
+        back = cv2.projectPoints(self._floor, x[:3], x[3:_POSE], *self._lens(x))[0].reshape(-1, 2)
+        return np.nan_to_num((back - self._pixels).ravel(), nan=1e6, posinf=1e6, neginf=-1e6)
+
+    def check(self):
+        """Refuse what the points do not tell, though they are hit."""
+        x, size = self._best.x, max(self._given.size_pixels)
+        curvature = self._best.jac.T @ self._best.jac
+        std = np.sqrt(np.abs(np.diag(np.linalg.pinv(curvature)))) * max(self.rms, _CLICK_PIXELS)
+        if self._with_focal:
+            share = np.exp(x[_POSE]) / size
+            if not 1.02 * _FOCALS[0] < share < 0.98 * _FOCALS[1] or std[_POSE] > _UNSURE:
+                raise InputError(
+                    f"--fit-focal: these points do not tell the focal length from the height (it would be "
+                    f"{np.exp(x[_POSE]):.0f} pixels, uncertain by {100.0 * min(std[_POSE], 9.99):.0f} %), expected "
+                    "points that are nearer and farther from the camera, or a focal length that is known"
+                )
+        if self._with_lens and std[-1] > _UNSURE:
+            raise InputError(
+                f"--fit-lens: these points do not show how the lens bends lines (k1 would be {x[-1]:.3g}, uncertain by "
+                f"{std[-1]:.2g}), expected more points, some near the edges of the picture"
+            )
+
+    def camera(self) -> Camera:
+        """The camera with what was found."""
+        x, given = self._best.x, self._given
+        r_wc = cv2.Rodrigues(x[:3])[0].T
+        p_wc = -r_wc @ x[3:_POSE]
+        r_ws = r_wc @ R_CS
+        if p_wc[2] <= 0.0 or r_ws[2, 0] >= -0.05:
+            raise _no_camera()
+        yaw = float(np.arctan2(r_ws[1, 0], r_ws[0, 0]))
+        matrix, distortion = self._lens(x)
+        return replace(
+            given, height_m=float(p_wc[2]), roll_rad=float(np.arctan2(r_ws[2, 1], r_ws[2, 2])),
+            pitch_rad=float(np.arcsin(-r_ws[2, 0])), foot_m=[float(p_wc[0]), float(p_wc[1])],
+            foot_yaw_rad=float(np.angle(np.exp(1j * (yaw - given.yaw_rad)))),
+            focal_pixels=[float(matrix[0, 0])] * 2 if self._with_focal else given.focal_pixels,
+            distortion=[float(value) for value in distortion],
         )
-    return Calibration(found, residual)
 
 
-def _pose(pixels, floor, matrix, distortion, bad):
-    """The pose of least error of the two that a plane allows."""
-    try:
-        _, rotations, places, _ = cv2.solvePnPGeneric(floor, pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE)
-    except cv2.error:
-        raise bad from None
-    if not rotations or not np.isfinite([*rotations[0].ravel(), *places[0].ravel()]).all():
-        raise bad
-    return cv2.solvePnPRefineLM(floor, pixels, matrix, distortion, rotations[0], places[0])
-
-
-def _focal(camera, pixels, floor, bad):
-    """The focal length [pixels] of least squared error."""
-    from scipy.optimize import minimize_scalar
-
-    size = max(camera.size_pixels)
-
-    def error(log_focal):
-        matrix = camera_matrix(replace(camera, focal_pixels=[float(np.exp(log_focal))] * 2))
-        rotation, place = _pose(pixels, floor, matrix, np.array(camera.distortion), bad)
-        back = cv2.projectPoints(floor, rotation, place, matrix, np.array(camera.distortion))[0].reshape(-1, 2)
-        return float(((back - pixels) ** 2).sum())
-
-    return float(np.exp(minimize_scalar(error, bounds=np.log([0.3 * size, 5.0 * size]), method="bounded").x))
+def _culprit(points, camera, fit_focal, fit_lens) -> str:
+    """What may be wrong with points that no camera sees so: the one without which all others are hit, if there is one.
+    """
+    left_out = []
+    for i in range(len(points)):
+        rest = np.delete(points, i, axis=0)
+        if 2 * len(rest) >= _POSE + fit_focal + fit_lens + _SPARE:
+            with contextlib.suppress(InputError):
+                left_out.append((_Fit(rest, camera, fit_focal, fit_lens).rms, i))
+    if left_out and min(left_out)[0] <= _WORST_PIXELS:
+        u, v, x, y = points[min(left_out)[1]]
+        return f"the point {u:g},{v:g} at {x:g},{y:g} m does not go with the others"
+    return "points in order, and a focal length that is right (or found, with --fit-focal)"

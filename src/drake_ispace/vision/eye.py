@@ -36,15 +36,23 @@ class Eye:
             InputError: an image of another size or kind.
         """
         if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.shape != (*self.size[::-1], 3):
-            shape = " x ".join(map(str, getattr(image, "shape", ()))) or "nothing"
+            width, height = self.size
             raise InputError(
-                f"expected an image of {self.size[0]} x {self.size[1]} pixels with 3 colours of 8 bit, got {shape}"
+                f"expected an image of {width} x {height} pixels with 3 colours of 8 bit, got {_kind(image)}"
             )
         sightings: dict[str, Sighting | None] = {}
         for look, reach in zip(self.looks, self._reach, strict=True):
             found = find_robots(look.top.warp(image), look.top, self.colours, look.targets, reach)
             sightings |= {name: _in_image(one, look.top) for name, one in found.items()}
         return sightings
+
+
+def _kind(image) -> str:
+    """What an image is, in the words of the sentence that refuses it: width before height."""
+    if not isinstance(image, np.ndarray) or image.ndim not in (2, 3):
+        return "no image"
+    colours = image.shape[2] if image.ndim == 3 else 1
+    return f"{image.shape[1]} x {image.shape[0]} with {colours} of {8 * image.dtype.itemsize} bit"
 
 
 def _in_image(sighting, top):

@@ -41,6 +41,8 @@ class ColourRange:
     hue: list[float] = quantity([0.0, 180.0], minimum=0.0, maximum=180.0, length=2)
     saturation: float = quantity(100.0, minimum=0.0, maximum=255.0)
     value: float = quantity(60.0, minimum=0.0, maximum=255.0)
+    most_saturation: float = quantity(255.0, minimum=0.0, maximum=255.0)
+    most_value: float = quantity(255.0, minimum=0.0, maximum=255.0)
 
 
 @dataclass
@@ -134,7 +136,10 @@ def scene_eye(scene: Scene, where: str = "scene") -> Eye:
             if robot.height_m == height
         )
         looks.append(Look(scene_top(scene, where, height), targets))
-    colours = {name: Colour(tuple(c.hue), c.saturation, c.value) for name, c in scene.colours.items()}
+    colours = {
+        name: Colour(tuple(c.hue), c.saturation, c.value, c.most_saturation, c.most_value)
+        for name, c in scene.colours.items()
+    }
     return Eye(tuple(scene.camera.size_pixels), looks, colours)
 
 

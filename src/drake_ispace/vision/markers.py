@@ -19,17 +19,20 @@ _LEAST_SATURATION, _LEAST_VALUE = 30.0, 20.0  # of a mixed pixel, else its hue i
 @dataclass(frozen=True)
 class Colour:
     """A range of OpenCV's HSV: hue 0 to 180 (half degrees, from `hue[0]` upward to `hue[1]`, through 180 if need be),
-    least saturation and brightness of 255."""
+    least and most saturation and brightness of 255."""
 
     hue: tuple[float, float]
     saturation: float
     value: float
+    most_saturation: float = 255.0
+    most_value: float = 255.0
 
     def mask(self, hsv: np.ndarray) -> np.ndarray:
         """(rows, columns) uint8, 255 where an HSV image has this colour."""
         low, high = self.hue
         parts = [(low, high)] if low <= high else [(low, 180.0), (0.0, high)]
-        masks = [cv2.inRange(hsv, (a, self.saturation, self.value), (b, 255, 255)) for a, b in parts]
+        most = self.most_saturation, self.most_value
+        masks = [cv2.inRange(hsv, (a, self.saturation, self.value), (b, *most)) for a, b in parts]
         return masks[0] if len(masks) == 1 else cv2.bitwise_or(*masks)
 
 
