@@ -79,6 +79,8 @@ def same(found, wanted) -> bool:
         return len(found) == len(wanted) and all(map(same, found, wanted))
     if isinstance(wanted, int | float) and not isinstance(wanted, bool):
         return not isinstance(found, bool | str) and found == wanted
+    if isinstance(wanted, str):  # the strict parser may have made spaces of tabs
+        return isinstance(found, str) and found.split() == wanted.split()
     return type(found) is type(wanted) and found == wanted
 
 
