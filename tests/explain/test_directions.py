@@ -45,6 +45,20 @@ def test_of_three_directions_in_a_plane_none_runs_away():
     assert found @ np.array([one, other, one + other]) == pytest.approx(3.0 * one)
 
 
+@pytest.mark.parametrize("copies", [(1, 1, 0, 0), (0, 0, 0, 1), (1, 1, 1, 0)])
+def test_directions_that_coincide_in_groups_share_within_each(copies):
+    pair = RNG.standard_normal((2, 100))
+    found = Directions(pair[list(copies)]).least_squares(3.0 * pair[0] - 2.0 * pair[1])
+    for which, amount in ((0, 3.0), (1, -2.0)):
+        own = [a for a, copy in zip(found, copies, strict=True) if copy == which]
+        assert own == pytest.approx([amount / len(own)] * len(own), abs=1e-6)
+
+
+def test_directions_that_all_coincide_share():
+    one = RNG.standard_normal(100)
+    assert Directions(np.array([one, one, one])).least_squares(one) == pytest.approx([1.0 / 3.0] * 3)
+
+
 def test_directions_that_coincide_share():
     one = RNG.standard_normal(100)
     assert Directions(np.array([one, one])).least_squares(one) == pytest.approx([0.5, 0.5])

@@ -40,11 +40,11 @@ def rate(xc, out):
     out[0] = xc[1]
 
 
-def motor(**changes):
+def motor(gain=10.0, lag_s=LAG_S / 2.0, **changes):
     """A motor of gain 10 rad/s/V whose time constant, believed to be half of LAG_S, is free."""
     block = Block(Spec(
         inputs={"torque": 1}, outputs={"wheel_angle": Output(1, angle), "wheel_rate": Output(1, rate)},
-        parameters={"gain": 10.0, "lag_s": LAG_S / 2.0}, continuous_state=np.zeros(2), derivatives=accelerate,
+        parameters={"gain": gain, "lag_s": lag_s}, continuous_state=np.zeros(2), derivatives=accelerate,
     ))
     return OwnModel(block, **{"logged": "speed", "free": ("lag_s",), **changes})
 
@@ -74,6 +74,19 @@ def test_sizes_and_a_free_parameter_are_found_together():
     found = fitted(case.replay, case.prediction.tracks, {viscous: [0.001]})
     assert found.point[viscous][0] == pytest.approx(VISCOUS, rel=0.03)
     assert found.plant["lag_s"] == pytest.approx(LAG_S, rel=0.03)
+
+
+def test_a_free_parameter_below_zero_is_found_and_stays_there():
+    other_sense = [
+        replace(run, channels=run.channels | {"torque": replace(torque, values=-torque.values)})
+        for run in STEPS for torque in [run.channels["torque"]]
+    ]
+    case = prepare(motor(gain=-6.0, lag_s=LAG_S, free=("gain",)), other_sense, effects=FRICTIONS)
+    (viscous, _) = candidates(case.replay.effects, case.replay.body)
+    gain = fitted(case.replay, case.prediction.tracks, {viscous: [VISCOUS]}).plant["gain"]
+    assert gain == pytest.approx(-10.0, rel=0.03)
+    case = prepare(motor(gain=-6.0, lag_s=LAG_S, free=("gain",)), STEPS, effects=FRICTIONS)
+    assert fitted(case.replay, case.prediction.tracks, {}).plant["gain"] <= 0.0
 
 
 def test_the_spread_of_the_runs_is_the_uncertainty():

@@ -74,6 +74,13 @@ def test_a_run_that_is_shorter_than_the_memory_gives_no_rows():
     assert noise.rows(short) == 0 and noise.whiten(short).shape == (0, 2)
 
 
+@pytest.mark.parametrize("rows, spent, freedom", [(20, 0, 20.0), (20, 8, 16.0), (20, 100, 10.0), (1, 0, 1.0)])
+def test_what_was_fitted_before_is_missing_in_the_number_of_rows(rows, spent, freedom):
+    y = np.random.default_rng(0).standard_normal((rows, 2))
+    unit = fit_noise([y], "motion", [None], spent).unit
+    assert np.linalg.inv(unit.T @ unit)[0, 0] == pytest.approx((y.T @ y / freedom)[0, 0], rel=1e-6, abs=1e-9)
+
+
 def test_a_short_run_is_whitened_with_a_short_memory():
     assert fit_noise([coloured(100, np.random.default_rng(0))], "motion", [None]).lags == 1
     assert fit_noise([coloured(20, np.random.default_rng(0))], "motion", [None]).lags == 0
