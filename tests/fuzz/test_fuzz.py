@@ -59,5 +59,9 @@ def test_a_byte_order_mark_before_a_number_is_refused(tmp_path):
     assert campaign.outcome(Csv(tmp_path), b"t\n\xef\xbb\xbf1\n2\n") == "refused"
 
 
+def test_a_byte_order_mark_within_yaml_is_refused(tmp_path):
+    assert campaign.outcome(SceneFile(tmp_path), SceneFile.SEED + "\ufeff") == "refused"
+
+
 def test_a_tab_between_words_is_yaml(tmp_path):
     assert campaign.outcome(SceneFile(tmp_path), SceneFile.SEED.replace("width_m: 1.5", "width_m: \t1.5")) == "accepted"

@@ -17,6 +17,7 @@ from drake_ispace.blocks.errors import InputError, shown
 LARGEST_FILE = 1 << 18  # bytes; at the worst a second of parsing
 DEEPEST_NESTING = 32
 LARGEST_INTEGER = 2**62
+_BYTE_ORDER_MARK = "\ufeff"
 
 _NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
@@ -46,9 +47,13 @@ def load_yaml(text_or_path: str | Path, where: str) -> dict[str, Any]:
     text = _read(text_or_path, where) if isinstance(text_or_path, Path) else text_or_path
     if len(text) > LARGEST_FILE:
         raise InputError(f"{where}: larger than {LARGEST_FILE} bytes, expected a YAML file of a few kilobytes")
+    text = text.removeprefix(_BYTE_ORDER_MARK)
+    if _BYTE_ORDER_MARK in text:  # libyaml would read over it, other parsers refuse it
+        line = text.count("\n", 0, text.index(_BYTE_ORDER_MARK)) + 1
+        raise InputError(f"{where}: line {line}: holds a byte order mark, expected one at the start of the file or none")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where PyYAML was built with it
     try:
-        return _Builder(yaml.parse(text.removeprefix("\ufeff"), Loader=loader), where).document()
+        return _Builder(yaml.parse(text, Loader=loader), where).document()
     except (yaml.YAMLError, UnicodeError) as error:
         mark = getattr(error, "problem_mark", None)
         place = f"{where}: line {mark.line + 1}" if mark else where
