@@ -50,7 +50,7 @@ def load_yaml(text_or_path: str | Path, where: str) -> dict[str, Any]:
     text = text.removeprefix(_BYTE_ORDER_MARK)
     if _BYTE_ORDER_MARK in text:  # libyaml would read over it, other parsers refuse it
         line = text.count("\n", 0, text.index(_BYTE_ORDER_MARK)) + 1
-        raise InputError(f"{where}: line {line}: holds a byte order mark, expected one at the start of the file or none")
+        raise InputError(f"{where}: line {line}: holds a byte order mark, expected one at the start of the file only")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where PyYAML was built with it
     try:
         return _Builder(yaml.parse(text, Loader=loader), where).document()
