@@ -97,6 +97,13 @@ def test_the_spread_of_the_runs_is_the_uncertainty():
     assert found.stds[viscous, 0] == pytest.approx(np.std(sizes, ddof=1) / np.sqrt(6), rel=0.3)
 
 
+def test_two_runs_are_uncertain_by_half_their_difference():
+    case = prepare(motor(), [step(2.0, viscous=size) for size in (0.02, 0.03)], effects=FRICTIONS[:1])
+    (viscous,) = candidates(case.replay.effects, case.replay.body)
+    found = fitted(case.replay, case.prediction.tracks, {viscous: [0.001]})
+    assert found.stds[viscous, 0] == pytest.approx(0.005, rel=0.15)
+
+
 def test_a_rest_before_the_first_torque_does_not_dilute_the_error():
     errors = []
     for rest_s in (0.1, 0.5):

@@ -61,3 +61,23 @@ def test_a_model_that_runs_away_ends_it():
 
     low, best, high = interval("viscous_friction", residuals, [0.005])
     assert low < best <= high <= 0.0106
+
+
+def saturating(z, most):
+    """Residuals of slope 100 at 0.01 whose squares add up to less than most^2."""
+    away = z[0] - 0.01
+    return most / np.sqrt(3.0) * away * 100.0 / (most + abs(away) * 100.0) * np.ones(3)
+
+
+def test_an_end_beyond_the_first_guess_is_found():
+    low, best, high = interval("torque_gain_error", lambda z: saturating(z, 2.0), [0.01])
+    distance = 2.0 * 1.645 / (2.0 - 1.645) / 100.0  # more than five times that of a parabola
+    assert best == pytest.approx(0.01, abs=1e-6)
+    assert (best - low, high - best) == pytest.approx((distance, distance), rel=0.05)
+
+
+def test_a_model_that_never_objects_enough_ends_it_after_so_many_doublings():
+    low, best, high = interval("torque_gain_error", lambda z: saturating(z, 1.0), [0.01])
+    parabola = 1.645 / 100.0
+    assert (best - low, high - best) == pytest.approx((32.0 * parabola, 32.0 * parabola), rel=0.1) or (
+        low, high) == candidate("torque_gain_error").bounds[0]
