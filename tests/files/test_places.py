@@ -8,7 +8,15 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files import places
-from drake_ispace.files.places import CONTENTS, beside, clear_leftovers, fresh_folder, put_in_place, whole_file
+from drake_ispace.files.places import (
+    CONTENTS,
+    beside,
+    check_folder,
+    clear_leftovers,
+    fresh_folder,
+    put_in_place,
+    whole_file,
+)
 
 
 @pytest.fixture
@@ -135,6 +143,16 @@ while True:
     if count == 1:
         print("ready", flush=True)
 """
+
+
+def test_the_trial_of_a_dead_process_is_cleared_by_the_next(tmp_path, dead):
+    out = tmp_path / "out"
+    written(out, "a")
+    dead(out / "out").mkdir()  # a folder that exists is tried from within
+    dead(tmp_path / tmp_path.name).mkdir()
+    written(out, "b")
+    check_folder(tmp_path)
+    assert names_in(out) == [CONTENTS, "b"] and names_in(tmp_path) == ["out"]
 
 
 def test_a_killed_writer_leaves_one_whole_generation(tmp_path):

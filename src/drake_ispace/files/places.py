@@ -34,6 +34,7 @@ def check_folder(folder: Path) -> None:
     name = nearest.name
     while not os.path.lexists(nearest) and nearest != nearest.parent:
         nearest = nearest.parent
+    clear_leftovers(nearest / name)
     trial = beside(nearest / name)  # permissions alone do not tell: /proc lets root in, not files
     try:
         trial.mkdir()
