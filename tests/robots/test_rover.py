@@ -13,6 +13,7 @@ from drake_ispace.control.feedback.velocity_command import VelocityCommand, Velo
 from drake_ispace.plants.rover import WHEELS, RoverPlant, RoverPlantParameters, block_parameters
 from drake_ispace.plants.slip import Slip
 from drake_ispace.plants.wheels import differential, mecanum, omni3, omni4
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 
 COMMAND = np.array([0.3, -0.2, 0.5])
@@ -189,3 +190,27 @@ def test_without_way_point_or_estimate_it_stands_still(message):
     estimate, way_point = [0.0, 0.4, 0.2, 0.0], list(WAY_POINT)
     (estimate, way_point)[message][0] = -1.0
     assert not commanded(estimate, way_point).any()
+
+
+@pytest.mark.parametrize("kind", ["omni3", "omni4", "mecanum"])
+def test_the_pose_moves_with_the_commanded_velocity_turned_into_the_room(kind):
+    phi = 0.7
+    plant = RoverPlant(RoverPlantParameters(wheels=kind), (0.1, 0.2, phi))
+    rates = plant.EvalTimeDerivatives(context_of(plant)).CopyToVector()[:3]
+    c, s = np.cos(phi), np.sin(phi)
+    vx, vy, wz = COMMAND
+    assert rates == pytest.approx([c * vx - s * vy, s * vx + c * vy, wz])
+
+
+@KINDS
+def test_small_errors_are_called_back_and_add_up(kind):
+    plant = RoverPlantParameters(wheels=kind)
+    system = robots()["rover"].error_system(plant)
+    wheels = len(plant.geometry.wheels)
+    assert system.a[:3, :3] == pytest.approx(-1e-3 * np.eye(3)) and system.a[3:, 3:] == pytest.approx(-2.0 * np.eye(3))
+    assert not system.a[3:, :3].any() and not system.b[3:].any()
+    assert system.a[:3, 3:] == pytest.approx(system.b[:3])
+    sideways = 0.0 if kind == "differential" else 1.0
+    assert system.b[:3] == pytest.approx(np.diag([1.0, sideways, 1.0]), abs=1e-12)
+    assert system.c[:, :3] == pytest.approx(plant.geometry.inverse) and not system.c[:, 3:].any()
+    assert system.d.shape == (wheels, 3) and not system.d.any()
