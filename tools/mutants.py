@@ -30,12 +30,13 @@ LONGEST_S = 300.0  # of the tests of a room; a mutant that takes longer is kille
 #: Room -> folders of its code, and its tests, the quick ones first.
 ROOMS = {
     "fit": (["explain/fit"], [
-        "tests/explain/test_candidates.py", "tests/explain/test_profile.py", "tests/explain/test_directions.py",
-        "tests/explain/test_whitening.py", "tests/explain/test_likelihood.py",
+        "tests/explain/test_candidates.py", "tests/explain/test_detect.py", "tests/explain/test_profile.py",
+        "tests/explain/test_directions.py", "tests/explain/test_whitening.py", "tests/explain/test_likelihood.py",
         "tests/explain/test_decide.py", "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
     ]),
     "decide": (["explain/decide"], [
-        "tests/explain/test_decide.py", "tests/explain/test_localize.py", "tests/explain/test_own_model.py",
+        "tests/explain/test_detect.py", "tests/explain/test_decide.py", "tests/explain/test_localize.py",
+        "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
     ]),
     "rollout": (["rollout"], [
         "tests/rollout/test_engine.py", "tests/rollout/test_compile.py", "tests/rollout/test_lanes.py",

@@ -196,10 +196,12 @@ def test_without_way_point_or_estimate_it_stands_still(message):
 def test_the_pose_moves_with_the_commanded_velocity_turned_into_the_room(kind):
     phi = 0.7
     plant = RoverPlant(RoverPlantParameters(wheels=kind), (0.1, 0.2, phi))
-    rates = plant.EvalTimeDerivatives(context_of(plant)).CopyToVector()[:3]
+    rates = plant.EvalTimeDerivatives(context_of(plant)).CopyToVector()
+    geometry = RoverPlantParameters(wheels=kind).geometry
     c, s = np.cos(phi), np.sin(phi)
     vx, vy, wz = COMMAND
-    assert rates == pytest.approx([c * vx - s * vy, s * vx + c * vy, wz])
+    assert rates[:3] == pytest.approx([c * vx - s * vy, s * vx + c * vy, wz])
+    assert rates[3:] == pytest.approx(geometry.inverse @ COMMAND)
 
 
 @KINDS

@@ -225,3 +225,32 @@ def test_traction_slip_on_the_worlds_axes_is_refused(frame):
 def test_a_slip_that_would_drive_backwards_is_refused_in_the_body_frame(slip):
     with pytest.raises(InputError, match="expected less than 1 with frame body"):
         OmniPlant(OmniPlantParameters(slip=slip))
+
+
+@pytest.mark.parametrize("frame", ["body", "world", "additive"])
+def test_a_patch_slips_where_it_is(frame):
+    slip = Slip(frame, patch_m=[0.5, 1.0, -1.0, -0.5], patch_ratio=[0.1] * 3)
+    share = 1.1 if frame == "additive" else 0.9
+    inside, outside = (pose_rates(slip, [1.0, 2.0, 3.0], pose=pose) for pose in ((0.7, -0.7, 0.0), (-0.7, 0.7, 0.0)))
+    assert inside == pytest.approx([share, 2.0 * share, 3.0 * share], rel=1e-12)
+    assert outside == pytest.approx([1.0, 2.0, 3.0], rel=1e-12)
+    for pose in ((0.7, 0.7, 0.0), (-0.7, -0.7, 0.0)):
+        assert pose_rates(slip, [1.0, 2.0, 3.0], pose=pose) == pytest.approx([1.0, 2.0, 3.0], rel=1e-12)
+
+
+def test_each_axis_has_noise_of_its_own():
+    plant = OmniPlant(OmniPlantParameters(slip=Slip(noise_std=[0.1, 0.1, 0.1])))
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, np.zeros(4))
+    context.get_mutable_continuous_state_vector().SetFromVector([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, *np.zeros(7)])
+    memory = context.get_mutable_discrete_state_vector()
+    memory.SetFromVector([0.01, 0.02, 0.03, *memory.CopyToVector()[3:]])
+    rates = plant.EvalTimeDerivatives(context).CopyToVector()[:3]
+    assert rates == pytest.approx([0.99, 0.98, 0.97])
+
+
+def test_the_omni_robots_velocity_has_three_parts():
+    plant = OmniPlant(OmniPlantParameters())
+    context = plant.CreateDefaultContext()
+    context.get_mutable_continuous_state_vector().SetFromVector([0.0, 0.0, 0.0, 0.1, 0.2, 0.3, *np.zeros(7)])
+    assert plant.GetOutputPort("velocity").Eval(context).tolist() == [0.1, 0.2, 0.3]
