@@ -43,7 +43,7 @@ ROOMS = {
         "tests/rollout/test_campaign.py", "tests/rollout/test_parity.py",
     ]),
     "robots": (["robots", "plants"], ["tests/robots"]),
-    "control": (["control"], ["tests/control"]),
+    "control": (["control"], ["tests/control", "tests/robots/test_rover.py", "tests/thesis"]),
 }
 #: Imported once, before any mutant: what the tests need and the package is not part of.
 LIBRARIES = (

@@ -28,6 +28,16 @@ def test_each_state_meets_its_gain(torque):
     assert torque(velocity=(0.0, 0.1)) == pytest.approx([-0.5, 0.5])
 
 
+def test_each_wheel_has_a_row_of_its_own(torque):
+    gain = np.arange(1.0, 13.0).reshape(2, 6)
+    assert torque(error=(0.1, 0.0, 0.0), gain=gain) == pytest.approx([0.1, 0.7])
+    assert torque(error=(0.0, 0.1, 0.0), gain=gain) == pytest.approx([0.2, 0.8])
+    assert torque(tilt=(0.1, 0.0), gain=gain) == pytest.approx([-0.3, -0.9])
+    assert torque(velocity=(0.1, 0.0), gain=gain) == pytest.approx([-0.4, -1.0])
+    assert torque(velocity=(0.0, 0.1), gain=gain) == pytest.approx([-0.5, -1.1])
+    assert torque(tilt=(0.0, 0.1), gain=gain) == pytest.approx([-0.6, -1.2])
+
+
 def test_the_speed_fed_forward_is_not_braked(torque):
     assert torque(error=(0.0, 0.0, 0.25), velocity=(0.25, 0.0)) == [0.0, 0.0]
 

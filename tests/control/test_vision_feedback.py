@@ -91,3 +91,21 @@ def test_before_the_first_fix_there_is_no_force(forces):
 def test_the_pose_used_is_the_last_seen_one(drive):
     ticks = [{"fix": f, "way_point": way_point()} for f in (fix(0.1, 0.2, 0.3, tick=0), fix(seen=0.0, tick=19))]
     assert list(drive(VisionFeedback(ZERO, ZERO, ZERO), "pose", ticks)[1]) == [0.0, 0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_each_axis_has_an_integral_that_comes_down_beyond_the_limit(forces, axis):
+    """Beyond the force limit an integral may shrink, and may not grow."""
+    def there(value, tick):
+        pose = [0.0, 0.0, 0.0]
+        pose[axis] = value
+        return fix(*pose, tick=tick)
+
+    k_i, limit, wanted = np.zeros(3), np.full(3, np.inf), [0.0, 0.0, 0.0]
+    k_i[axis], limit[axis], wanted[axis] = 10.0, 0.3, 0.1
+    target = way_point(*wanted)
+    fixes = [there(0.0, 19 * k) for k in range(8)] + [there(0.4, 19 * (8 + k)) for k in range(3)]
+    rows = forces(fixes, target, k_i=k_i, limit=limit)[:, axis]
+    grown = 10.0 * 0.1 * PERIOD * np.arange(8)
+    assert rows[:8] == pytest.approx(np.where(grown <= 0.3, grown, grown[grown <= 0.3].max()))
+    assert rows[8] == pytest.approx(rows[7] - 10.0 * 0.3 * PERIOD) and rows[9] < rows[8]
