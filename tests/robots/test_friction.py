@@ -6,7 +6,14 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.plants.friction import BRISTLE, Friction, dragged_anchor, friction_parameters, friction_torque
+from drake_ispace.plants.friction import (
+    BRISTLE,
+    Friction,
+    dragged_anchor,
+    dry_slope,
+    friction_parameters,
+    friction_torque,
+)
 from drake_ispace.plants.omni import THETA, WZ, OmniPlant, OmniPlantParameters
 from drake_ispace.plants.omni import mobility as omni_mobility
 from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
@@ -188,3 +195,10 @@ def test_the_most_viscous_friction_is_the_stable_slope():
     friction_parameters(Friction(viscous_n_m_s=0.25), np.array([[1990.0]]), "plant.friction")
     with pytest.raises(InputError, match=r"at most 0\.252"):
         friction_parameters(Friction(viscous_n_m_s=0.253), np.array([[1990.0]]), "plant.friction")
+
+
+def test_without_coulomb_friction_nothing_is_dry():
+    assert dry_slope(group(Friction("elastoplastic", 0.0))) == 0.0
+    assert dry_slope(group(Friction("elastoplastic", C))) == group(Friction("elastoplastic", C))["damping"] > 0.0
+    smooth = group(Friction("smooth", C, speed_scale_rad_s=0.5))
+    assert dry_slope(smooth) == pytest.approx(C / 0.5)

@@ -101,3 +101,13 @@ def test_a_patch_has_to_have_an_inside():
         ROBOTS["omni"].check(settings, "omni")
     settings.plant.slip.patch_m = [0.0, 1.0, 0.4, 0.5]
     ROBOTS["omni"].check(settings, "omni")
+
+
+@pytest.mark.parametrize("count, said", [(3, "expected a list of 4 values"), (4, None)])
+def test_the_omni_robot_has_a_share_for_each_of_four_wheels(count, said):
+    override = [f"omni.plant.wheel_radius_shares={[0.0] * (count - 1) + [0.1]}"]
+    if said is None:
+        assert load_scenario("omni_multirate", override).omni.plant.wheel_radius_shares == [0.0, 0.0, 0.0, 0.1]
+        return
+    with pytest.raises(InputError, match=said):
+        load_scenario("omni_multirate", override)
