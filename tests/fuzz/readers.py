@@ -9,6 +9,7 @@ import math
 import random
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -88,12 +89,27 @@ def _part(found, key):
     return found[key] if isinstance(found, dict) else getattr(found, key)
 
 
-def agree(found, text: str, tree=None) -> None:
-    """Raise Silent unless every leaf of a YAML text is found; sections without content count as left out."""
+def strictly(parse: Callable, given):
+    """What a strict parser makes of an input that a reader accepted.
+
+    Raises:
+        Silent: it refuses it.
+    """
     try:
-        wanted = strict.yaml_tree(text) if tree is None else tree
+        return parse(given)
     except strict.Refused as refused:
         raise Silent(f"a strict parser refuses it: {refused}") from None
+
+
+def written(path: Path, text: str) -> Path:
+    """The file, with every letter of a hostile text in it as it is."""
+    path.write_text(text, encoding="utf-8", errors="surrogatepass", newline="")
+    return path
+
+
+def agree(found, text: str, tree=None) -> None:
+    """Raise Silent unless every leaf of a YAML text is found; sections without content count as left out."""
+    wanted = strictly(strict.yaml_tree, text) if tree is None else tree
     try:
         if not same(found, _filled(wanted)):
             raise Silent("a value is another")
@@ -126,10 +142,7 @@ class Csv(Reader):
         path = self.folder / "kinect.csv"
         path.write_bytes(given)
         table = read_table(path)
-        try:
-            names, values = strict.csv_table(given)
-        except strict.Refused as refused:
-            raise Silent(f"a strict parser refuses it: {refused}") from None
+        names, values = strictly(strict.csv_table, given)
         if table.names != names or not np.array_equal(table.values, values):
             raise Silent("names or numbers are others")
 
@@ -158,10 +171,7 @@ class Stamps(Reader):
     def attack(self, given):
         (self.folder / "run" / "kinect.csv").write_bytes(given)
         channel = load(self.folder / "run").channels["kinect"]
-        try:
-            names, values = strict.csv_table(given)
-        except strict.Refused as refused:
-            raise Silent(f"a strict parser refuses it: {refused}") from None
+        names, values = strictly(strict.csv_table, given)
         t = values[:, names.index("t")]
         if not (np.diff(t) > 0.0).all() or not np.array_equal(channel.t, t):
             raise Silent("stamps are out of order, or others")
@@ -193,12 +203,8 @@ class RecordingYaml(Reader):
         return rewritten(text, source)
 
     def attack(self, given):
-        self.path.write_text(given, encoding="utf-8", errors="surrogatepass", newline="")
-        recording = load(self.path.parent)
-        try:
-            tree = strict.yaml_tree(given)
-        except strict.Refused as refused:
-            raise Silent(f"a strict parser refuses it: {refused}") from None
+        recording = load(written(self.path, given).parent)
+        tree = strictly(strict.yaml_tree, given)
         known = {"robot": recording.robot, "scenario": recording.scenario or "", "notes": recording.notes}
         agree(known, given, {key: value for key, value in tree.items() if key in known})
         if set(recording.channels) != set(tree["channels"]):
@@ -260,9 +266,27 @@ class LooseParquet(Parquet):
             raise Silent("numbers that no table may hold")
 
 
-class ScenarioFile(Reader):
+class YamlFile(Reader):
+    """A file of YAML that describes one thing.
+
+    Attributes:
+        SEEDS: valid texts. load: what reads the file of a name.
+    """
+
+    SEEDS: tuple[str, ...]
+    load: Callable[[str], object]
+
+    def input(self, source):
+        return rewritten(source.choice(self.SEEDS), source)
+
+    def attack(self, given):
+        agree(self.load(str(written(self.folder / "hostile.yaml", given))), given)
+
+
+class ScenarioFile(YamlFile):
     """A scenario."""
 
+    load = staticmethod(load_scenario)
     SEEDS = (
         "diagram: omni_multirate\nseconds: 3.5\nseed: 7\nomni:\n  plant: {mass_kg: 7.5, wheel_radius_m: 0.05}\n"
         "  initial_pose: [0.1, -0.2, 0.3]\n  effects:\n    coulomb_friction: {torque_n_m: 0.01}\nspace:\n"
@@ -272,32 +296,17 @@ class ScenarioFile(Reader):
         "# all by default\nseconds: 1e1\n",
     )
 
-    def input(self, source):
-        return rewritten(source.choice(self.SEEDS), source)
 
-    def attack(self, given):
-        path = self.folder / "scenario.yaml"
-        path.write_text(given, encoding="utf-8", errors="surrogatepass", newline="")
-        agree(load_scenario(str(path)), given)
-
-
-class SceneFile(Reader):
+class SceneFile(YamlFile):
     """A scene of a real camera."""
 
-    SEED = (
+    load = staticmethod(load_scene)
+    SEEDS = (
         "width_m: 1.5\ndepth_m: 1.3\npixel_m: [0.002, 0.002]\ncamera:\n  size_pixels: [632, 468]\n"
         "points:\n- [10.5, 20, -0.75, 0.65]\n- [600, 22.5, 0.75, 0.65]\n- [598, 450, 0.75, -0.65]\n"
         "- [12, 448, -0.75, -0.65]\nmarkers: {spacing_m: 0.05}\ncolours:\n  red: {hue: [170, 10], saturation: 120}\n"
-        "  blue: {hue: [100, 125]}\nrobots:\n  one: {front: red, rear: blue}\n"
+        "  blue: {hue: [100, 125]}\nrobots:\n  one: {front: red, rear: blue}\n",
     )
-
-    def input(self, source):
-        return rewritten(self.SEED, source)
-
-    def attack(self, given):
-        path = self.folder / "scene.yaml"
-        path.write_text(given, encoding="utf-8", errors="surrogatepass", newline="")
-        agree(load_scene(str(path)), given)
 
 
 class SetOption(Reader):
@@ -413,11 +422,7 @@ class Images(Reader):
         path.write_bytes(data)
         found = [image for _, image in itertools.islice(frames(path), 100)]
         if end == b".png":
-            try:
-                wanted = strict.png_pixels(data)
-            except strict.Refused as refused:
-                raise Silent(f"a strict parser refuses it: {refused}") from None
-            if not np.array_equal(found[0], wanted):
+            if not np.array_equal(found[0], strictly(strict.png_pixels, data)):
                 raise Silent("pixels are others")
 
 

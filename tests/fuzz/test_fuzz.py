@@ -60,8 +60,9 @@ def test_a_byte_order_mark_before_a_number_is_refused(tmp_path):
 
 
 def test_a_byte_order_mark_within_yaml_is_refused(tmp_path):
-    assert campaign.outcome(SceneFile(tmp_path), SceneFile.SEED + "\ufeff") == "refused"
+    assert campaign.outcome(SceneFile(tmp_path), SceneFile.SEEDS[0] + "\ufeff") == "refused"
 
 
 def test_a_tab_between_words_is_yaml(tmp_path):
-    assert campaign.outcome(SceneFile(tmp_path), SceneFile.SEED.replace("width_m: 1.5", "width_m: \t1.5")) == "accepted"
+    tabbed = SceneFile.SEEDS[0].replace("width_m: 1.5", "width_m: \t1.5")
+    assert campaign.outcome(SceneFile(tmp_path), tabbed) == "accepted"

@@ -172,14 +172,14 @@ class _Fit:
 
     def _from(self, focal):
         """Fits that begin at a focal length [pixels], from each of the two poses that a plane allows."""
-        matrix, distortion = self._lens(np.append(np.zeros(_POSE), np.log(focal)))
+        more = [np.log(focal)] * self._with_focal + [self._given.distortion[0]] * self._with_lens
+        matrix, distortion = self._lens([0.0] * _POSE + more)
         with contextlib.suppress(cv2.error, ValueError, np.linalg.LinAlgError):
             _, rotations, places, _ = cv2.solvePnPGeneric(
                 self._floor, self._pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE
             )
             for rotation, place in zip(rotations, places, strict=True):
-                start = np.concatenate([rotation.ravel(), place.ravel(), [np.log(focal)] * self._with_focal,
-                                        [distortion[0]] * self._with_lens])
+                start = np.concatenate([rotation.ravel(), place.ravel(), more])
                 if np.isfinite(start).all():
                     yield least_squares(self._misses, start, x_scale="jac", max_nfev=400)
 
@@ -188,7 +188,7 @@ class _Fit:
         matrix, distortion = camera_matrix(self._given), np.array(self._given.distortion)
         if self._with_focal:
             matrix[0, 0] = matrix[1, 1] = np.exp(np.clip(x[_POSE], -20.0, 20.0))
-        if self._with_lens and len(x) > _POSE + self._with_focal:
+        if self._with_lens:
             distortion[0] = x[-1]
         return matrix, distortion
 
