@@ -30,6 +30,7 @@ HIDDEN = {
     "coulomb_friction": {"torque_n_m": 0.01}, "mass_error": {"share": 0.4}, "inertia_error": {"share": 0.8},
     "torque_gain_error": {"share": -0.3}, "weak_motor": {"wheel": 2, "loss": 0.4}, "soft_floor": {"force_n": 1.0},
     "floor_tilt": {"slope_x_rad": 0.015, "slope_y_rad": -0.01},
+    "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.012}, "motor_offset": {"wheel": 2, "offset_n_m": 0.008},
 }
 GRAVITY = 9.81
 
@@ -153,6 +154,13 @@ def window(run, robot, effects, i, j):
     gains = np.full(4, 1.0 + effects.get("torque_gain_error", {}).get("share", 0.0))
     if "weak_motor" in effects:
         gains[int(effects["weak_motor"]["wheel"]) - 1] *= 1.0 - effects["weak_motor"]["loss"]
+    rubbing, offset = np.zeros(4), np.zeros(4)  # of single wheels
+    if "single_wheel_friction" in effects:
+        one = effects["single_wheel_friction"]
+        rubbing[int(one["wheel"]) - 1] = one["torque_n_m"]
+    if "motor_offset" in effects:
+        one = effects["motor_offset"]
+        offset[int(one["wheel"]) - 1] = one["offset_n_m"]
     tilt, pose, h = effects.get("floor_tilt", {}), seen[i, :3].copy(), 1e-3
     slip = effects.get("constant_slip", {})
     for time in np.arange(t[i], t[j], h):
@@ -160,6 +168,7 @@ def window(run, robot, effects, i, j):
         spin = rates @ v
         tau = tau - effects.get("viscous_friction", {}).get("coefficient_n_m_s", 0.0) * spin
         tau = tau - effects.get("coulomb_friction", {}).get("torque_n_m", 0.0) * np.tanh(spin / 0.1)
+        tau = tau - rubbing * np.tanh(spin / 0.1) + offset
         force = rates.T @ tau
         c, s = np.cos(pose[2]), np.sin(pose[2])
         fall = -mass * GRAVITY * np.array([tilt.get("slope_x_rad", 0.0), tilt.get("slope_y_rad", 0.0)])
