@@ -141,11 +141,11 @@ def test_feed_through_of_a_through_block_includes_what_its_update_reads():
 
 
 @pytest.mark.parametrize("plant", [PendulumPlant(PendulumPlantParameters()), OmniPlant(OmniPlantParameters())])
-def test_a_plants_only_feed_through_is_from_torque_to_the_imu(plant):
+def test_a_plants_only_feed_through_is_from_torque_to_imu_and_floor(plant):
     through = {
         plant.get_output_port(o).get_name() for o in range(plant.num_output_ports()) if plant.HasDirectFeedthrough(0, o)
     }
-    assert through == {"body_motion"} & set(plant.spec.outputs)
+    assert through == {"body_motion", "contact"} & set(plant.spec.outputs)
 
 
 def test_an_unconnected_input_is_named():

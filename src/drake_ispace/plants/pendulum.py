@@ -26,6 +26,7 @@ from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream
 from drake_ispace.files.quantity import quantity
+from drake_ispace.plants.contact import NORMAL_L, contact_forces, contact_parameters
 from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.plants.slip import (
     FRAME,
@@ -261,6 +262,18 @@ def body_motion(
     out[3], out[4], out[5] = -s * yaw_rate, rate, c * yaw_rate
 
 
+@kernel
+def contact(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction, contact, out):
+    net = net_torques(xc, xd, torque, radius_m, half_track_m, body, friction)
+    accelerated = accelerations(
+        xc[TILT], xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], net[0], net[1], ground_force, radius_m, half_track_m, body,
+    )
+    contact_forces(
+        xc[TILT : TILT_RATE + 1], accelerated, own_rates(xc, radius_m, half_track_m, body), net, radius_m, half_track_m,
+        body[KAPPA], contact, out,
+    )
+
+
 class PendulumPlant(Block):
     """Dynamics of the two-wheeled inverted pendulum on carpet.
 
@@ -276,6 +289,7 @@ class PendulumPlant(Block):
         - wheel_angle
         - wheel_rate
         - body_motion
+        - contact
 
     torque (2,): right, left, between body and wheel [N m]. ground_force (3,), only with `ground`: generalised force of
     s [N], phi and theta [N m], from the floor or a push. pose (3,): x, y [m], phi [rad] of the axle's middle in W.
@@ -309,6 +323,7 @@ class PendulumPlant(Block):
             outputs={
                 "pose": Output(3, pose), "balance": Output(4, balance), "wheel_angle": Output(2, wheel_angle),
                 "wheel_rate": Output(2, wheel_rate), "body_motion": Output(6, body_motion),
+                "contact": Output(NORMAL_L + 1, contact),
             },
             parameters=block_parameters(parameters, where)
             | {"imu_height_m": imu_height_m, "noise_stream": stream(seed, f"{where}/slip")}
@@ -329,6 +344,7 @@ def block_parameters(parameters: PendulumPlantParameters, where: str = "plant") 
         "slope_rad": np.array(parameters.slope_rad),
         "radius_m": np.array([wheel.radius_m for wheel in parameters.geometry.wheels]),
         "half_track_m": parameters.half_track_m, "body": parameters.inertias(),
+        "contact": contact_parameters(parameters),
         "friction": friction_parameters(parameters.friction, mobility(parameters), f"{where}.friction"),
         "slip": slip_parameters(parameters.slip, parameters.half_track_m, f"{where}.slip"),
     }
