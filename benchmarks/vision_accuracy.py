@@ -18,14 +18,14 @@ from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.rates import VISION_TICKS
 from drake_ispace.metrics import measure
 from drake_ispace.room.room import Space
-from drake_ispace.vision.calibration import calibrate
-from drake_ispace.vision.camera import view_of
 from drake_ispace.vision.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
+from drake_ispace.vision.drawing.renderer import Renderer, with_noise
+from drake_ispace.vision.drawing.scene import PAINTS, Box, Patch, obstacles, robot_box
+from drake_ispace.vision.finding.eye import find_robots
 from drake_ispace.vision.image_localizer import frame_ticks, room_eye
-from drake_ispace.vision.markers import find_robots
-from drake_ispace.vision.renderer import Renderer, with_noise
-from drake_ispace.vision.scene import PAINTS, Box, Patch, obstacles, robot_box
-from drake_ispace.vision.top_view import CORNERS, trapezoid
+from drake_ispace.vision.optics.calibration import calibrate
+from drake_ispace.vision.optics.camera import view_of
+from drake_ispace.vision.optics.top_view import CORNERS, trapezoid
 
 ROBOTS = ("omni", "pendulum")
 EDGE_M = 0.16  # from a robot's middle to the far corners of its markers
@@ -219,7 +219,7 @@ def speed(seed, repetitions):
         "noise": lambda: with_noise(drawn, space.scenery, seed, 0),
         "top views (2)": lambda: [look.top.warp(picture.colour) for look in eye.looks],
         "threshold, moments, pose": lambda: [
-            find_robots(top, look.top, eye.colours, look.targets) for top, look in zip(tops, eye.looks, strict=True)
+            find_robots(top, look, eye.colours) for top, look in zip(tops, eye.looks, strict=True)
         ],
         "whole localiser": lambda: eye.locate(picture.colour),
         "depth map": lambda: map_of(view, picture.depth, 2.5, 2.0),
@@ -240,7 +240,8 @@ def footage(most):
     distances of the crosses; None where there is none."""
     if not FOOTAGE.is_file():
         return None
-    from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_top
+    from drake_ispace.vision.footage.frames import frames
+    from drake_ispace.vision.footage.scene_file import load_scene, scene_eye, scene_top
 
     scene = load_scene("vsss")
     eye, worst, seen, count = scene_eye(scene), 0.0, 0, 0

@@ -18,9 +18,9 @@ from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.room.room import Space
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate
-from drake_ispace.vision.camera import view_of
-from drake_ispace.vision.renderer import Renderer
-from drake_ispace.vision.scene import Box, Patch, robot_box
+from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.vision.drawing.scene import Box, Patch, robot_box
+from drake_ispace.vision.optics.camera import view_of
 from drake_ispace.wiring.catalog import build_diagram
 
 WHITE, BLACK = (235.0, 235.0, 235.0), (25.0, 25.0, 25.0)

@@ -10,7 +10,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.room.room import Camera
-from drake_ispace.vision.footage import frames
+from drake_ispace.vision.footage.frames import frames
 
 FOLDER = Path(__file__).parents[1] / "examples"
 CORNERS = ("81,69", "523,42", "601,424", "44,458")

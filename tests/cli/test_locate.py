@@ -10,12 +10,14 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Space
-from drake_ispace.vision.camera import view_of
-from drake_ispace.vision.footage import frames, load_scene, scene_eye, scene_names, scene_top
+from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.vision.drawing.scene import marker_height, robot_box
+from drake_ispace.vision.finding.patterns import Target
+from drake_ispace.vision.footage.frames import frames
+from drake_ispace.vision.footage.scene_file import load_scene, scene_eye, scene_names, scene_top
 from drake_ispace.vision.image_localizer import COLOURS, targets
-from drake_ispace.vision.renderer import Renderer
-from drake_ispace.vision.scene import marker_height, robot_box
-from drake_ispace.vision.top_view import trapezoid
+from drake_ispace.vision.optics.camera import view_of
+from drake_ispace.vision.optics.top_view import trapezoid
 from measurements import DATA
 
 FOOTAGE = DATA / "overhead/vsss_static.mp4"
@@ -78,8 +80,10 @@ def test_no_robot_of_other_colour_pairs_is_found(field):
         },
     )
     look = eye.looks[0]
+    pattern = look.targets[0].pattern
+    markers = {name: replace(pattern.markers[0], colour=name) for name in colours}
     others = tuple(
-        replace(look.targets[0], name=f"{a}/{b}", front=a, rear=b)
+        Target(f"{a}/{b}", replace(pattern, markers=(markers[a], replace(pattern.markers[1], colour=b))))
         for i, a in enumerate(colours) for b in colours[:i] if frozenset((a, b)) not in there
     )
     eye = type(eye)(eye.size, [replace(look, targets=others)], eye.colours)
@@ -123,7 +127,7 @@ def test_locate_as_json(document, field, tmp_path):
     assert len(data["frames"]) == 25 and data["frames"][1]["t"] == pytest.approx(0.04)
     for frame in data["frames"]:
         assert {robot["name"] for robot in frame["robots"]} == set(ROBOTS)
-        assert all(set(robot) == {"name", "u", "v", "x", "y", "phi"} for robot in frame["robots"])
+        assert all(set(robot) == {"name", "u", "v", "x", "y", "phi", "sure"} for robot in frame["robots"])
 
 
 # Pictures of the room
@@ -167,9 +171,11 @@ def test_the_packaged_room_is_that_of_the_image_mode():
     for look in scene_eye(scene).looks:
         (one,) = look.targets
         (wanted,) = targets(SPACE, [one.name])
-        assert (one.front, one.rear, one.spacing_m, one.tolerance_m, one.elongation) == (
-            wanted.front, wanted.rear, wanted.spacing_m, wanted.tolerance_m, wanted.elongation)
-        assert one.area_m2 == pytest.approx(wanted.area_m2)
+        assert (one.pattern.tolerance_m, one.pattern.elongation) == (
+            wanted.pattern.tolerance_m, wanted.pattern.elongation)
+        for marker, other in zip(one.pattern.markers, wanted.pattern.markers, strict=True):
+            assert (marker.colour, marker.x_m, marker.y_m) == (other.colour, other.x_m, other.y_m)
+            assert marker.area_m2 == pytest.approx(other.area_m2)
         assert scene.robots[one.name].height_m == marker_height(one.name, SPACE)
 
 

@@ -22,7 +22,8 @@ from drake_ispace.robots.recordings import load
 from drake_ispace.rollout.campaign import montecarlo
 from drake_ispace.rollout.draws import parse_distribution, split_vary
 from drake_ispace.scenario import load_scenario
-from drake_ispace.vision.footage import frames, load_scene
+from drake_ispace.vision.footage.frames import frames
+from drake_ispace.vision.footage.scene_file import load_scene
 from fuzz import strict
 from fuzz.mutate import damaged, rewritten
 

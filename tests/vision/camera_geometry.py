@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_ispace.room.room import Camera
-from drake_ispace.vision.camera import View, rotation_gs
+from drake_ispace.vision.optics.camera import View, rotation_gs
 
 
 def to_plane(view: View, pixels, height_m=0.0):

@@ -10,9 +10,9 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.yaml_guard import dump_yaml
 from drake_ispace.room.room import Camera
 from drake_ispace.scenario import load_scenario
-from drake_ispace.vision.calibration import board_points, calibrate, read_points
-from drake_ispace.vision.camera import view_of
-from drake_ispace.vision.top_view import CORNERS, trapezoid
+from drake_ispace.vision.optics.calibration import board_points, calibrate, read_points
+from drake_ispace.vision.optics.camera import view_of
+from drake_ispace.vision.optics.top_view import CORNERS, trapezoid
 
 CORNER_POINTS = CORNERS * [2.5, 2.0]
 MOVED = Camera(height_m=3.1, roll_rad=-0.08, pitch_rad=1.1, foot_m=[0.2, -1.4], foot_yaw_rad=0.8)

@@ -6,13 +6,13 @@ from camera_geometry import printed_vectors, to_plane
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Camera, Space
-from drake_ispace.vision.camera import (
+from drake_ispace.vision.optics.camera import (
     camera_matrix,
     rotation_gs,
     rotation_z,
     view_of,
 )
-from drake_ispace.vision.top_view import trapezoid
+from drake_ispace.vision.optics.top_view import trapezoid
 
 VIEW = view_of(Camera())
 GRID = VIEW.pixel_grid()[::1301]

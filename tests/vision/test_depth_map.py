@@ -6,7 +6,6 @@ from camera_geometry import printed_vectors
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Camera, Space
-from drake_ispace.vision.camera import rotation_z, view_of
 from drake_ispace.vision.depth_map import (
     CELL_M,
     FREE,
@@ -18,8 +17,9 @@ from drake_ispace.vision.depth_map import (
     points,
     true_cells,
 )
-from drake_ispace.vision.renderer import Renderer
-from drake_ispace.vision.scene import Box, robot_box
+from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.vision.drawing.scene import Box, robot_box
+from drake_ispace.vision.optics.camera import rotation_z, view_of
 
 SPACE = Space()
 VIEW = view_of(SPACE.camera)

@@ -17,7 +17,9 @@ from drake_ispace.room.localizer import KinectLocalizer, Localizer
 from drake_ispace.room.room import Camera, Space
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate
-from drake_ispace.vision.camera import view_of
+from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.vision.drawing.scene import PAINTS, Box, Patch, robot_box
+from drake_ispace.vision.finding.markers import Colour, blobs
 from drake_ispace.vision.image_localizer import (
     COLOURS,
     ImageLocalizer,
@@ -25,10 +27,8 @@ from drake_ispace.vision.image_localizer import (
     oldest_frame_ticks,
     room_eye,
 )
-from drake_ispace.vision.markers import Colour, blobs
-from drake_ispace.vision.renderer import Renderer
-from drake_ispace.vision.scene import PAINTS, Box, Patch, robot_box
-from drake_ispace.vision.top_view import TopView, top_view_of, trapezoid
+from drake_ispace.vision.optics.camera import view_of
+from drake_ispace.vision.optics.top_view import TopView, top_view_of, trapezoid
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
 SPACE = Space()

@@ -8,10 +8,10 @@ from camera_geometry import to_plane
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Camera, Scenery, Space
-from drake_ispace.vision.camera import view_of
+from drake_ispace.vision.drawing.renderer import Renderer, hit, with_noise
+from drake_ispace.vision.drawing.scene import PAINTS, Box, obstacles, robot_box
 from drake_ispace.vision.image_localizer import room_eye, room_renderer
-from drake_ispace.vision.renderer import Renderer, hit, with_noise
-from drake_ispace.vision.scene import PAINTS, Box, obstacles, robot_box
+from drake_ispace.vision.optics.camera import view_of
 
 SPACE = Space()
 VIEW = view_of(SPACE.camera)

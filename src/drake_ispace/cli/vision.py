@@ -25,17 +25,22 @@ def locate(
     out: Annotated[Path | None, Parameter(help="folder for the annotated image and, of a video, the overlay")] = None,
     as_json: Json = False,
 ) -> None:
-    """Find robots in an image or a video by the colours of their markers."""
+    """Find robots in an image or a video by the colours of their markers.
+
+    Robots that look alike are told apart by the way they came.
+    """
     if out is not None:
         check_folder(out)
-    from drake_ispace.vision.footage import frames, load_scene, scene_eye
+    from drake_ispace.vision.footage.frames import frames
+    from drake_ispace.vision.footage.scene_file import load_scene, scene_eye, scene_tracker
 
-    eye = scene_eye(load_scene(scene), scene)
-    found = []
+    settings = load_scene(scene)
+    eye = scene_eye(settings, scene)
+    tracker, found = scene_tracker(settings, eye), []
     with _pictures(out) as show:
         for time_s, image in frames(footage):
             try:
-                sightings = eye.locate(image)
+                sightings = tracker.follow(time_s, image)
             except InputError as error:
                 raise InputError(f"{footage}: {error}") from None
             found.append(
@@ -45,7 +50,7 @@ def locate(
     if as_json:
         print_json({"frames": found})
         return
-    rows = []
+    rows, unsure = [], []
     for name in (target.name for look in eye.looks for target in look.targets):
         seen = [robot for frame in found for robot in frame["robots"] if robot["name"] == name]
         last = (
@@ -54,7 +59,10 @@ def locate(
             else ["not seen"] + [""] * 4
         )
         rows.append([name, f"{len(seen)} of {len(found)}", *last])
+        unsure += [name] if seen and not seen[-1]["sure"] else []
     print_table(["robot", "frames", "u", "v", "x [m]", "y [m]", "phi [rad]"], rows)
+    if unsure:
+        say(f"not sure, for they look alike and may have changed places while hidden: {', '.join(unsure)}")
     if out is not None:
         say(f"pictures: {out}")
 
@@ -96,9 +104,9 @@ def calibrate(
         check_folder(out.parent)
     from drake_ispace.files.yaml_guard import dump_yaml
     from drake_ispace.room.room import Camera
-    from drake_ispace.vision.calibration import board_points, read_points
-    from drake_ispace.vision.calibration import calibrate as solve
-    from drake_ispace.vision.footage import frames
+    from drake_ispace.vision.footage.frames import frames
+    from drake_ispace.vision.optics.calibration import board_points, read_points
+    from drake_ispace.vision.optics.calibration import calibrate as solve
 
     _, first = next(frames(image))
     rows, columns = first.shape[:2]
@@ -143,7 +151,7 @@ def vision(
 
 def _row(name, sighting):
     u, v = map(float, sighting.pixel)
-    return {"name": name, "u": u, "v": v, "x": sighting.x, "y": sighting.y, "phi": sighting.phi}
+    return {"name": name, "u": u, "v": v, "x": sighting.x, "y": sighting.y, "phi": sighting.phi, "sure": sighting.sure}
 
 
 def _pictures(out):
@@ -156,7 +164,7 @@ def _pictures(out):
 
     @contextmanager
     def writing():
-        from drake_ispace.vision.overlay import Overlay
+        from drake_ispace.vision.footage.overlay import Overlay
 
         with Overlay(out) as overlay:
             yield overlay.add

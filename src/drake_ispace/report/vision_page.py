@@ -19,15 +19,15 @@ from drake_ispace.robots.library import robots
 from drake_ispace.room.room import Space
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import Run, simulate
-from drake_ispace.vision.camera import View, view_of
 from drake_ispace.vision.depth_map import FREE, ROBOT, SpaceMap, map_of, points
-from drake_ispace.vision.eye import Eye
+from drake_ispace.vision.drawing.renderer import Picture
+from drake_ispace.vision.drawing.scene import robot_box
+from drake_ispace.vision.finding.eye import Eye
+from drake_ispace.vision.finding.markers import Sighting
+from drake_ispace.vision.footage.overlay import annotate
 from drake_ispace.vision.image_localizer import room_eye, room_renderer
-from drake_ispace.vision.markers import Sighting
-from drake_ispace.vision.overlay import annotate
-from drake_ispace.vision.renderer import Picture
-from drake_ispace.vision.scene import robot_box
-from drake_ispace.vision.top_view import TopView, top_view_of, trapezoid
+from drake_ispace.vision.optics.camera import View, view_of
+from drake_ispace.vision.optics.top_view import TopView, top_view_of, trapezoid
 from drake_ispace.wiring.catalog import CATALOG
 
 _OBSTACLES = [

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.vision.camera import View
+from drake_ispace.vision.optics.camera import View
 
 FREE, UNKNOWN, OBSTACLE, ROBOT = 0, 1, 2, 3
 CELL_M = 0.02  # side of a cell

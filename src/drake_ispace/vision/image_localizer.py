@@ -14,12 +14,13 @@ from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.robots.library import robots
 from drake_ispace.room.room import Space
-from drake_ispace.vision.camera import view_of
-from drake_ispace.vision.eye import Eye, Look
-from drake_ispace.vision.markers import Colour, Target
-from drake_ispace.vision.renderer import Renderer
-from drake_ispace.vision.scene import marker_height, obstacles, robot_box
-from drake_ispace.vision.top_view import top_view_of
+from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.vision.drawing.scene import marker_height, obstacles, robot_box
+from drake_ispace.vision.finding.eye import Eye, Look
+from drake_ispace.vision.finding.markers import Colour
+from drake_ispace.vision.finding.patterns import Target, pair
+from drake_ispace.vision.optics.camera import view_of
+from drake_ispace.vision.optics.top_view import top_view_of
 
 #: The markers' colours (scene.PAINTS) as ranges of HSV; orange and purple things lie between them.
 COLOURS = {
@@ -34,8 +35,9 @@ def targets(space: Space, names: Sequence[str]) -> list[Target]:
     area = markers.side_m**2
     limits = (area * (1.0 - markers.area_tolerance), area * (1.0 + markers.area_tolerance))
     return [
-        Target(name, *robots()[name].colours, space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits)
-        for name in names
+        Target(name, pair(
+            *robots()[name].colours, space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits
+        )) for name in names
     ]
 
 
@@ -56,7 +58,7 @@ def room_renderer(space: Space, seed: int = 0):
     """
     view, static = view_of(space.camera), obstacles(space)
     if space.scenery.renderer == "vtk":
-        from drake_ispace.vision.vtk_renderer import VtkRenderer
+        from drake_ispace.vision.drawing.vtk_renderer import VtkRenderer
 
         return VtkRenderer(view, space.scenery, static, seed=seed)
     return Renderer(view, space.scenery, static, space.width_m, seed)

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.vision.camera import View
+from drake_ispace.vision.optics.camera import View
 
 _MOST_PIXELS = 2e7
 

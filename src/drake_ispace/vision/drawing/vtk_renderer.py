@@ -32,9 +32,9 @@ from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Scenery
-from drake_ispace.vision.camera import R_CS, View
-from drake_ispace.vision.renderer import Picture, with_noise
-from drake_ispace.vision.scene import CARPET, Box
+from drake_ispace.vision.drawing.renderer import Picture, with_noise
+from drake_ispace.vision.drawing.scene import CARPET, Box
+from drake_ispace.vision.optics.camera import R_CS, View
 
 _THIN_M = 1e-3  # of a marker, which is painted in the other renderer
 _FLOOR_SIDE_M = 20.0

@@ -9,8 +9,8 @@ from scipy.optimize import least_squares
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.room.room import Camera
-from drake_ispace.vision.camera import R_CS, camera_matrix
-from drake_ispace.vision.top_view import CORNERS
+from drake_ispace.vision.optics.camera import R_CS, camera_matrix
+from drake_ispace.vision.optics.top_view import CORNERS
 
 _WORST_PIXELS = 2.0  # root mean square, from which on points and camera contradict each other
 _CLICK_PIXELS = 0.5  # how well a point is known at best

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.places import whole_file
-from drake_ispace.vision.eye import Eye
+from drake_ispace.vision.finding.eye import Eye
 
 _ARROW_PIXELS = 26
 _COLOUR = (255, 255, 255)

@@ -10,8 +10,8 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.room.room import Scenery
-from drake_ispace.vision.camera import View
-from drake_ispace.vision.scene import CARPET, Box, Carpet
+from drake_ispace.vision.drawing.scene import CARPET, Box, Carpet
+from drake_ispace.vision.optics.camera import View
 
 _MOST_PIXELS = 4e6
 _RAYS = 3  # per side of a pixel

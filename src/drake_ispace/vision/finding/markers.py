@@ -1,15 +1,12 @@
-"""Robots in a top view: thresholds in HSV, moments of each blob, poses from pairs of blobs; section 5.3.1.
+"""Markers in a top view: thresholds in HSV, then the moments of each blob; section 5.3.1."""
 
-A robot that is not there, hidden, cut by the border or not told apart is None, never a guess.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from drake_ispace.vision.top_view import TopView
+from drake_ispace.vision.optics.top_view import TopView
 
 _AROUND = 2  # pixels beside a blob that may be mixed with its colour
 _GREY = 0.15  # of a blob's colour: less may be noise
@@ -37,24 +34,6 @@ class Colour:
 
 
 @dataclass(frozen=True)
-class Target:
-    """A robot to look for: its colours, and what its markers measure.
-
-    Attributes:
-        front, rear: names of colours; spacing_m: between both middles, within tolerance_m; area_m2: least and largest
-            of a marker; elongation: largest ratio of a blob's principal axes.
-    """
-
-    name: str
-    front: str
-    rear: str
-    spacing_m: float
-    tolerance_m: float
-    area_m2: tuple[float, float]
-    elongation: float = 1.12
-
-
-@dataclass(frozen=True)
 class Blob:
     """A connected region of one colour: middle in the top view [pixels] and in W [m], area [m^2], ratio of axes."""
 
@@ -62,16 +41,6 @@ class Blob:
     place: np.ndarray
     area_m2: float
     elongation: float
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """A robot's pose x, y [m], phi [rad] in W, and its middle in the picture that was searched [pixels]."""
-
-    x: float
-    y: float
-    phi: float
-    pixel: np.ndarray
 
 
 def blobs(
@@ -122,45 +91,15 @@ def _weighted_middle(window, share):
     return np.array([(weight * u).sum(), (weight * v).sum()]) / weight.sum()
 
 
-def find_robots(
-    image: np.ndarray, top: TopView, colours: Mapping[str, Colour], targets: Sequence[Target],
+def find_blobs(
+    image: np.ndarray, top: TopView, colours: Mapping[str, Colour], limits_m2: tuple[float, float],
     reach: np.ndarray | None = None,
-) -> dict[str, Sighting | None]:
-    """The pose of each target in a top view (rows, columns, 3), blue, green, red; None where it is not seen.
-
-    A robot is seen where exactly one pair of blobs of its two colours has its spacing. Two such pairs, or a blob
-    that is shared by two robots, tell nothing.
-    """
+) -> dict[str, list[Blob]]:
+    """The blobs of each colour in a top view (rows, columns, 3), blue, green, red, with an area between the limits."""
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     chroma = hsv[..., 1].astype(np.float32) * hsv[..., 2] / 255.0  # a grey pixel has none, a mixed one its share
-    found: dict[str, list[Blob]] = {}
-    least, most = min(t.area_m2[0] for t in targets), max(t.area_m2[1] for t in targets)
-    for name in {colour for target in targets for colour in (target.front, target.rear)}:
-        colour = colours[name]
+    found = {}
+    for name, colour in colours.items():
         hue = Colour(colour.hue, _LEAST_SATURATION, _LEAST_VALUE).mask(hsv)
-        found[name] = blobs(colour.mask(hsv), top, least, most, reach, np.where(hue > 0, chroma, 0.0))
-    pairs = {target.name: _pairs(target, found) for target in targets}
-    used = [id(blob) for candidates in pairs.values() for pair in candidates for blob in pair]
-    sightings = {}
-    for name, candidates in pairs.items():
-        clear = len(candidates) == 1 and all(used.count(id(blob)) == 1 for blob in candidates[0])
-        sightings[name] = _sighting(*candidates[0]) if clear else None
-    return sightings
-
-
-def _pairs(target, found):
-    fits = {
-        colour: [b for b in found[colour] if target.area_m2[0] <= b.area_m2 <= target.area_m2[1]
-                 and b.elongation <= target.elongation]
-        for colour in (target.front, target.rear)
-    }
-    return [
-        (front, rear) for front in fits[target.front] for rear in fits[target.rear]
-        if front is not rear and abs(np.hypot(*(front.place - rear.place)) - target.spacing_m) <= target.tolerance_m
-    ]
-
-
-def _sighting(front, rear):
-    x, y = (front.place + rear.place) / 2.0
-    dx, dy = front.place - rear.place
-    return Sighting(float(x), float(y), float(np.arctan2(dy, dx)), (front.pixel + rear.pixel) / 2.0)
+        found[name] = blobs(colour.mask(hsv), top, *limits_m2, reach, np.where(hue > 0, chroma, 0.0))
+    return found

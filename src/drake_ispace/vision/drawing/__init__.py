@@ -1,0 +1,1 @@
+"""Pictures of the room as its camera would take them."""

@@ -1,0 +1,1 @@
+"""Pictures and videos from files, and what is said of the scene they show."""
