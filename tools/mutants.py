@@ -35,8 +35,8 @@ ROOMS = {
         "tests/explain/test_decide.py", "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
     ]),
     "decide": (["explain/decide"], [
-        "tests/explain/test_detect.py", "tests/explain/test_decide.py", "tests/explain/test_localize.py",
-        "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
+        "tests/explain/test_detect.py", "tests/explain/test_survey.py", "tests/explain/test_decide.py",
+        "tests/explain/test_localize.py", "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
     ]),
     "rollout": (["rollout"], [
         "tests/rollout/test_engine.py", "tests/rollout/test_compile.py", "tests/rollout/test_lanes.py",

@@ -36,6 +36,8 @@ def whole(scenario):
     ("normal(0, 1)", 0.975, 1.959963984540054),
     ("uniform(2, 4)", 0.25, 2.5),
     ("loguniform(1, 100)", 0.5, 10.0),
+    ("loguniform(2, 200)", 0.5, 20.0),
+    ("choice(-3, -1)", 0.6, -1.0),
     ("choice(3, 5, 9)", 0.34, 5.0),
     ("choice(3)", 0.999999, 3.0),
 ])
@@ -255,6 +257,12 @@ def test_two_campaigns_do_not_write_into_one_folder(scenario, tmp_path):
 
     montecarlo(scenario, 1, out=tmp_path, progress=second)
     assert said
+
+
+@pytest.mark.parametrize("runs", [0, 1_000_001, 2_000_000])
+def test_no_runs_or_more_than_a_million_are_refused(scenario, runs):
+    with pytest.raises(InputError, match=f"--runs: expected 1 to 1000000 runs, got {runs}"):
+        make_plan(scenario, runs, {}, ({},), 0)
 
 
 # -- a cluster -----------------------------------------------------------------------------------------------------

@@ -391,6 +391,19 @@ def test_a_period_off_the_tick_is_refused():
         compile_diagram(bench.build("odd"))
 
 
+@pytest.mark.parametrize("offset", [0, 1])
+def test_a_hold_with_an_offset_samples_as_in_drake(offset):
+    bench = Bench()
+    bench.add("counter", Counter())
+    bench.add("hold", ZeroOrderHold(2 * TICK_S, 2, offset * TICK_S))
+    bench.wire(("counter.count", "hold.u"))
+    bench.show(held="hold.y")
+    diagram = bench.build("later")
+    held = compile_diagram(diagram).run(12)["held"]
+    np.testing.assert_array_equal(held, drake_log(diagram, 12)["held"])
+    assert np.ptp(held[:, 0]) > 0.0
+
+
 def test_a_new_mass_needs_no_new_compilation(monkeypatch):
     scenario = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given"])
     rollout = compile_diagram(build_diagram(scenario))

@@ -88,6 +88,7 @@ class Renderer:
             for u in steps
         ]
         whole = (slice(0, rows), slice(0, columns))
+        self._static_windows = [self._window(box) for box in static]
         self._background = self._cast(whole, [list(static)] * len(self._rays))
 
     def draw(self, moving=(), moved=()) -> Picture:
@@ -105,10 +106,11 @@ class Renderer:
                 for box, (dx, dy, dphi) in zip(moving, moved, strict=True)
             )] for t in _TIMES
         ]
-        for box in moving:
-            window = self._window(box)
+        windows = [*self._static_windows, *map(self._window, moving)]
+        for window in windows[len(self.static) :]:
             if window is not None:
-                colour[window], depth[window] = self._cast(window, scenes)
+                near = [i for i, other in enumerate(windows) if other is not None and _overlap(window, other)]
+                colour[window], depth[window] = self._cast(window, [[scene[i] for i in near] for scene in scenes])
         return Picture(colour, depth)
 
     def render(self, moving=(), moved=(), tick: int = 0) -> Picture:
@@ -161,6 +163,10 @@ class Renderer:
         light = np.clip(light * np.where(lit, 1.0, 1.0 - self._scenery.shadow), 0.0, None)
         colour = np.where(seen[..., None], colour * light[..., None], 0.0)
         return colour, np.where(seen, distance, 0.0).astype(np.float32)
+
+
+def _overlap(one, other):
+    return all(a.start < b.stop and b.start < a.stop for a, b in zip(one, other, strict=True))
 
 
 def _paint(box, points, top):

@@ -1,0 +1,123 @@
+"""Score tests by hand, of signatures of two numbers, and shapes of generic disagreements on made-up motions."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from linear import ROWS, RUNS, Linear, made, no_generics, pattern, streams
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.card import Parameter
+from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
+from drake_ispace.explain.decide.survey.screen import Screen
+from drake_ispace.explain.decide.survey.signatures import Signature
+from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised
+from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
+from drake_ispace.explain.fit.candidates import Candidate
+
+NO_NUISANCES = SimpleNamespace(marginalised=lambda vectors: vectors)
+
+
+def screen_of(candidate, *changes, at=(), one_sided=()):
+    """A Screen of whitened changes (rows,) by the parameters `at` of one candidate."""
+    at, one_sided = at or [0] * len(changes), one_sided or [False] * len(changes)
+    found = [
+        Signature(candidate, [1.0] * len(candidate.parameters), i, only, change)
+        for change, i, only in zip(changes, at, one_sided, strict=True)
+    ]
+    return Screen(NO_NUISANCES, found, np.array(changes))
+
+
+def two_parameters():
+    (one,) = made("slip")
+    return Candidate(one.effect, (), (*one.parameters, Parameter("more", "", low=-100.0, high=100.0, probes=(1.0,))))
+
+
+# -- Scores
+
+
+def test_two_parameters_that_are_both_there_say_more_together():
+    screen = screen_of(two_parameters(), [3.0, 0.0], [0.0, 3.0], at=[0, 1])
+    both = screen.minus_log10_p(np.array([5.0, 5.0]))
+    assert both == pytest.approx([-chi2.logsf(50.0, 2) / np.log(10.0)])
+    one = screen.minus_log10_p(np.array([5.0, 0.0]))
+    assert one == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
+
+
+def test_two_probes_of_one_parameter_are_no_two_parameters():
+    (candidate,) = made("slip")
+    screen = screen_of(candidate, [3.0, 0.0], [0.0, 3.0])
+    assert screen.minus_log10_p(np.array([5.0, 5.0])) == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
+
+
+def test_a_signature_that_the_runs_do_not_show_gains_nothing():
+    (candidate,) = made("slip")
+    screen = screen_of(candidate, [0.5, 0.0], [0.0, 2.0])
+    assert list(screen.gains(np.array([5.0, 5.0]))) == [0.0, 25.0]
+    amounts, changes = screen.use_of(candidate.effect, np.array([5.0, 5.0]))
+    assert amounts == pytest.approx([2.5]) and changes == [screen.signatures[1].change]
+
+
+def test_neither_does_one_of_the_impossible_sign():
+    (candidate,) = made("slip")
+    screen = screen_of(candidate, [2.0, 0.0], [0.5, 0.0], [0.0, 2.0], one_sided=[True, True, True])
+    assert list(screen.gains(np.array([-5.0, 5.0]))) == [0.0, 0.0, 25.0]
+
+
+# -- Changes around a point
+
+
+def test_the_usual_speed_is_that_of_the_wheels():
+    track = SimpleNamespace(ticks=400, command=np.full((400, 1), 0.3), measured=2.0 * TICK_S * np.arange(400)[:, None])
+    prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(wheels=1)), tracks=[track])
+    assert scales_of(prediction) == {"torque": pytest.approx(0.3), "speed": pytest.approx(2.0)}
+
+
+@pytest.mark.parametrize("at, tried", [(10.0, 12.0), (95.0, 76.0), (100.0, 80.0), (-100.0, -80.0)])
+def test_a_size_is_changed_within_its_bounds(at, tried):
+    (candidate,), asked = made("slip"), []
+
+    def residuals(values, pool=None):
+        asked.append(values["slip"]["size"])
+        return streams(np.zeros((RUNS, ROWS)))
+
+    base = streams(np.ones((RUNS, ROWS)))
+    _changes_by_sizes(SimpleNamespace(residuals=residuals), {candidate: [at]}, {candidate: [1.0]}, base, None)
+    assert asked == [pytest.approx(tried)]
+
+
+def test_the_memory_of_the_noise_is_marginalised_near_the_best_point():
+    slow = lfilter([1.0], [1.0, -0.9], np.random.default_rng(1).standard_normal((RUNS, ROWS)))
+    far = survey(Linear(slow, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics)
+    assert not far.likelihood.memory and with_memory_marginalised(far).likelihood.memory
+
+
+# -- Generic disagreements
+
+
+def motion(x, y, speed=0.0):
+    n = len(x)
+    return Motion(
+        np.column_stack([np.full(n, speed), np.zeros(n), np.zeros(n)]), np.column_stack([x, y, np.zeros(n)]),
+        np.arange(n) * TICK_S, np.zeros((n, 2)), np.zeros((n, 2)),
+    )
+
+
+def test_the_visited_area_is_parted_into_nine_equal_cells():
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.0, 2.0, 60), np.linspace(0.0, 1.0, 60)))
+    cells = np.array([cell[0] for cell in _cells([motion(x, y)])])
+    assert cells.shape == (9, 3600) and (cells.sum(axis=0) == 1.0).all() and (cells.sum(axis=1) == 400).all()
+    left_below = (x < -0.01) & (y < 0.33)
+    assert (cells[0] == left_below).mean() > 0.99
+
+
+def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 3.0, 60), np.linspace(0.0, 1.0, 60)))
+    patches = next(columns for generic, columns in _losses([motion(x, y, 0.5)]) if generic.name == "slip_of_a_patch")
+    cell = _cells([motion(x, y)])[0][0]
+    displaced = patches[0][0]
+    assert not displaced[:, 1:].any()
+    moves = np.diff(displaced[:, 0], prepend=0.0)
+    assert moves == pytest.approx(-0.05 * 0.5 * TICK_S * cell, abs=1e-12)
