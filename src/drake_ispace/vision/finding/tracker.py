@@ -17,6 +17,7 @@ from drake_ispace.vision.finding.patterns import Sighting
 
 _UNLIKELIER = 2.0 * np.log(1000.0)  # another choice that is a thousand times less likely is no longer considered
 _IMPOSSIBLE = 1e9
+_PUSH_S = 0.1  # for which an acceleration lasts, until another one comes that has nothing to do with it
 
 
 class _Track:
@@ -30,8 +31,8 @@ class _Track:
         """(2,) place at a time, and the (2, 2) covariance of place and velocity then."""
         ahead = time_s - self.time_s
         step = np.array([[1.0, ahead], [0.0, 1.0]])
-        pushed = acceleration_m_s2 * np.array([ahead**2 / 2.0, ahead])
-        return self.place + ahead * self.velocity, step @ self._covariance @ step.T + np.outer(pushed, pushed)
+        pushed = acceleration_m_s2**2 * _PUSH_S * np.array([[ahead**3 / 3.0, ahead**2 / 2.0], [ahead**2 / 2.0, ahead]])
+        return self.place + ahead * self.velocity, step @ self._covariance @ step.T + pushed
 
     def update(self, place, time_s, noise_m, acceleration_m_s2):
         predicted, covariance = self.predicted(time_s, acceleration_m_s2)
@@ -52,7 +53,7 @@ class Tracker:
     """
 
     def __init__(
-        self, eye: Eye, starts: Mapping[str, Sequence[float]] | None = None, acceleration_m_s2: float = 5.0,
+        self, eye: Eye, starts: Mapping[str, Sequence[float]] | None = None, acceleration_m_s2: float = 3.0,
         most_speed_m_s: float = 3.0,
     ):
         self._eye, self._starts = eye, dict(starts or {})

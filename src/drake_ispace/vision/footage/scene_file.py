@@ -72,8 +72,8 @@ class RobotMarkers:
 class Tracking:
     """How robots move between two frames of a video."""
 
-    # rms; pushes by hand count too
-    acceleration_m_s2: float = quantity(5.0, "m/s^2", above=0.0, maximum=1e3)
+    # rms, each for a tenth of a second; pushes by hand count too
+    acceleration_m_s2: float = quantity(3.0, "m/s^2", above=0.0, maximum=1e3)
     most_speed_m_s: float = quantity(3.0, "m/s", above=0.0, maximum=100.0)
 
 
