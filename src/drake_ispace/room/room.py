@@ -49,8 +49,8 @@ class _MarkersOfAll:
     side_m: float = quantity(0.09, "m", above=0.0, maximum=0.5)
     # a blob whose area differs from a marker's by more than this share is rejected: hidden, cut off or no marker
     area_tolerance: float = quantity(0.13, above=0.0, below=1.0)
-    # allowed error of the distance between the two markers
-    spacing_tolerance_m: float = quantity(0.006, "m", above=0.0, maximum=0.1)
+    # allowed error of the distance between the two markers: that of a top tilted by 4 degrees is off by 12 mm
+    spacing_tolerance_m: float = quantity(0.012, "m", above=0.0, maximum=0.1)
 
 
 #: The markers of all robots. The field `{name}_height_m` is the height of that robot's plate above the floor [m].
@@ -73,8 +73,14 @@ class Scenery:
     light_gradient: float = quantity(0.3, minimum=0.0, maximum=1.9)
     # share of the light that a shadow takes away
     shadow: float = quantity(0.35, minimum=0.0, maximum=1.0)
-    # standard deviation of the noise of every pixel and colour
-    noise_grey_levels: float = quantity(3.0, "grey levels", minimum=0.0, maximum=100.0)
+    # standard deviation of the noise of every pixel and colour in the dark
+    noise_grey_levels: float = quantity(2.0, "grey levels", minimum=0.0, maximum=100.0)
+    # and what comes to it in full light; its square grows with the light. Together 2.9 in middle grey
+    light_noise_grey_levels: float = quantity(3.0, "grey levels", minimum=0.0, maximum=100.0)
+    # whether each pixel sees one colour only, and the others are interpolated
+    bayer: bool = quantity(False)
+    # of the JPEG that the camera sends, as OpenCV counts it; null: pictures come as they are
+    jpeg_quality: int | None = quantity(None, minimum=1, maximum=100)
     # standard deviation of the measured depth at 1 m; it grows with the square of the depth
     depth_noise_m: float = quantity(0.0012, "m", minimum=0.0, maximum=0.1)
     # boxes: x, y [m], yaw [rad], length, width, height [m] of each

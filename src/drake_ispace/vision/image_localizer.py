@@ -4,7 +4,8 @@ It has the ports, the messages and the timing of the geometric KinectLocalizer a
 `space.localizer.mode` is `image`. Its maths are no kernels: a compiled rollout refuses it.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.messages import FIX, POSE, TICK
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
-from drake_ispace.robots.library import robots
+from drake_ispace.robots.library import robots as library
 from drake_ispace.room.room import Space
 from drake_ispace.vision.drawing.renderer import Renderer
 from drake_ispace.vision.drawing.scene import marker_height, obstacles, robot_box
@@ -29,6 +30,9 @@ COLOURS = {
 }
 
 
+_SHOWN = len(POSE) + 1  # of each robot: its pose, and how far it has tilted
+
+
 def targets(space: Space, names: Sequence[str]) -> list[Target]:
     """The targets of the search: the robots called `names` with the markers of `space`."""
     markers = space.markers
@@ -36,7 +40,7 @@ def targets(space: Space, names: Sequence[str]) -> list[Target]:
     limits = (area * (1.0 - markers.area_tolerance), area * (1.0 + markers.area_tolerance))
     return [
         Target(name, pair(
-            *robots()[name].colours, space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits
+            *library()[name].colours, space.localizer.marker_spacing_m, markers.spacing_tolerance_m, limits
         )) for name in names
     ]
 
@@ -94,45 +98,58 @@ class ImageLocalizer(Block):
         name: ImageLocalizer
         input_ports:
         - poses
+        - balance
         output_ports:
         - fixes
 
-    poses (3 n,): true x, y [m], phi [rad] in W of each robot. fixes (5 n,): for each robot the tick of the frame (-1
-    before the first), seen (1 or 0), x, y [m], phi [rad]; zeros where it is not seen. Each frame of the camera is
+    poses (3 n,): true x, y [m], phi [rad] in W of each robot. balance, only with `axles_m`: of each robot in it the
+    `truth` of its plant, of which the picture shows the tilt [rad]. fixes (5 n,): for each robot the tick of the frame
+    (-1 before the first), seen (1 or 0), x, y [m], phi [rad]; zeros where it is not seen. Each frame of the camera is
     exposed in the sensing phase, the latest is looked at every 19 ticks, and what was found is delivered
     `latency_ticks` later. P_ev of (6.6).
 
-    x_d = [frame's tick, its poses, the poses of the frame before (for motion blur), delivered messages, messages under
-    way, oldest first].
+    x_d = [frame's tick, its poses with tilts, those of the frame before (for motion blur), delivered messages, messages
+    under way, oldest first].
 
     Args:
         space: the room, its camera and scenery.
         names: of the robots, in the order of the ports; seed: of carpet and noise, stream `kinect`.
+        axles_m: robots that tilt, in the order of `names` -> the height of the axle about which they do.
     """
 
-    def __init__(self, space: Space, names: Sequence[str], seed: int = 0):
+    def __init__(self, space: Space, names: Sequence[str], seed: int = 0, axles_m: Mapping[str, float] | None = None):
         robots, latency = len(names), space.localizer.latency_ticks
         self.names, self.space = list(names), space
         eye, renderer, dropout = room_eye(space, names), room_renderer(space, seed), space.localizer.dropout
         period, offsets = frame_ticks(space.camera.frame_rate_hz)
-        poses_size, size = len(POSE) * robots, len(FIX) * robots
+        poses_size, size = _SHOWN * robots, len(FIX) * robots
+        axles_m, truths = dict(axles_m or {}), [library()[name].truth.columns for name in axles_m or ()]
+        tilting = [_SHOWN * names.index(name) + len(POSE) for name in axles_m]
+        tilts = [i for i, column in enumerate(itertools.chain(*truths)) if column == "tilt"]
         now, before = slice(1, 1 + poses_size), slice(1 + poses_size, 1 + 2 * poses_size)
         start = before.stop
         exposure_ticks = space.camera.exposure_s / TICK_S
 
-        def expose(tick, xd, poses, out):
+        def expose(tick, xd, poses, balance, out):
             out[:] = xd
-            last = xd[now] if xd[TICK] >= 0.0 else poses
-            last = np.where(np.isnan(last), poses, last)  # a robot that was hidden
-            out[TICK], out[now], out[before] = tick, poses, _per_tick(poses, last, tick - xd[TICK])
+            shown = np.zeros((robots, _SHOWN))
+            shown[:, : len(POSE)] = poses.reshape(robots, len(POSE))
+            shown = shown.ravel()
+            shown[tilting] = balance[tilts]
+            last = xd[now] if xd[TICK] >= 0.0 else shown
+            last = np.where(np.isnan(last), shown, last)  # a robot that was hidden
+            out[TICK], out[now], out[before] = tick, shown, _per_tick(shown, last, tick - xd[TICK])
 
         def look(xd, noise_stream, out):
             out[:] = xd
             out[start + size : -size], messages = xd[start + 2 * size :], out[-size:]
-            frame, poses = int(xd[TICK]), xd[now].reshape(robots, len(POSE))
-            motion = xd[before].reshape(robots, len(POSE)) * exposure_ticks
+            frame, poses = int(xd[TICK]), xd[now].reshape(robots, _SHOWN)
+            motion = xd[before].reshape(robots, _SHOWN)[:, : len(POSE)] * exposure_ticks
             shown = np.isfinite(poses).all(axis=1)
-            boxes = [robot_box(name, space, pose) for name, pose in zip(names, poses, strict=True)]
+            boxes = [
+                robot_box(name, space, (x, y, phi), tilt, axles_m.get(name, 0.0))
+                for name, (x, y, phi, tilt) in zip(names, poses, strict=True)
+            ]
             boxes = [box for box, is_shown in zip(boxes, shown, strict=True) if is_shown]
             image = renderer.render(boxes, motion[shown], frame).colour
             sightings = eye.locate(image)
@@ -160,8 +177,10 @@ class ImageLocalizer(Block):
         empty = np.zeros(size)
         empty[FIX.tick :: len(FIX)] = -1.0
         super().__init__(Spec(
-            inputs={"poses": poses_size}, outputs={"fixes": Output(size, fixes)},
-            parameters={"noise_stream": stream(seed, "kinect")}, noise_stream="kinect",
+            inputs={"poses": len(POSE) * robots} | ({"balance": sum(map(len, truths))} if tilting else {}),
+            outputs={"fixes": Output(size, fixes)},
+            parameters={"noise_stream": stream(seed, "kinect")} | ({} if tilting else {"balance": np.zeros(0)}),
+            noise_stream="kinect",
             discrete_state=np.concatenate(
                 [[-1.0], np.zeros(2 * poses_size), np.tile(empty, 2 + latency // VISION_TICKS)]
             ),
@@ -176,6 +195,6 @@ class ImageLocalizer(Block):
 def _per_tick(poses, before, ticks):
     """Motion in one tick, headings by the short way round."""
     change = np.asarray(poses) - before
-    headings = slice(POSE.phi, None, len(POSE))
+    headings = slice(POSE.phi, None, _SHOWN)
     change[headings] = np.angle(np.exp(1j * change[headings]))
     return change / ticks

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 def add_room(bench: Bench, scenario: "Scenario", parts: Sequence[Part], without: Collection[str] = ()) -> None:
     """Let the Kinect see the plants of `parts` and wire its fix to the inputs that take it; then put in the effects
     that the scenario lists for these robots, but for those in the wires named in `without`."""
-    bench.add("kinect", _localizer(scenario, [part.name for part in parts]))
+    tilting = [part for part in parts if _tilts(part)] if scenario.space.localizer.mode == "image" else []
+    bench.add("kinect", _localizer(scenario, [part.name for part in parts], [part.name for part in tilting]))
     if len(parts) == 1:
         seen, delivered = ["kinect.poses"], ["kinect.fixes"]
     else:
@@ -32,6 +33,12 @@ def add_room(bench: Bench, scenario: "Scenario", parts: Sequence[Part], without:
         delivered = [f"fixes.y{i}" for i in range(len(parts))]
     for part, pose, fix in zip(parts, seen, delivered, strict=True):
         bench.wire((part.block("plant.pose"), pose), *[(fix, part.block(target)) for target in part.takes_fix])
+    if len(tilting) == 1:
+        bench.wire((_balance(tilting[0]), "kinect.balance"))
+    elif tilting:
+        bench.add("balances", Multiplexer([len(robots()[part.name].truth.columns) for part in tilting]))
+        bench.wire(*((_balance(part), f"balances.u{i}") for i, part in enumerate(tilting)))
+        bench.wire(("balances.y0", "kinect.balance"))
     for part, pose in zip(parts, seen, strict=True):
         ends = {"pose": [pose], "fix": [part.block(target) for target in part.takes_fix]}
         splice_chosen(part, body_of(scenario, robots()[part.name]), getattr(scenario, part.name).effects, ends, without)
@@ -51,10 +58,19 @@ def oldest_fix_ticks(scenario: "Scenario", order_size: int) -> int:
     return age
 
 
-def _localizer(scenario, names):
-    """The block of `space.localizer.mode`; both have the same ports."""
+def _tilts(part):
+    return "tilt" in robots()[part.name].truth.columns
+
+
+def _balance(part):
+    return part.block(f"plant.{robots()[part.name].truth.signal}")
+
+
+def _localizer(scenario, names, tilting):
+    """The block of `space.localizer.mode`; both have the same ports, but that pictures show a tilt as well."""
     if scenario.space.localizer.mode == "image":
         from drake_ispace.vision.image_localizer import ImageLocalizer
 
-        return ImageLocalizer(scenario.space, names, scenario.seed)
+        axles_m = {name: getattr(scenario, name).plant.wheel_radius_m for name in tilting}
+        return ImageLocalizer(scenario.space, names, scenario.seed, axles_m)
     return KinectLocalizer(scenario.space, len(names), scenario.seed)

@@ -6,6 +6,7 @@ not move is drawn once; around each robot the rays are cast again.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
@@ -38,17 +39,15 @@ def hit(box: Box, origin: np.ndarray, rays: np.ndarray, least: float = 1e-9) -> 
     Returns:
         (...) distance in lengths of the rays, inf where there is none, and (...) whether the top face is met.
     """
-    c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
-    x0, y0 = origin[..., 0] - box.x_m, origin[..., 1] - box.y_m
+    start, way = box.own(np.asarray(origin)), box.into(np.asarray(rays))
+    sides = np.array([
+        [-box.length_m / 2.0, box.length_m / 2.0], [-box.width_m / 2.0, box.width_m / 2.0], [box.bottom_m, box.top_m],
+    ])
     with np.errstate(divide="ignore", invalid="ignore"):
         near, far, top = -np.inf, np.inf, None
-        for start, direction, low, high in (
-            (c * x0 + s * y0, c * rays[..., 0] + s * rays[..., 1], -box.length_m / 2.0, box.length_m / 2.0),
-            (-s * x0 + c * y0, -s * rays[..., 0] + c * rays[..., 1], -box.width_m / 2.0, box.width_m / 2.0),
-            (origin[..., 2], rays[..., 2], box.bottom_m, box.top_m),
-        ):
-            inverse = 1.0 / direction
-            one, two = (low - start) * inverse, (high - start) * inverse
+        for axis, (low, high) in enumerate(sides):
+            inverse = 1.0 / way[..., axis]
+            one, two = (low - start[..., axis]) * inverse, (high - start[..., axis]) * inverse
             top = np.minimum(one, two)
             near, far = np.maximum(near, top), np.minimum(far, np.maximum(one, two))
         met = (near <= far) & (near > least)
@@ -119,10 +118,9 @@ class Renderer:
 
     def _window(self, box):
         """The rows and columns that the box, its shadow and its motion can change; None outside of the image."""
-        corners = box.footprint(0.02)
-        shadow = corners - box.top_m * _LIGHT[:2] / _LIGHT[2]
-        points = [np.column_stack([c, np.full(4, z)]) for c, z in ((corners, 0.0), (corners, box.top_m), (shadow, 0.0))]
-        pixels = self.view.project(np.vstack(points))
+        corners = box.corners(0.02)
+        shadow = corners - corners[:, 2:] * _LIGHT / _LIGHT[2]
+        pixels = self.view.project(np.vstack([corners, shadow]))
         columns, rows = self.view.size
         if np.isnan(pixels).any():
             return slice(0, rows), slice(0, columns)
@@ -173,9 +171,7 @@ def _paint(box, points, top):
     """(n, 3) colours of (n, 3) points on a box."""
     colour = np.tile(np.asarray(box.colour, np.float32), (len(points), 1))
     colour[~top] *= _SIDE_LIGHT
-    c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
-    dx, dy = points[:, 0] - box.x_m, points[:, 1] - box.y_m
-    x, y = c * dx + s * dy, -s * dx + c * dy
+    x, y, _ = box.own(points).T
     for patch in box.patches:
         inside = top & (np.abs(x - patch.x_m) <= patch.length_m / 2.0) & (np.abs(y - patch.y_m) <= patch.width_m / 2.0)
         colour[inside] = patch.colour
@@ -183,11 +179,30 @@ def _paint(box, points, top):
 
 
 def with_noise(picture: Picture, scenery: Scenery, seed: int, tick: int) -> Picture:
-    """The picture with the noise of (seed, tick): colours in whole grey levels, noise of depth as its square."""
+    """The picture as a sensor gives it, with the noise of (seed, tick): colours in whole grey levels, the variance of
+    their noise growing with the light, that of depth with its fourth power; Bayer pattern and JPEG as the scenery says.
+    """
     rng = np.random.default_rng([seed, tick, 11])
     colour, depth = picture.colour.astype(np.float32), picture.depth
-    if scenery.noise_grey_levels > 0.0:
-        colour = colour + scenery.noise_grey_levels * rng.standard_normal(colour.shape, dtype=np.float32)
+    dark, bright = scenery.noise_grey_levels, scenery.light_noise_grey_levels
+    if dark > 0.0 or bright > 0.0:
+        spread = np.sqrt(dark**2 + bright**2 * np.clip(colour, 0.0, 255.0) / 255.0, dtype=np.float32)
+        colour = colour + spread * rng.standard_normal(colour.shape, dtype=np.float32)
     if scenery.depth_noise_m > 0.0:
         depth = depth + scenery.depth_noise_m * depth**2 * rng.standard_normal(depth.shape, dtype=np.float32)
-    return Picture(np.clip(np.rint(colour), 0, 255).astype(np.uint8), depth)
+    levels = np.clip(np.rint(colour), 0, 255).astype(np.uint8)
+    if scenery.bayer:
+        levels = _through_bayer(levels)
+    if scenery.jpeg_quality is not None:
+        _, packed = cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, scenery.jpeg_quality])
+        levels = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    return Picture(levels, depth)
+
+
+def _through_bayer(levels):
+    """The picture of a sensor each of whose pixels sees one colour: red and green in even rows, green and blue in odd
+    ones; the others are interpolated."""
+    seen = np.empty(levels.shape[:2], np.uint8)
+    for row, column, colour in ((0, 0, 2), (0, 1, 1), (1, 0, 1), (1, 1, 0)):
+        seen[row::2, column::2] = levels[row::2, column::2, colour]
+    return cv2.cvtColor(seen, cv2.COLOR_BayerRGGB2BGR)

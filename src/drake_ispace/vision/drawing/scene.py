@@ -19,6 +19,7 @@ PAINTS: dict[str, BGR] = {
 _PLATE: BGR = (38.0, 36.0, 34.0)
 _OBSTACLE: BGR = (120.0, 150.0, 165.0)
 CARPET: BGR = (118.0, 112.0, 108.0)
+_AROUND = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,10 @@ class Patch:
 
 @dataclass(frozen=True)
 class Box:
-    """An upright box: middle of its footprint in W [m], yaw [rad], sides along its own x and y, bottom and top [m]."""
+    """A box: middle of its footprint in W [m], yaw [rad], sides along its own x and y, bottom and top [m].
+
+    It stands upright, or has pitched forward by `pitch_rad` about its own y axis at the height `axle_m`.
+    """
 
     x_m: float
     y_m: float
@@ -45,6 +49,30 @@ class Box:
     colour: BGR = _OBSTACLE
     bottom_m: float = 0.0
     patches: tuple[Patch, ...] = ()
+    pitch_rad: float = 0.0
+    axle_m: float = 0.0
+
+    def into(self, directions: np.ndarray) -> np.ndarray:
+        """(..., 3) directions in W as the box's own x, y, z."""
+        x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        x, y = c * x + s * y, -s * x + c * y
+        if self.pitch_rad:
+            c, s = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
+            x, z = c * x - s * z, s * x + c * z
+        return np.stack([x, y, z], axis=-1)
+
+    def own(self, points: np.ndarray) -> np.ndarray:
+        """(..., 3) points in W [m] in the box's axes, from the middle of its footprint."""
+        axle = np.array([0.0, 0.0, self.axle_m], points.dtype)
+        return self.into(points - np.array([self.x_m, self.y_m, self.axle_m], points.dtype)) + axle
+
+    def corners(self, margin_m: float = 0.0) -> np.ndarray:
+        """(8, 3) corners in W [m], the sides longer by `margin_m` at each end."""
+        half = np.array([self.length_m, self.width_m]) / 2.0 + margin_m
+        own = np.array([[x, y, z] for z in (self.bottom_m, self.top_m) for x, y in half * _AROUND])
+        axes = self.into(np.eye(3))  # its rows: the room's axes in the box's
+        return (own - [0.0, 0.0, self.axle_m]) @ axes.T + [self.x_m, self.y_m, self.axle_m]
 
     def at(self, x_m: float, y_m: float, yaw_rad: float) -> "Box":
         return replace(self, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
@@ -53,12 +81,15 @@ class Box:
         """(4, 2) corners in W [m]."""
         c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
         corner = np.array([self.length_m / 2.0 + margin_m, self.width_m / 2.0 + margin_m])
-        corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * corner
+        corners = _AROUND * corner
         return corners @ np.array([[c, s], [-s, c]]) + [self.x_m, self.y_m]
 
 
-def robot_box(name: str, space: Space, pose=(0.0, 0.0, 0.0)) -> Box:
-    """The robot called `name` at `pose` (x, y [m], phi [rad]): a dark box with its two markers on top."""
+def robot_box(name: str, space: Space, pose=(0.0, 0.0, 0.0), tilt_rad: float = 0.0, axle_m: float = 0.0) -> Box:
+    """The robot called `name` at `pose` (x, y [m], phi [rad]): a dark box with its two markers on top.
+
+    It has tilted forward by `tilt_rad` about an axle at the height `axle_m`.
+    """
     markers, spacing = space.markers, space.localizer.marker_spacing_m
     front, rear = (PAINTS[colour] for colour in robots()[name].colours)
     patches = tuple(
@@ -66,7 +97,10 @@ def robot_box(name: str, space: Space, pose=(0.0, 0.0, 0.0)) -> Box:
         for x, colour in ((spacing / 2.0, front), (-spacing / 2.0, rear))
     )
     height = marker_height(name, space)
-    return Box(*map(float, pose), markers.plate_m, markers.plate_m, height, _PLATE, patches=patches)
+    return Box(
+        *map(float, pose), markers.plate_m, markers.plate_m, height, _PLATE, patches=patches, pitch_rad=float(tilt_rad),
+        axle_m=axle_m,
+    )
 
 
 def marker_height(name: str, space: Space) -> float:

@@ -1,6 +1,7 @@
 """The second renderer: the same scene through Drake's RgbdSensor, SceneGraph and VTK. Needs libEGL."""
 
 import ctypes.util
+from dataclasses import replace
 
 import numpy as np
 from pydrake.common.value import Value
@@ -26,7 +27,7 @@ from pydrake.geometry import (
     Rgba,
     SceneGraph,
 )
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
@@ -67,7 +68,7 @@ class VtkRenderer:
         """A picture without noise; `moved` is not shown."""
         moving = tuple(moving)
         # What does not change from picture to picture: the shapes, wherever they are.
-        shapes = tuple(box.at(0.0, 0.0, 0.0) for box in moving)
+        shapes = tuple(replace(box.at(0.0, 0.0, 0.0), pitch_rad=0.0) for box in moving)
         if shapes not in self._scenes:
             self._scenes[shapes] = self._build(shapes)
         _, context, port, sensor, frames = self._scenes[shapes]
@@ -126,7 +127,8 @@ class VtkRenderer:
 
 
 def _pose(box):
-    return RigidTransform(RotationMatrix.MakeZRotation(box.yaw_rad), [box.x_m, box.y_m, 0.0])
+    at_axle = RigidTransform(RollPitchYaw(0.0, box.pitch_rad, box.yaw_rad), [box.x_m, box.y_m, box.axle_m])
+    return at_axle @ RigidTransform([0.0, 0.0, -box.axle_m])
 
 
 def _instances(box, x_wb, name):
