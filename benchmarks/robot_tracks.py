@@ -4,7 +4,7 @@
 
 In half of the videos each robot of a team has a pattern of its own beside the team's colour, in the other half the four
 robots of a team look alike. Every few seconds each robot is hidden for half a second, and each is pushed by hand, now
-and then while it is hidden. Truth comes from the renderer.
+and then while it is hidden. The pictures have a Bayer pattern and JPEG. Truth comes from the renderer.
 """
 
 import time
@@ -12,8 +12,8 @@ import time
 import numpy as np
 from _runs import options, print_json, print_table
 
-from drake_ispace.room.room import Space
-from drake_ispace.vision.drawing.renderer import Renderer
+from drake_ispace.room.room import Scenery, Space
+from drake_ispace.vision.drawing.renderer import Renderer, hit
 from drake_ispace.vision.drawing.scene import PAINTS, Box, Patch
 from drake_ispace.vision.finding.eye import Eye, Look
 from drake_ispace.vision.finding.patterns import Marker, Pattern, Target
@@ -75,6 +75,18 @@ def motions(number, frames, space, rng):
     return poses, hidden
 
 
+def is_visible(i, boxes, view, space):
+    """Whether nothing stands between the camera and any point of a robot's markers, all of them above the space."""
+    grid = np.linspace(-SIDE_M / 2.0, SIDE_M / 2.0, 4)
+    own = np.array([[m.x_m + x, m.y_m + y, HEIGHT_M] for m in boxes[i].patches for x in grid for y in grid])
+    points = own @ boxes[i].into(np.eye(3)).T + [boxes[i].x_m, boxes[i].y_m, 0.0]
+    if (np.abs(points[:, :2]) > np.array([space.width_m, space.depth_m]) / 2.0 - 0.01).any():
+        return False
+    rays = points - view.p_ws
+    others = (box for j, box in enumerate(boxes) if j != i)
+    return all((hit(other, view.p_ws, rays)[0] > 1.0 - 1e-6).all() for other in others)
+
+
 def _apart(place):
     """The places with no two robots in one another: who stands too close is moved, both by the same."""
     for _ in range(20):
@@ -89,7 +101,8 @@ def _apart(place):
 
 def follow(alike, frames, seed, show=lambda *_: None):
     """Scores of one video."""
-    rng, space, patterns = np.random.default_rng(seed), Space(), robots(alike)
+    rng, patterns = np.random.default_rng(seed), robots(alike)
+    space = Space(scenery=Scenery(bayer=True, jpeg_quality=80))
     view, names = view_of(space.camera), list(patterns)
     top = top_view_of(view, space.width_m, space.depth_m, space.localizer.pixel_m, HEIGHT_M)
     eye = Eye(view.size, [Look(top, tuple(Target(name, pattern) for name, pattern in patterns.items()))], COLOURS)
@@ -110,7 +123,7 @@ def follow(alike, frames, seed, show=lambda *_: None):
         spent += time.perf_counter() - started
         show(image, eye, found)
         pixels = view.project(np.column_stack([poses[frame, :, :2], np.full(len(names), HEIGHT_M)]))
-        visible += int((~hidden[frame]).sum())
+        visible += sum(is_visible(i, boxes, view, space) for i in range(len(names)))
         for name, one in found.items():
             if one is None:
                 continue

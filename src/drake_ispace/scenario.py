@@ -18,6 +18,7 @@ from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.blocks.rates import MAX_TICK, TICK_S
 from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.library import checked_effects
+from drake_ispace.files import typed_tree
 from drake_ispace.files.quantity import quantity
 from drake_ispace.files.typed_tree import checked, read
 from drake_ispace.files.yaml_guard import load_yaml
@@ -167,15 +168,4 @@ def to_data(scenario) -> dict:
 
 def difference(scenario: Scenario) -> dict:
     """Only what differs from the defaults: the shortest YAML that gives this scenario."""
-    return _difference(to_data(scenario), to_data(Scenario())) | {"diagram": scenario.diagram}
-
-
-def _difference(data, defaults):
-    changed = {}
-    for key, value in data.items():
-        if isinstance(value, dict):
-            if inner := _difference(value, defaults.get(key, {})):
-                changed[key] = inner
-        elif key not in defaults or value != defaults[key]:
-            changed[key] = value
-    return changed
+    return typed_tree.difference(to_data(scenario), to_data(Scenario())) | {"diagram": scenario.diagram}

@@ -1,6 +1,7 @@
-"""The commands on pictures: `locate` robots in footage, `calibrate` the camera, `vision` for a page of what the room
-sees. Imported by cli.py; heavy libraries are imported inside."""
+"""The commands on pictures: `locate` robots in footage, `scene learn` to teach it what to look for, `calibrate` the
+camera, `vision` for a page of what the room sees. Imported by app.py; heavy libraries are imported inside."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +13,16 @@ from drake_ispace.cli.options import Json, whole
 from drake_ispace.cli.terminal import print_json, print_table, say
 from drake_ispace.files.places import check_folder, whole_file
 
+_TRIED = 300  # frames in which a learned scene is tried
+
 
 def register(app: App) -> None:
     """Add the commands of this module."""
     app.command(locate)
     app.command(calibrate)
+    scene = App(name="scene", help="Scene files: what a camera looks at, for `locate`.")
+    scene.command(learn)
+    app.command(scene)
     app.command(vision)
 
 
@@ -128,6 +134,69 @@ def calibrate(
         return
     say(out if out is not None else dump_yaml(data).rstrip())
     say(f"# rms {residual:.2f} pixels over {len(given)} points")
+
+
+def learn(
+    footage: Path, /, *,
+    marker: Annotated[
+        list[str] | None,
+        Parameter(
+            negative="",
+            help="robot:colour:u,v, a pixel of a marker in the first picture; of each robot the front one first, then "
+            "the rear one, then any others. Left out: what stands out by its colour is listed",
+        ),
+    ] = None,
+    scene: Annotated[str, Parameter(help="scene whose floor and camera are kept, instead of --points")] = "room",
+    points: Annotated[
+        list[str] | None, Parameter(negative="", help="the floor: u,v,x,y of four points or more, as for calibrate")
+    ] = None,
+    width: Annotated[float, Parameter(help="of the floor [m], with --points")] = 2.5,
+    depth: Annotated[float, Parameter(help="of the floor [m], with --points")] = 2.0,
+    out: Annotated[Path | None, Parameter(help="scene file to write; a picture of the same name shows it")] = None,
+    as_json: Json = False,
+) -> None:
+    """Learn a scene file for `locate` from the markers that one points at in an image or the first frame of a video."""
+    if not (0.0 < width < 1e3 and 0.0 < depth < 1e3):
+        raise InputError(f"--width, --depth: expected metres above 0, got {width:g} and {depth:g}")
+    if out is not None:
+        if out.suffix not in (".yaml", ".yml"):
+            raise InputError(f"--out {out}: expected a scene file, a name that ends in .yaml")
+        check_folder(out.parent)
+    from drake_ispace.files.yaml_guard import dump_yaml
+    from drake_ispace.vision.footage.frames import frames
+    from drake_ispace.vision.footage.learn import coloured_blobs, read_pointed
+    from drake_ispace.vision.footage.learn import learn as learned_from
+    from drake_ispace.vision.footage.overlay import annotate, numbered, write_image
+    from drake_ispace.vision.footage.scene_file import load_scene, scene_data, scene_eye, scene_on_points, scene_tracker
+
+    _, first = next(frames(footage))
+    if not marker:
+        blobs = coloured_blobs(first)
+        if out is not None:
+            write_image(out.with_suffix(".png"), numbered(first, [place for place, _ in blobs]))
+        if as_json:
+            print_json({"blobs": [{"u": u, "v": v, "colour": word} for (u, v), word in blobs]})
+            return
+        print_table(["", "u", "v", "colour"], [[i, f"{u:.0f}", f"{v:.0f}", w] for i, ((u, v), w) in enumerate(blobs)])
+        say("expected with --marker robot:colour:u,v for the markers among them")
+        return
+    floor = load_scene(scene) if points is None else scene_on_points(points, width, depth, first)
+    settings = learned_from(first, floor, read_pointed(marker))
+    eye, found = scene_eye(settings), []
+    tracker = scene_tracker(settings, eye)
+    for time_s, image in itertools.islice(frames(footage), _TRIED):
+        found.append(tracker.follow(time_s, image))
+    data = scene_data(settings)
+    if out is not None:
+        with whole_file(out) as beside:
+            beside.write_text(f"# Learned from {footage.name}\n{dump_yaml(data)}", encoding="utf-8")
+        write_image(out.with_suffix(".png"), annotate(first, eye, found[0]))
+    seen = {name: sum(frame[name] is not None for frame in found) for name in settings.robots}
+    if as_json:
+        print_json({"scene": data, "frames": len(found), "seen": seen})
+        return
+    say(out if out is not None else dump_yaml(data).rstrip())
+    print_table(["robot", "found in frames"], [[name, f"{count} of {len(found)}"] for name, count in seen.items()])
 
 
 def vision(

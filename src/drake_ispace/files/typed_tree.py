@@ -90,3 +90,15 @@ def checked(value, kind, rules, where):
     if rules.get("choices") and value not in rules["choices"]:
         raise InputError(f"{where}: {shown(value)} is not known, expected one of {', '.join(rules['choices'])}")
     return value
+
+
+def difference(data: dict, defaults: dict) -> dict:
+    """What of the plain mappings `data` differs from `defaults`."""
+    changed = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            if inner := difference(value, defaults.get(key, {})):
+                changed[key] = inner
+        elif key not in defaults or value != defaults[key]:
+            changed[key] = value
+    return changed

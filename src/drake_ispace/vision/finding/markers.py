@@ -9,6 +9,7 @@ import numpy as np
 from drake_ispace.vision.optics.top_view import TopView
 
 _AROUND = 2  # pixels beside a blob that may be mixed with its colour
+_HALF = 0.5  # of an area: what a threshold may miss of a marker, or add to it
 _GREY = 0.15  # of a blob's colour: less may be noise
 _LEAST_SATURATION, _LEAST_VALUE = 30.0, 20.0  # of a mixed pixel, else its hue is noise
 
@@ -50,17 +51,18 @@ def blobs(
     """The blobs of a mask with an area between the limits.
 
     Args:
-        share: (rows, columns) how much of its colour each pixel has, to weigh the pixels of a blob and those around it.
+        share: (rows, columns) how much of its colour each pixel has, to weigh the pixels of a blob and those around it:
+            where the edges of a marker are blurred, its area and middle stay what they are.
         reach: where the camera's image ends within the top view; a blob that touches this border, or that of the top
             view, is cut and left away.
     """
-    count, labels, stats, middles = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     unit = top.pixel_m[0] * top.pixel_m[1]
     rows, columns = mask.shape
     found = []
     for i in range(1, count):
         left, above, width, height, pixels = stats[i]
-        if not least_m2 <= pixels * unit <= most_m2:
+        if not _HALF * least_m2 <= pixels * unit <= most_m2 / _HALF:
             continue
         if left == 0 or above == 0 or left + width == columns or above + height == rows:
             continue
@@ -69,26 +71,29 @@ def blobs(
         if reach is not None and not reach[around].all():
             continue
         window = labels[around] == i
-        moments = cv2.moments(window.astype(np.uint8), binaryImage=True)
+        weight, full = _weights(window, None if share is None else share[around])
+        moments = cv2.moments(weight.astype(np.float32))
+        area_m2 = moments["m00"] / full * unit
+        if not least_m2 <= area_m2 <= most_m2:
+            continue
         a, b, c = moments["mu20"] * top.pixel_m[0] ** 2, moments["mu02"] * top.pixel_m[1] ** 2, moments["mu11"] * unit
         root = np.hypot(a - b, 2.0 * c)
         elongation = np.sqrt((a + b + root) / max(a + b - root, 1e-12))
-        middle = middles[i]
-        if share is not None:
-            middle = _weighted_middle(window, share[around]) + [first_column, first_row]
-        found.append(Blob(middle, top.to_metres(middle)[0], pixels * unit, elongation))
+        middle = np.array([moments["m10"], moments["m01"]]) / moments["m00"] + [first_column, first_row]
+        found.append(Blob(middle, top.to_metres(middle)[0], float(area_m2), float(elongation)))
     return found
 
 
-def _weighted_middle(window, share):
-    """(2,) u, v of a blob, by the colour of its pixels and of those around it: edges that run along rows or columns
-    would else jump by whole pixels."""
-    near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
-    weight = np.where(near, np.clip(share - _GREY * np.median(share[window]), 0.0, None), 0.0)
-    if not weight.any():  # a grey blob of a scene that takes grey for a colour
-        weight = window.astype(float)
-    v, u = np.indices(window.shape)
-    return np.array([(weight * u).sum(), (weight * v).sum()]) / weight.sum()
+def _weights(window, share):
+    """(rows, columns) weight of each pixel of a blob and of those around it, and that of a pixel that is full of its
+    colour: edges that run along rows or columns would else jump by whole pixels."""
+    if share is not None:
+        near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
+        full = np.median(share[window])
+        weight = np.where(near, np.clip(share - _GREY * full, 0.0, None), 0.0)
+        if weight.any():
+            return weight, (1.0 - _GREY) * full
+    return window.astype(float), 1.0  # also a grey blob of a scene that takes grey for a colour
 
 
 def find_blobs(

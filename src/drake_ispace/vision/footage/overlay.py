@@ -38,6 +38,24 @@ def annotate(image: np.ndarray, eye: Eye, sightings: dict, title: str = "") -> n
     return drawn
 
 
+def numbered(image: np.ndarray, places) -> np.ndarray:
+    """A copy of the image with a number at each place (u, v)."""
+    drawn = image.copy()
+    for number, (u, v) in enumerate(places):
+        _write(drawn, str(number), (round(u) + 6, round(v) - 6))
+    return drawn
+
+
+def write_image(file: Path, image: np.ndarray) -> None:
+    """Write a PNG, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with whole_file(file) as beside:
+        beside.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+
+
 def _write(image, text, place):
     for colour, width in (((0, 0, 0), 3), (_COLOUR, 1)):
         cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.4, colour, width, cv2.LINE_AA)
@@ -62,8 +80,7 @@ class Overlay:
         drawn = annotate(image, eye, sightings, f"{time_s:.2f} s")
         if self._first is None:
             self._first = drawn
-            with whole_file(self._folder / "located.png") as beside:
-                beside.write_bytes(cv2.imencode(".png", drawn)[1].tobytes())
+            write_image(self._folder / "located.png", drawn)
         elif self._video is None:
             rate = 1.0 / max(time_s - self._time, 1e-3)
             size = drawn.shape[1::-1]

@@ -1,6 +1,7 @@
 """Scene files: the place that a camera looks at, the colours of its markers and the robots to look for."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
 
@@ -9,13 +10,14 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.files.quantity import quantity
-from drake_ispace.files.typed_tree import read
+from drake_ispace.files.typed_tree import difference, read
 from drake_ispace.files.yaml_guard import load_yaml
 from drake_ispace.room.room import Camera
 from drake_ispace.vision.finding.eye import Eye, Look
 from drake_ispace.vision.finding.markers import Colour
 from drake_ispace.vision.finding.patterns import Marker, Pattern, Target, pair
 from drake_ispace.vision.finding.tracker import Tracker
+from drake_ispace.vision.optics.calibration import read_points
 from drake_ispace.vision.optics.camera import camera_matrix, view_of
 from drake_ispace.vision.optics.top_view import TopView, corners_from_points, trapezoid
 
@@ -179,6 +181,29 @@ def _pattern(scene, robot):
     return Pattern(tuple(markers), sizes.tolerance_m, sizes.elongation)
 
 
+def scene_on_points(texts: Sequence[str], width_m: float, depth_m: float, image: np.ndarray) -> Scene:
+    """A scene without robots whose floor is known by points "u,v,x,y" in an image (rows, columns, 3).
+
+    Its top view is about as fine as the image.
+
+    Raises:
+        InputError: points of another form, or that show no floor.
+    """
+    rows, columns = image.shape[:2]
+    points = [list(map(float, point)) for point in read_points(texts, width_m, depth_m)]
+    scene = Scene(width_m, depth_m, [1.0, 1.0], Camera(size_pixels=[columns, rows]), points)
+    far_left, far_right, near_right, near_left = _corners(scene, "--points", 0.0)
+    across = np.hypot(*(far_right - far_left)) + np.hypot(*(near_right - near_left))
+    along = np.hypot(*(far_left - near_left)) + np.hypot(*(far_right - near_right))
+    scene.pixel_m = [float(f"{2.0 * width_m / across:.3g}"), float(f"{2.0 * depth_m / along:.3g}")]
+    return scene
+
+
+def scene_data(scene: Scene) -> dict:
+    """What differs from a scene by default as plain mappings, ready for YAML."""
+    return difference(asdict(scene), asdict(Scene()))
+
+
 def scene_eye(scene: Scene, where: str = "scene") -> Eye:
     """The eye that finds the scene's robots in its images.
 
@@ -210,10 +235,18 @@ def scene_top(scene: Scene, where: str = "scene", height_m: float = 0.0) -> TopV
     Raises:
         InputError: points or a camera that show no floor.
     """
-    matrix, distortion = camera_matrix(scene.camera), np.array(scene.camera.distortion)
     if scene.width_m / scene.pixel_m[0] * scene.depth_m / scene.pixel_m[1] > 2e7:
         raise InputError(f"{where}: pixel_m: expected a top view of at most 20 million pixels")
+    corners, camera = _corners(scene, where, height_m), scene.camera
+    return TopView(
+        corners, scene.width_m, scene.depth_m, scene.pixel_m, camera_matrix(camera), np.array(camera.distortion)
+    )
+
+
+def _corners(scene, where, height_m):
+    """(4, 2) pixels of the corners of the floor, or of the plane `height_m` above it."""
     if scene.points:
+        matrix, distortion = camera_matrix(scene.camera), np.array(scene.camera.distortion)
         try:
             corners = corners_from_points(scene.points, scene.width_m, scene.depth_m, matrix, distortion)
         except (ValueError, cv2.error):
@@ -224,4 +257,4 @@ def scene_top(scene: Scene, where: str = "scene", height_m: float = 0.0) -> TopV
         corners = trapezoid(view_of(scene.camera), scene.width_m, scene.depth_m, height_m)
     if not np.isfinite(corners).all():
         raise InputError(f"{where}: the camera does not see the whole {scene.width_m:g} x {scene.depth_m:g} m floor")
-    return TopView(corners, scene.width_m, scene.depth_m, scene.pixel_m, matrix, distortion)
+    return corners
