@@ -23,6 +23,7 @@ from drake_ispace.rollout.campaign import montecarlo
 from drake_ispace.rollout.draws import parse_distribution, split_vary
 from drake_ispace.scenario import load_scenario
 from drake_ispace.vision.footage.frames import frames
+from drake_ispace.vision.footage.learn import read_pointed
 from drake_ispace.vision.footage.scene_file import load_scene
 from fuzz import strict
 from fuzz.mutate import damaged, rewritten
@@ -307,6 +308,10 @@ class SceneFile(YamlFile):
         "points:\n- [10.5, 20, -0.75, 0.65]\n- [600, 22.5, 0.75, 0.65]\n- [598, 450, 0.75, -0.65]\n"
         "- [12, 448, -0.75, -0.65]\nmarkers: {spacing_m: 0.05}\ncolours:\n  red: {hue: [170, 10], saturation: 120}\n"
         "  blue: {hue: [100, 125]}\nrobots:\n  one: {front: red, rear: blue}\n",
+        "tracking: {acceleration_m_s2: 2.5, most_speed_m_s: 4}\ncolours:\n  red: {hue: [170, 10]}\n"
+        "  blue: {hue: [100, 125], most_value: 200}\nrobots:\n  one:\n    height_m: 0.15\n    start_m: [0.1, -0.2]\n"
+        "    markers:\n    - {colour: red, x_m: 0.05, y_m: 0, area_m2: [0.001, 0.002]}\n"
+        "    - {colour: blue, x_m: -0.05, y_m: 0.025}\n    - {colour: red, x_m: -0.05, y_m: -0.025}\n",
     )
 
 
@@ -329,6 +334,21 @@ class SetOption(Reader):
         for part in reversed(key.strip().split(".")):
             value = {part: value}
         agree(scenario, given, value)
+
+
+class MarkerOption(Reader):
+    """--marker robot:colour:u,v."""
+
+    SEEDS = ("omni:red:320,200.5", "a b:light blue:1e2,-3", "1:2:3,4")
+
+    def input(self, source):
+        return rewritten(source.choice(self.SEEDS), source)
+
+    def attack(self, given):
+        front, _ = read_pointed([given, given])
+        robot, colour, place = given.split(":")
+        if (front.robot, front.colour) != (robot, colour) or list(front.pixel) != [float(n) for n in place.split(",")]:
+            raise Silent("another marker than was said")
 
 
 class VaryOption(Reader):
@@ -430,5 +450,6 @@ class Images(Reader):
 READERS: dict[str, type[Reader]] = {
     "recording.yaml": RecordingYaml, "csv": Csv, "parquet": Parquet, "loose-parquet": LooseParquet, "stamps": Stamps,
     "scenario": ScenarioFile, "scene": SceneFile, "set": SetOption, "vary": VaryOption, "effect": EffectOption,
+    "marker": MarkerOption,
     "campaign": CampaignFolder, "images": Images,
 }

@@ -152,6 +152,10 @@ def learn(
     ] = None,
     width: Annotated[float, Parameter(help="of the floor [m], with --points")] = 2.5,
     depth: Annotated[float, Parameter(help="of the floor [m], with --points")] = 2.0,
+    height: Annotated[
+        list[str] | None,
+        Parameter(negative="", help="robot:metres, of its markers above the floor, instead of that in the scene"),
+    ] = None,
     out: Annotated[Path | None, Parameter(help="scene file to write; a picture of the same name shows it")] = None,
     as_json: Json = False,
 ) -> None:
@@ -164,7 +168,7 @@ def learn(
         check_folder(out.parent)
     from drake_ispace.files.yaml_guard import dump_yaml
     from drake_ispace.vision.footage.frames import frames
-    from drake_ispace.vision.footage.learn import coloured_blobs, read_pointed
+    from drake_ispace.vision.footage.learn import coloured_blobs, read_heights, read_pointed
     from drake_ispace.vision.footage.learn import learn as learned_from
     from drake_ispace.vision.footage.overlay import annotate, numbered, write_image
     from drake_ispace.vision.footage.scene_file import load_scene, scene_data, scene_eye, scene_on_points, scene_tracker
@@ -181,7 +185,7 @@ def learn(
         say("expected with --marker robot:colour:u,v for the markers among them")
         return
     floor = load_scene(scene) if points is None else scene_on_points(points, width, depth, first)
-    settings = learned_from(first, floor, read_pointed(marker))
+    settings = learned_from(first, floor, read_pointed(marker), read_heights(height or []))
     eye, found = scene_eye(settings), []
     tracker = scene_tracker(settings, eye)
     for time_s, image in itertools.islice(frames(footage), _TRIED):

@@ -23,7 +23,7 @@ from drake_ispace.vision.depth_map import FREE, ROBOT, SpaceMap, map_of, points
 from drake_ispace.vision.drawing.renderer import Picture
 from drake_ispace.vision.drawing.scene import robot_box
 from drake_ispace.vision.finding.eye import Eye
-from drake_ispace.vision.finding.markers import Sighting
+from drake_ispace.vision.finding.patterns import Sighting
 from drake_ispace.vision.footage.overlay import annotate
 from drake_ispace.vision.image_localizer import room_eye, room_renderer
 from drake_ispace.vision.optics.camera import View, view_of

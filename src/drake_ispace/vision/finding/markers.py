@@ -91,7 +91,7 @@ def _weights(window, share):
         near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
         full = np.median(share[window])
         weight = np.where(near, np.clip(share - _GREY * full, 0.0, None), 0.0)
-        if weight.any():
+        if full > 0.0:
             return weight, (1.0 - _GREY) * full
     return window.astype(float), 1.0  # also a grey blob of a scene that takes grey for a colour
 

@@ -5,7 +5,7 @@ colours meet, or a colour and the rest of the picture, the limit lies half-way b
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,10 +20,10 @@ _MOST_RADIUS = 40  # pixels around a pointed one that are looked at
 _CORE = 2.0, 98.0  # percentiles between which a marker's own pixels lie
 _SMALLER, _LARGER = 0.7, 1.4  # than the markers of the picture
 _LEAST_PIXELS = 6  # of a marker
-#: First hue, in half degrees, of what is called so.
+#: First and last hue, in half degrees, of what is called so.
 HUES = {
-    "red": 0, "orange": 8, "yellow": 20, "lime": 33, "green": 52, "cyan": 85, "blue": 100, "purple": 130, "pink": 155,
-    "red again": 170,
+    "red": (170, 7), "orange": (8, 19), "yellow": (20, 32), "lime": (33, 51), "green": (52, 84), "cyan": (85, 99),
+    "blue": (100, 129), "purple": (130, 154), "pink": (155, 169),
 }
 
 
@@ -59,11 +59,34 @@ def read_pointed(texts: Sequence[str]) -> list[Pointed]:
     return pointed
 
 
-def learn(image: np.ndarray, scene: Scene, pointed: Sequence[Pointed]) -> Scene:
+def read_heights(texts: Sequence[str]) -> dict[str, float]:
+    """Robot -> height of its markers above the floor [m], from texts "robot:metres".
+
+    Raises:
+        InputError: a text of another form.
+    """
+    heights = {}
+    for text in texts:
+        name, _, number = text.rpartition(":")
+        try:
+            height_m = float(number)
+        except ValueError:
+            height_m = np.nan
+        if not name or not 0.0 <= height_m <= 2.0:
+            raise InputError(f"--height: expected robot:metres, 0 to 2, got {shown(text)}")
+        heights[name] = height_m
+    return heights
+
+
+def learn(
+    image: np.ndarray, scene: Scene, pointed: Sequence[Pointed], heights_m: Mapping[str, float] | None = None
+) -> Scene:
     """The scene with the colours and robots that are pointed at.
 
     Args:
         image: (rows, columns, 3) blue, green, red. scene: its floor and camera are kept, its colours and robots not.
+        heights_m: robot -> height of its markers above the floor; left out: that of a robot of this name in the scene,
+            else 0.
 
     Raises:
         InputError: a pixel outside of the image or without a marker, colours that cannot be told apart, or robots that
@@ -82,18 +105,27 @@ def learn(image: np.ndarray, scene: Scene, pointed: Sequence[Pointed]) -> Scene:
     near = cv2.dilate(np.any(regions, axis=0).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
     colours = limits(samples, hsv[~near])
     learned = replace(scene, colours={name: _range(colour) for name, colour in colours.items()}, robots={})
-    top = scene_top(learned)
-    found = find_blobs(top.warp(image), top, colours, (_LEAST_PIXELS * top.pixel_m[0] * top.pixel_m[1], np.inf))
-    blobs = [_pointed_blob(one, found[one.colour], top) for one in pointed]
+    heights = {name: robot.height_m for name, robot in scene.robots.items()} | dict(heights_m or {})
+    tops = {height: scene_top(learned, height_m=height) for height in {heights.get(one.robot, 0.0) for one in pointed}}
+    found = {
+        height: find_blobs(top.warp(image), top, colours, (_LEAST_PIXELS * top.pixel_m[0] * top.pixel_m[1], np.inf))
+        for height, top in tops.items()
+    }
+    blobs = [
+        _pointed_blob(one, found[height][one.colour], tops[height])
+        for one, height in ((one, heights.get(one.robot, 0.0)) for one in pointed)
+    ]
     areas, elongations = [blob.area_m2 for blob in blobs], [blob.elongation for blob in blobs]
     robots = {
-        name: _robot([(one, blob) for one, blob in zip(pointed, blobs, strict=True) if one.robot == name])
-        for name in dict.fromkeys(one.robot for one in pointed)
+        name: replace(
+            _robot([(one, blob) for one, blob in zip(pointed, blobs, strict=True) if one.robot == name]),
+            height_m=heights.get(name, 0.0),
+        ) for name in dict.fromkeys(one.robot for one in pointed)
     }
     gaps = [marker.x_m * 2.0 for robot in robots.values() for marker in robot.markers[:1]]
     sizes = replace(
         scene.markers, spacing_m=_rounded(np.median(gaps)), elongation=_rounded(1.2 * max(elongations)),
-        tolerance_m=_rounded(max(0.1 * min(gaps), 2.0 * max(top.pixel_m))),
+        tolerance_m=_rounded(max(0.1 * min(gaps), 2.0 * max(scene.pixel_m))),
         area_m2=[_rounded(_SMALLER * min(areas)), _rounded(_LARGER * max(areas))],
     )
     learned = replace(learned, markers=sizes, robots=robots)
@@ -113,12 +145,11 @@ def coloured_blobs(image: np.ndarray) -> list[tuple[tuple[float, float], str]]:
     chroma = (hsv[..., 1].astype(np.float32) * hsv[..., 2] / 255.0).astype(np.uint8)
     least, _ = cv2.threshold(chroma, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     found = []
-    for word, low in HUES.items():
-        high = next((h for h in HUES.values() if h > low), 180)
-        mask = ((chroma > least) & (hsv[..., 0] >= low) & (hsv[..., 0] < high)).astype(np.uint8)
+    for word, hues in HUES.items():
+        mask = np.where(chroma > least, Colour(hues, 0.0, 0.0).mask(hsv), 0).astype(np.uint8)
         count, _, stats, middles = cv2.connectedComponentsWithStats(mask, connectivity=8)
         found += [
-            ((float(middles[i][0]), float(middles[i][1])), word.removesuffix(" again"))
+            ((float(middles[i][0]), float(middles[i][1])), word)
             for i in range(1, count) if stats[i][cv2.CC_STAT_AREA] >= 2 * _LEAST_PIXELS
         ]
     return sorted(found, key=lambda blob: (blob[0][1], blob[0][0]))
@@ -235,8 +266,9 @@ def _robot(markers) -> RobotMarkers:
     middle, ahead = places[:2].mean(axis=0), places[0] - places[1]
     x_axis = ahead / np.hypot(*ahead)
     own = (places - middle) @ np.column_stack([x_axis, [-x_axis[1], x_axis[0]]])
+    own = np.round(own, 4) + 0.0  # no -0.0
     return RobotMarkers(markers=[
-        MarkerPlace(one.colour, _rounded(x), _rounded(y)) for (one, _), (x, y) in zip(markers, own, strict=True)
+        MarkerPlace(one.colour, float(x), float(y)) for (one, _), (x, y) in zip(markers, own, strict=True)
     ])
 
 

@@ -201,7 +201,13 @@ def scene_on_points(texts: Sequence[str], width_m: float, depth_m: float, image:
 
 def scene_data(scene: Scene) -> dict:
     """What differs from a scene by default as plain mappings, ready for YAML."""
-    return difference(asdict(scene), asdict(Scene()))
+    data = difference(asdict(scene), asdict(Scene()))
+    for table, default in (("colours", ColourRange()), ("robots", RobotMarkers())):
+        data[table] = {name: difference(one, asdict(default)) for name, one in asdict(scene)[table].items()}
+    for robot in data["robots"].values():
+        if "markers" in robot:
+            robot["markers"] = [{k: v for k, v in marker.items() if v is not None} for marker in robot["markers"]]
+    return data
 
 
 def scene_eye(scene: Scene, where: str = "scene") -> Eye:
