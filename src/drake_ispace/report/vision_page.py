@@ -176,7 +176,7 @@ def _thresholds(room, out):
         hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
         shown = np.zeros_like(image)
         for target in look.targets:
-            for colour in (target.front, target.rear):
+            for colour in (marker.colour for marker in target.pattern.markers):
                 mask = room.eye.colours[colour].mask(hsv) > 0
                 shown[mask] = np.median(image[mask], axis=0) if mask.any() else 0
         names = ", ".join(target.name for target in look.targets)
