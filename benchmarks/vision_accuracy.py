@@ -15,14 +15,13 @@ from _runs import options, print_json, print_table
 
 import drake_ispace as di
 from drake_ispace.blocks.messages import FIX
-from drake_ispace.blocks.rates import VISION_TICKS
 from drake_ispace.metrics import measure
 from drake_ispace.room.room import Space
 from drake_ispace.vision.depth_map import UNKNOWN, free_space_overlap, map_of, true_cells
 from drake_ispace.vision.drawing.renderer import Renderer, with_noise
 from drake_ispace.vision.drawing.scene import PAINTS, Box, Patch, obstacles, robot_box
 from drake_ispace.vision.finding.eye import find_robots
-from drake_ispace.vision.image_localizer import frame_ticks, room_eye
+from drake_ispace.vision.image_localizer import room_eye
 from drake_ispace.vision.optics.calibration import calibrate
 from drake_ispace.vision.optics.camera import view_of
 from drake_ispace.vision.optics.top_view import CORNERS, trapezoid
@@ -134,7 +133,9 @@ def hard_pictures(images, seed):
 
 
 def fit_geometric(errors):
-    """Overrides with which the geometric mode has the image mode's noise, bias [m, m, rad] and age.
+    """Overrides with which the geometric mode has the image mode's noise, and the bias [m, m, rad] of the image mode.
+
+    The age of its frames, 3 ticks in the mean, is no latency: a message comes on its tick, and says its frame's tick.
 
     Marker noise n [pixels of the grid] gives a pose noise of n pixel / sqrt(2) and a heading noise of
     sqrt(2) n pixel / spacing; n is their least-squares fit in units of each.
@@ -143,12 +144,8 @@ def fit_geometric(errors):
     pixel, std = np.array(localizer.pixel_m), errors.std(axis=0)
     of_unit = np.array([*pixel / np.sqrt(2.0), np.sqrt(2.0) * np.sqrt((pixel**2).mean()) / localizer.marker_spacing_m])
     noise = float(np.sqrt(np.mean((std / of_unit) ** 2)))
-    period, offsets = frame_ticks(Space().camera.frame_rate_hz)
-    frames = np.array([offset + period * k for k in range(VISION_TICKS + 1) for offset in offsets])
-    ages = [tick - frames[frames <= tick].max() for tick in range(0, VISION_TICKS * period, VISION_TICKS)]
     settings = {
         "space.localizer.whole_pixels": False, "space.localizer.noise_std_pixels": round(noise, 3),
-        "space.localizer.latency_ticks": round(float(np.mean(ages))),
     }
     return settings, errors.mean(axis=0)
 

@@ -400,7 +400,6 @@ def test_the_square_on_images_is_that_of_the_fitted_geometric_mode(name):
     fitted = [
         "space.localizer.whole_pixels=false",
         "space.localizer.noise_std_pixels=0.02",
-        "space.localizer.latency_ticks=3",
     ]
     errors = []
     for mode in (["space.localizer.mode=image"], fitted):
