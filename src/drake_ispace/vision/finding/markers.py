@@ -71,9 +71,8 @@ def blobs(
         if reach is not None and not reach[around].all():
             continue
         window = labels[around] == i
-        weight, full = _weights(window, None if share is None else share[around])
-        moments = cv2.moments(weight.astype(np.float32))
-        area_m2 = moments["m00"] / full * unit
+        weight, pixels = _weights(window, None if share is None else share[around])
+        moments, area_m2 = cv2.moments(weight.astype(np.float32)), pixels * unit
         if not least_m2 <= area_m2 <= most_m2:
             continue
         a, b, c = moments["mu20"] * top.pixel_m[0] ** 2, moments["mu02"] * top.pixel_m[1] ** 2, moments["mu11"] * unit
@@ -85,15 +84,16 @@ def blobs(
 
 
 def _weights(window, share):
-    """(rows, columns) weight of each pixel of a blob and of those around it, and that of a pixel that is full of its
-    colour: edges that run along rows or columns would else jump by whole pixels."""
+    """(rows, columns) weight of each pixel of a blob and of those around it, and how many pixels full of its colour
+    they make: edges that run along rows or columns would else jump by whole pixels."""
     if share is not None:
-        near = cv2.dilate(window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)) > 0
-        full = np.median(share[window])
-        weight = np.where(near, np.clip(share - _GREY * full, 0.0, None), 0.0)
+        one, around = window.astype(np.uint8), np.ones((2 * _AROUND + 1,) * 2, np.uint8)
+        inner = cv2.erode(one, around, borderValue=0) > 0  # without the edges, whose colour is mixed
+        full = np.median(share[inner if inner.any() else window])
         if full > 0.0:
-            return weight, (1.0 - _GREY) * full
-    return window.astype(float), 1.0  # also a grey blob of a scene that takes grey for a colour
+            near = np.where(cv2.dilate(one, around) > 0, share, 0.0)
+            return np.clip(near - _GREY * full, 0.0, None), near[near > _GREY * full].sum() / full
+    return window.astype(float), window.sum()  # also a grey blob of a scene that takes grey for a colour
 
 
 def find_blobs(
