@@ -391,6 +391,39 @@ def test_a_period_off_the_tick_is_refused():
         compile_diagram(bench.build("odd"))
 
 
+@kernel
+def follow(xc, target, out):
+    out[0] = 5.0 * (target[0] - xc[0])
+
+
+@kernel
+def saw(tick, out):
+    out[0] = 0.1 * (tick % 7)
+
+
+@kernel
+def show_place(xc, out):
+    out[0] = xc[0]
+
+
+def follower():
+    return Block(Spec(
+        inputs={"target": 1}, outputs={"place": Output(1, show_place)}, continuous_state=np.ones(1), derivatives=follow,
+    ))
+
+
+@pytest.mark.parametrize("led_by", ["a continuous state", "the tick"])
+def test_what_moves_within_a_step_is_evaluated_at_every_stage(led_by):
+    bench = Bench()
+    bench.add("one", follower())
+    bench.add("other", follower())
+    bench.add("saw", Block(Spec(outputs={"y": Output(1, saw)})))
+    bench.wire(("saw.y", "one.target"), ("one.place" if led_by == "a continuous state" else "saw.y", "other.target"))
+    bench.show(place="other.place")
+    diagram = bench.build("led")
+    np.testing.assert_array_equal(compile_diagram(diagram).run(40)["place"], drake_log(diagram, 40)["place"])
+
+
 @pytest.mark.parametrize("offset", [0, 1])
 def test_a_hold_with_an_offset_samples_as_in_drake(offset):
     bench = Bench()
