@@ -3,7 +3,9 @@
 There every size and every gain can be checked.
 """
 
+import importlib
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +13,13 @@ from linear import ROWS, RUNS, Linear, generics_of, made, no_generics, noise, pa
 from scipy.signal import lfilter
 
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.likelihood import fit
 
+module = importlib.import_module("drake_ispace.explain.decide.decide")
 SHAPES = {"tilt": pattern(3), "drag": pattern(5), "lag": pattern(8), "slip": pattern(13)}
 
 
@@ -215,3 +218,29 @@ def test_effects_that_are_all_needed_stay():
     measured = noise() + SHAPES["tilt"] + 0.7 * SHAPES["lag"]
     survey_at, before = forced(measured, ("tilt", "lag"), SHAPES)
     assert sizes(pruned(survey_at, before)) == sizes(before)
+
+
+def test_the_only_effect_stays_however_small():
+    decision = decided(noise() + 0.12 * SHAPES["tilt"] + 0.08 * SHAPES["tilt"])
+    small = next(d for d in (decided(noise() + size * SHAPES["tilt"]) for size in (0.14, 0.16, 0.18, 0.2)) if d.named)
+    assert small.total_gain < LEAST_FURTHER < decision.total_gain and sizes(small).keys() == {"tilt"}
+
+
+def test_only_what_comes_near_in_gain_and_in_clearness_is_followed(monkeypatch):
+    def proposal(name, gain, minus_log10_p):
+        return SimpleNamespace(
+            penalised_gain=gain, minus_log10_p=minus_log10_p, candidate=made(name)[0], fit=SimpleNamespace(point=name)
+        )
+
+    leader, near = proposal("leader", 100.0, 20.0), proposal("near", 60.0, 10.0)
+    others = [proposal("unclear", 90.0, 2.0), proposal("small", 20.0, 15.0)]
+    followed = []
+
+    def settled(view, point):
+        followed.append(point)
+        return None, SimpleNamespace(point=point)
+
+    monkeypatch.setattr(module, "fit_with_noise", settled)
+    monkeypatch.setattr(module, "fit", lambda likelihood, point, iterations: SimpleNamespace(deviance=len(point)))
+    best = module._best_near(SimpleNamespace(view=None), [*others, near, leader], leader)
+    assert followed == ["leader", "near"] and best.point == "near"
