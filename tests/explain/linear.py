@@ -70,6 +70,9 @@ class Linear:
     def under_other_timing(self, values):
         return []
 
+    def modulations(self):
+        return []
+
     def classes(self):
         return [{}] * RUNS
 

@@ -179,9 +179,13 @@ def test_an_effect_that_is_small_beside_the_first_is_named():
     assert set(sizes(decided(noise() + GREAT + SMALL))) == {"tilt", "lag"}
 
 
-def test_an_effect_that_is_next_to_nothing_beside_the_first_is_left_over_and_not_named():
-    decision = decided(noise() + 10.0 * SHAPES["tilt"] + SMALL)
-    assert list(sizes(decision)) == ["tilt"] and decision.left_over.candidate.name == "lag"
+def test_a_flaw_of_its_form_is_no_further_effect():
+    """What goes with the first effect times another signal is a few per cent of it, or an effect of its own."""
+    flawed = SimpleNamespace(by=SHAPES["tilt"] * SHAPES["lag"])  # times tilt: lag
+    for size, named in ((0.3, ["tilt"]), (1.5, ["tilt", "lag"])):
+        runs = Linear(noise() + 10.0 * SHAPES["tilt"] + size * SHAPES["lag"], SHAPES)
+        object.__setattr__(runs, "modulations", lambda: [streams(flawed.by)])
+        assert list(sizes(decide(runs, made(*SHAPES), 0, None, generics=no_generics))) == named
 
 
 def test_noise_is_not_left_over():

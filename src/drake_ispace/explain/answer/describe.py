@@ -23,7 +23,7 @@ from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.survey.generic import Generic
-from drake_ispace.explain.decide.survey.view import without
+from drake_ispace.explain.decide.survey.view import FORM_SHARE, without
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
@@ -34,7 +34,6 @@ from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.predict.replay import Replay
 
 _VISIBLE = 3.0  # length of an effect's whitened signature at its largest probe, below which these runs cannot show it
-_FORM_SHARE = 0.025  # standard deviation of an estimate, as a share of it, because no model has the robot's exact form
 
 
 def describe(case: Case, decision: Decision | Choice) -> Explanation:
@@ -123,13 +122,13 @@ def _explained(decision) -> Residuals:
 
 
 def _named(case, decision, candidate: Candidate) -> NamedEffect:
-    """The effect with its profile-likelihood intervals, widened by the overdispersion and by _FORM_SHARE."""
+    """The effect with its profile-likelihood intervals, widened by the overdispersion and by FORM_SHARE."""
     named, card = decision.named, candidate.effect.card
     likelihood = decision.end.likelihood
     parameters = _wheels(candidate)
     overdispersion = decision.start.screen.overdispersion_of(candidate)
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
-        form = 1.645 * _FORM_SHARE * abs(z - candidate.neutral[i])
+        form = 1.645 * FORM_SHARE * abs(z - candidate.neutral[i])
         lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * overdispersion)
         ends = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
         parameters[parameter.name] = _estimate(case.replay, named, candidate, i, ends)

@@ -217,6 +217,26 @@ class Prediction:
             by_run.append({"motion": classes[_SETTLING_TICKS:]})
         return by_run
 
+    def modulations(self) -> list[Residuals]:
+        """What the form of an effect could go with besides: by run and stream (rows, 1), each of root mean square 1.
+
+        Speed, its direction, torque or command, and time; where there are fixes also the place, along x and y.
+        """
+        found = []
+        for shape in (_speed, _forward, _load, _time, *([_place_x, _place_y] if self.channels["room"] else [])):
+            by_run = [shape(self.replay.body, track) for track in self.tracks]
+            size = np.sqrt(np.mean(np.concatenate(by_run) ** 2)) or 1.0
+            found.append([
+                {name: m[rows, None] / size for name, rows in self._ticks(i).items()} for i, m in enumerate(by_run)
+            ])
+        return found
+
+    def _ticks(self, i):
+        """Stream -> the tick of each row of run `i`, as far as these streams have an instant."""
+        track = self.tracks[i]
+        room = np.minimum(track.fix_ticks[1:], track.ticks - 1)
+        return {"motion": np.arange(_SETTLING_TICKS, track.ticks), "room": room}
+
     def _dropouts(self, values):
         """The share of captures that these effects leave without a fix."""
         return values.get("camera_dropouts", {}).get("share", 0.0)
@@ -230,6 +250,38 @@ class Prediction:
             "motion": motion[_SETTLING_TICKS:], "room": room[1:], "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
+
+
+def _forward(body, track):
+    """(ticks,) mean speed of the wheels, signed."""
+    return wheel_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
+
+
+def _speed(body, track):
+    return np.abs(wheel_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
+
+
+def _load(body, track):
+    return np.abs(track.command[: track.ticks]).mean(axis=1)
+
+
+def _time(body, track):
+    return np.arange(track.ticks) * TICK_S
+
+
+def _place_x(body, track):
+    return _place(track, 0)
+
+
+def _place_y(body, track):
+    return _place(track, 1)
+
+
+def _place(track, axis):
+    """(ticks,) a coordinate of the fixes, between them on a straight line."""
+    if not len(track.fix_ticks):
+        return np.zeros(track.ticks)
+    return np.interp(np.arange(track.ticks), track.fix_ticks, track.poses[:, axis])
 
 
 def predict(replay: Replay, tracks: Sequence[Track], tune: bool = True) -> Prediction:

@@ -14,6 +14,7 @@ from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 
+FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
 _ROUNDS = 2  # in which noise and what explains it are learned in turn
 
 
@@ -24,8 +25,8 @@ class View:
     Attributes:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
             are explained away while the noise is learned. offsets: (run, change) of every nuisance of a single run.
-            tolerated: changes by what a sound robot may be off. sizes: natural size of each coordinate of each
-            candidate. pool: threads that predictions may use.
+            tolerated: changes by what a sound robot may be off, and by flaws in the form of the named effects.
+            sizes: natural size of each coordinate of each candidate. pool: threads that predictions may use.
     """
 
     prediction: Prediction
@@ -96,7 +97,8 @@ def view_from(
     )
     changes = steady + _changes_by_sizes(prediction, point, sizes, base, pool) + timing
     offsets = prediction.nuisances(merged(point), pool)
-    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes, pool)
+    tolerated = _tolerated(tested, scales) + noise + timing + _flaws_of_form(prediction, point, base, pool)
+    return View(prediction, tested, changes, offsets, tolerated, sizes, pool)
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -139,6 +141,25 @@ def _tolerated(signatures, scales):
         parameter = candidate.parameters[at]
         share = parameter.tolerance * scales.get(parameter.scale, 1.0) / abs(signature.z[at] - candidate.neutral[at])
         changes.append([{name: share * rows for name, rows in run.items()} for run in signature.change])
+    return changes
+
+
+def _flaws_of_form(prediction, point, base, pool):
+    """Changes of the residuals if an effect of `point` were a little larger or smaller with speed, load, time or place.
+
+    No model has the robot's exact form; what such a flaw leaves is not to be taken for a further effect.
+    """
+    changes = []
+    for candidate in point:
+        others = {c: z for c, z in point.items() if c is not candidate}
+        whole = difference(prediction.residuals(merged(others), pool), base)
+        if not is_finite(whole):
+            continue
+        for modulation in prediction.modulations():
+            changes.append([
+                {name: FORM_SHARE * rows * by.get(name, 0.0) for name, rows in run.items()}
+                for run, by in zip(whole, modulation, strict=True)
+            ])
     return changes
 
 
