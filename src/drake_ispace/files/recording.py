@@ -32,14 +32,14 @@ _SEALS = ("rows", "columns", "sha256")  # of a channel: what its file must hold,
 WHEELS: dict[str, tuple[str, ...]] = {}
 CHANNELS = ("reference", "command", "torque", "encoder", "imu", "kinect", "truth")
 
-_COLUMNS = {
+CHANNEL_COLUMNS = {
     "reference": ("x", "y", "phi"),
     "command": ("vx", "vy", "wz"),
     "imu": ("ax", "ay", "az", "wx", "wy", "wz"),
     "kinect": ("x", "y", "phi"),
     "truth": ("x", "y", "phi"),
 }
-_PER_WHEEL = {"torque": "tau_", "encoder": "theta_"}
+PER_WHEEL = {"torque": "tau_", "encoder": "theta_"}
 _SI_UNIT = {
     **dict.fromkeys(("t", "t_received"), "s"),
     **dict.fromkeys(("x", "y"), "m"),
@@ -245,9 +245,9 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
 
 def _in_order(channel: Channel, name: str, robot: str) -> Channel:
     """The channel with the columns of a known robot's wheels in the order of its wheels."""
-    if name not in _PER_WHEEL or robot not in WHEELS:
+    if name not in PER_WHEEL or robot not in WHEELS:
         return channel
-    columns = tuple(_PER_WHEEL[name] + wheel for wheel in WHEELS[robot])
+    columns = tuple(PER_WHEEL[name] + wheel for wheel in WHEELS[robot])
     order = [channel.columns.index(column) for column in columns]
     return replace(channel, columns=columns, values=channel.values[:, order])
 
@@ -296,7 +296,7 @@ def _file_inside(folder: Path, name: Any, where: str) -> Path:
 
 
 def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: str) -> None:
-    prefix = _PER_WHEEL.get(channel)
+    prefix = PER_WHEEL.get(channel)
     wheels = WHEELS.get(robot)
     if prefix and wheels is None:
         for column in columns:
@@ -305,7 +305,7 @@ def _check_columns(channel: str, columns: tuple[str, ...], robot: str, where: st
         if not columns:
             raise InputError(f"{where}: no column after t, expected {prefix}* for each wheel of robot {shown(robot)}")
         return
-    required = tuple(prefix + wheel for wheel in wheels) if prefix else _COLUMNS[channel]
+    required = tuple(prefix + wheel for wheel in wheels) if prefix else CHANNEL_COLUMNS[channel]
     wanted = f"t,{','.join(required)} for the {channel} of robot {shown(robot)}"
     for column in required:
         if column not in columns:
@@ -323,6 +323,15 @@ def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) ->
     """SI unit, numerator and denominator that take a column in `unit` to SI."""
     if column not in columns:
         raise InputError(f"{where}: there is no column {shown(column)}, {expected_one_of(column, columns)}")
+    return conversion(column, unit, where)
+
+
+def conversion(column: str, unit: Any, where: str) -> tuple[str, float, float]:
+    """SI unit, numerator and denominator that take a column of a recording in `unit` to SI.
+
+    Raises:
+        InputError: the unit is unknown, or does not fit the column.
+    """
     spelled = str(unit).translate(_LETTERS).replace("**", "^")
     spelled = _SPELLINGS.get(spelled, spelled)
     wanted = si_unit(column)

@@ -15,16 +15,17 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
-from drake_ispace.plants.wheels import WheelGeometry, differential, mecanum, rescaled, ring
+from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, rescaled, ring
 
-WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4}
+WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4, "listed": None}  # kind -> number
 
 
 @dataclass
 class RoverPlantParameters:
     """Wheels and slip of a velocity-controlled robot. All sizes are assumed."""
 
-    # omni3, omni4: rings of omni wheels; differential: right, left; mecanum: front left, right, rear left, right
+    # omni3, omni4: rings of omni wheels; differential: right, left; mecanum: front left, right, rear left, right;
+    # listed: as in wheel_list, which a robot file gives
     wheels: str = quantity("omni3", choices=tuple(WHEELS))
     radius_m: float = quantity(0.05, "m", above=0.0)
     # of the rings: distance from wheel to centre, and the direction of wheel 1
@@ -35,6 +36,10 @@ class RoverPlantParameters:
     # of the mecanum robot: half the distance between the axles, and half that between left and right wheels
     half_length_m: float = quantity(0.15, "m", above=0.0)
     half_width_m: float = quantity(0.15, "m", above=0.0)
+    # of listed wheels: x, y [m] in B, drive direction [rad], radius [m], roller angle [rad], 1 for a tyre that cannot
+    # move sideways; and their names, by which columns of recordings are found
+    wheel_list: list[list[float]] = quantity([])
+    wheel_names: list[str] = quantity([])
     # deviation of each wheel's radius from the nominal one that drive and odometry use, as a share; null: none
     wheel_radius_shares: list[float] | None = quantity(None, above=-1.0)
     # deviation of all distances of the wheels from the nominal ones, as a share
@@ -54,6 +59,11 @@ class RoverPlantParameters:
 
 
 def _built(p, scale):
+    if p.wheels == "listed":
+        return WheelGeometry(tuple(
+            Wheel(scale * x, scale * y, drive, radius, roller, bool(holds))
+            for x, y, drive, radius, roller, holds in p.wheel_list
+        ))
     if p.wheels == "differential":
         return differential(p.radius_m, scale * p.half_track_m)
     if p.wheels == "mecanum":
@@ -170,7 +180,9 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
         InputError: the number of radius shares is not that of the wheels, or there is traction slip or slip noise; the
             message begins with `where`, the path of the parameters in the scenario.
     """
-    shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels]
+    shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels] or len(parameters.wheel_list)
+    if parameters.wheels == "listed":
+        _check_list(parameters, where)
     if shares is not None and len(shares) != n:
         raise InputError(
             f"{where}.wheel_radius_shares: expected {n} values for {parameters.wheels} or null, got {shares}"
@@ -179,3 +191,18 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
     for key, value in (("traction_gain", slip.traction_gain), ("noise_std", slip.noise_std)):
         if any(value):
             raise InputError(f"{where}.slip.{key}: expected zeros, this robot supports slip by ratio and patch only")
+
+
+def _check_list(parameters, where):
+    for i, wheel in enumerate(parameters.wheel_list):
+        if len(wheel) != 6:
+            raise InputError(
+                f"{where}.wheel_list[{i}]: expected x, y, drive direction, radius, roller angle and 1 or 0, got {wheel}"
+            )
+    try:
+        _built(parameters, 1.0)
+    except ValueError as error:
+        raise InputError(f"{where}.wheel_list: {error}") from None
+    names = parameters.wheel_names
+    if names and (len(names) != len(parameters.wheel_list) or len(set(names)) < len(names)):
+        raise InputError(f"{where}.wheel_names: expected a name of its own for each wheel, got {names}")

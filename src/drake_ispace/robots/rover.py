@@ -54,6 +54,8 @@ class Rover(Robot):
 
     def wheel_labels(self, plant):
         count = len(plant.geometry.wheels)
+        if plant.wheels == "listed" and plant.wheel_names:
+            return [(name, str(i + 1)) for i, name in enumerate(plant.wheel_names)]
         names = _LABELS.get(plant.wheels, ((),) * count)
         return [(*names[i], str(i + 1)) for i in range(count)]
 
