@@ -16,6 +16,7 @@ from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.cli.check import register as register_check_command
 from drake_ispace.cli.explain import register as register_explain_commands
 from drake_ispace.cli.identify import register as register_identify_command
+from drake_ispace.cli.logs import register as register_log_commands
 from drake_ispace.cli.options import Json, Seconds, Seed, Sets, whole
 from drake_ispace.cli.start import stopped
 from drake_ispace.cli.terminal import print_json, print_metrics, print_spread, print_table, progress, say
@@ -347,6 +348,7 @@ register_check_command(app)
 register_explain_commands(app)
 register_identify_command(app)
 register_vision_commands(app)
+register_log_commands(app)
 
 
 def _scenario(name, seconds, sets, seed):

@@ -37,8 +37,8 @@ def read_bag(path: Path, topic: str, wanted: Sequence[str], tell: Callable[[int]
 
     Args:
         wanted: such as pose.pose.position.x, position[left_wheel] (the joint of that name), ranges[3],
-            transforms[odom>base].transform.translation.x, header.stamp [s] or log_time [s]. tell: called with the number
-            of messages read.
+            transforms[odom>base].transform.translation.x, header.stamp [s] or log_time [s].
+        tell: called with the number of messages read.
 
     Raises:
         InputError: no such file or topic, a damaged or unfinished file, or a path that leads to no number.
@@ -134,8 +134,7 @@ def _decoder(channel, schema, path):
         return (schema.name if schema else "json"), json.loads
     if schema is None or (channel.message_encoding, schema.encoding) not in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
         raise InputError(
-            f"{path}: {channel.topic} is encoded as {shown(channel.message_encoding)}, expected cdr with ros2msg, ros1 or "
-            "json"
+            f"{path}: {channel.topic} is encoded as {shown(channel.message_encoding)}, expected cdr, ros1 or json"
         )
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -192,7 +191,80 @@ def _split(field, where):
 
 
 def _child(value, part):
-    """The part of a message by name, by index, by the name of a joint, or by the frames of a transform; else None."""
+    """The part of a message by name, by index, by the name of a joint, or by the frames of a transform; else None.
+
+    A list of numbers is told by the names beside it: `position` of a message with `name`.
+    """
     if isinstance(part, str):
-        return value.get(part) if isinstance(value, dict) else getattr(value, part, None)
-    raise NotImplementedError
+        found = value.get(part) if isinstance(value, dict) else getattr(value, part, None)
+        names = value.get("name") if isinstance(value, dict) else getattr(value, "name", None)
+        is_list = isinstance(found, list | np.ndarray) and isinstance(names, list | np.ndarray)
+        return _Named(found, names) if is_list and found is not names else found
+    key = part[1]
+    if isinstance(value, _Named):
+        if key in value.names:
+            return _at(value.values, list(value.names).index(key))
+        value = value.values
+    if ">" in key:
+        parent, child = (frame.strip().lstrip("/") for frame in key.split(">", 1))
+        for one in value if isinstance(value, list | np.ndarray) else ():
+            frames = _child(_child(one, "header"), "frame_id"), _child(one, "child_frame_id")
+            if tuple(str(frame).lstrip("/") for frame in frames) == (parent, child):
+                return one
+        return None
+    return _at(value, int(key)) if key.isdecimal() and isinstance(value, list | np.ndarray | tuple) else None
+
+
+@dataclass(frozen=True)
+class _Named:
+    """A list of numbers and the names of its entries."""
+
+    values: list
+    names: list
+
+
+def _at(values, index):
+    return values[index] if index < len(values) else None
+
+
+def _is_stamp(value):
+    return all(_child(value, part) is not None for part in ("sec", "nanosec")) or all(
+        _child(value, part) is not None for part in ("secs", "nsecs")
+    )
+
+
+def _seconds(value):
+    whole, rest = _child(value, "sec"), _child(value, "nanosec")
+    if whole is None or rest is None:
+        whole, rest = _child(value, "secs"), _child(value, "nsecs")
+    return float(whole) + 1e-9 * float(rest)
+
+
+def _numbers(message, path="", depth=0) -> dict[str, float]:
+    """Path -> number, of all numbers in a message that is no larger than a few hundred of them."""
+    if depth > 6:
+        return {}
+    if path and _is_stamp(message):
+        return {path: _seconds(message)}
+    if isinstance(message, bool | np.bool_ | str | bytes):
+        return {}
+    if isinstance(message, int | float | np.number):
+        return {path: float(message)}
+    found: dict[str, float] = {}
+    if isinstance(message, list | np.ndarray | tuple):
+        for i, one in enumerate(message[:64]):
+            found |= _numbers(one, f"{path}[{i}]", depth + 1)
+        return found
+    names = list(message) if isinstance(message, dict) else [
+        name for name in getattr(message, "__dataclass_fields__", {}) if not name.startswith("__")
+    ]
+    labels = _child(message, "name") if "name" in names else None
+    for name in names:
+        one = message[name] if isinstance(message, dict) else getattr(message, name)
+        inner = f"{path}.{name}" if path else name
+        if isinstance(labels, list | np.ndarray) and isinstance(one, list | np.ndarray) and one is not labels:
+            for label, value in zip(labels, one, strict=False):
+                found |= _numbers(value, f"{inner}[{label}]", depth + 1)
+        else:
+            found |= _numbers(one, inner, depth + 1)
+    return found
