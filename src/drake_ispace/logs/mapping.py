@@ -12,6 +12,7 @@ from drake_ispace.robots.robot_file import RobotFile, read_robot, robot_of
 
 FORMAT = "drake-ispace-mapping/1"
 ROBOTS_CLOCK = "robot"
+_LONGEST_OFFSET_S = 1e11
 
 
 @dataclass
@@ -58,12 +59,13 @@ class ChannelMap:
 
 @dataclass
 class Clock:
-    """A clock other than the robot's: what it shows less what the robot's shows, at the same instant.
+    """A clock other than the robot's.
 
-    null: estimated from the motion.
+    Attributes:
+        offset_s: what it shows less what the robot's shows at the same instant [s]; None: estimated from the motion.
     """
 
-    offset_s: float | None = quantity(None, "s")
+    offset_s: float | None = None
 
 
 @dataclass
@@ -102,7 +104,7 @@ def load_mapping(path: Path) -> Mapping:
         raise InputError(f"{where}: channels: expected at least one, such as encoder")
     mapping = Mapping(
         where, robot, {name: _channel(name, entry, where, robot) for name, entry in channels.items()},
-        {n: read(Clock(), entry, f"{where}: clocks.{n}") for n, entry in _section(data, "clocks", where).items()},
+        {name: _clock(entry, f"{where}: clocks.{name}") for name, entry in _section(data, "clocks", where).items()},
         str(data.get("notes") or ""),
     )
     used = {channel.clock for channel in mapping.channels.values()}
@@ -117,6 +119,19 @@ def _section(data, key, where):
     if not isinstance(section, dict) or not all(isinstance(name, str) for name in section):
         raise InputError(f"{where}: {key}: expected a mapping of names, got {shown(section)}")
     return section
+
+
+def _clock(data, where):
+    """A Clock of plain data; an offset may be the 1.7e9 s since 1970, more than any size of a robot."""
+    known = Clock().__dict__
+    for key in data if isinstance(data, dict) else ():
+        if key not in known:
+            raise InputError(f"{where}: {shown(key)}: unknown key, {expected_one_of(key, known)}")
+    offset = data.get("offset_s") if isinstance(data, dict) else data
+    is_number = isinstance(offset, int | float) and not isinstance(offset, bool) and abs(offset) < _LONGEST_OFFSET_S
+    if not isinstance(data, dict) or not (offset is None or is_number):
+        raise InputError(f"{where}: expected offset_s in seconds, or null for an estimate, got {shown(offset)}")
+    return Clock(None if offset is None else float(offset))
 
 
 def _channel(name, data, where, robot):
