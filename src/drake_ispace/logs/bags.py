@@ -100,32 +100,63 @@ def _sentences(path):
 
 def _mcap(path, wanted, topics):
     """Read from start to end, every checksum compared, the number of messages with what the file says."""
-    from mcap.records import Channel, Footer, Message, Schema, Statistics
-    from mcap.stream_reader import StreamReader
+    from mcap.records import Channel, Message, Schema
 
-    schemas, channels, decode, counted, told, ended = {}, {}, {}, 0, None, False
+    schemas, channels, decode = {}, {}, {}
+    for record in _records(path):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+            topics.add(record.topic)
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            if wanted is None or channel.topic in wanted:
+                if channel.id not in decode:
+                    decode[channel.id] = _decoder(channel, schemas.get(channel.schema_id), path)
+                kind, read = decode[channel.id]
+                yield channel.topic, kind, record.log_time * 1e-9, read(record.data)
+
+
+def _records(path):
+    """The records of an MCAP file up to the end of its data."""
+    from mcap.records import Chunk, DataEnd, Footer, Message, Statistics
+    from mcap.stream_reader import StreamReader, breakup_chunk
+
+    counted, told, ended, over = 0, None, False, False
     with path.open("rb") as stream:
-        reader = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD)
+        reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD)
         for record in reader.records:
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-                topics.add(record.topic)
-            elif isinstance(record, Statistics):
+            if isinstance(record, Statistics):
                 told = record.message_count
-            elif isinstance(record, Footer):
-                ended = True
-            elif isinstance(record, Message):
-                counted += 1
-                channel = channels[record.channel_id]
-                if wanted is None or channel.topic in wanted:
-                    if channel.id not in decode:
-                        decode[channel.id] = _decoder(channel, schemas.get(channel.schema_id), path)
-                    kind, read = decode[channel.id]
-                    yield channel.topic, kind, record.log_time * 1e-9, read(record.data)
+            over = over or isinstance(record, DataEnd)
+            ended = ended or isinstance(record, Footer)
+            for inner in breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]:
+                counted += isinstance(inner, Message)
+                if not over:
+                    yield inner
     if not ended or (told is not None and told != counted):
         raise InputError(f"{path}: holds {counted} messages of {told}, expected a whole file")
+
+
+def is_sealed(path: Path) -> bool:
+    """Whether every message of a bag stands under a checksum; without one, a damaged byte may go unnoticed.
+
+    Raises:
+        InputError: as `read_bag`.
+    """
+    if path.suffix != ".mcap":
+        return False
+    from mcap.records import Chunk, DataEnd, Message
+    from mcap.stream_reader import StreamReader
+
+    with _sentences(path), path.open("rb") as stream:
+        bare = False
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=_LARGEST_RECORD).records:
+            bare = bare or isinstance(record, Message) or (isinstance(record, Chunk) and not record.uncompressed_crc)
+            if isinstance(record, DataEnd):
+                return not bare or bool(record.data_section_crc)
+    return False
 
 
 def _decoder(channel, schema, path):

@@ -15,6 +15,7 @@ _WINDOW_S = 0.3  # over which a camera's positions are made a speed
 _BLOCKS = 10  # of which one at a time is left out, for the interval
 _LEAST_OVERLAP_S = 5.0
 _LEAST_ALIKE = 0.6  # correlation at the best offset
+_NEVER_ALIKE = 0.01  # share of the variance that two sensors never have in common
 _LIKELIER = np.log(1000.0)  # by how much it must be likelier than any other
 _ELSEWHERE_S = 1.0
 
@@ -106,7 +107,8 @@ def _coarse(wheel_t, moved, seen_t, seen, where):
     elsewhere = np.abs(lags - lags[best]) > _ELSEWHERE_S
     second = alike[elsewhere].max(initial=0.0)
     windows = overlap[best] * _GRID_S / _WINDOW_S  # about as many numbers are independent
-    likelier = windows * np.log((1.0 - second**2) / max(1.0 - alike[best] ** 2, 1e-6))
+    left, left_elsewhere = (1.0 - one**2 + _NEVER_ALIKE for one in (alike[best], second))
+    likelier = windows * np.log(left_elsewhere / left)
     if alike[best] < _LEAST_ALIKE or likelier < _LIKELIER:
         raise InputError(
             f"{where}: the motion does not tell the offset of the clocks (alike by {alike[best]:.2f} at "

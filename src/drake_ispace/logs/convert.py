@@ -8,7 +8,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.importers.tables import period_of
 from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, conversion, si_unit, validate
-from drake_ispace.logs.bags import is_bag, read_bag
+from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
 from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source
 from drake_ispace.logs.series import Series, read_series, shape_of
@@ -34,6 +34,9 @@ def convert(
         tell(sentence)
 
     times, values = {}, {}
+    for file in dict.fromkeys(folder / channel.file for channel in mapping.channels.values()):
+        if is_bag(file) and file.exists() and not is_sealed(file):
+            note(f"{file.name} has no checksums: damage within its messages may go unnoticed")
     for name in sorted(mapping.channels, key=CHANNELS.index):
         times[name], values[name] = _channel(name, mapping.channels[name], folder, mapping.where, note, progress)
     _on_one_clock(mapping, times, values, note)
