@@ -5,12 +5,14 @@
 friction_run/  12 s of the pendulum driving forth and back without friction compensation, for `identify`
 room.mp4       2 s of the ceiling camera: both robots, white tape at the corners of the space, for `locate`, `calibrate`
 board.jpg      a chessboard on the floor under the same camera, for `calibrate --board`
+cart/          logs of somebody else's robot, three CSV files a run, for `import`; made by somebodys_robot.py
 """
 
 import argparse
 from pathlib import Path
 
 import cv2
+import somebodys_robot
 
 from drake_ispace.alignment import to_recording
 from drake_ispace.blocks.rates import ticks_in
@@ -76,6 +78,8 @@ def main() -> None:
     friction_run(out / "friction_run")
     room_video(out / "room.mp4")
     board_picture(out / "board.jpg")
+    for run in range(4):
+        somebodys_robot.write_csv(out / "cart" / f"run{run}", run, seconds=25.0)
 
 
 if __name__ == "__main__":

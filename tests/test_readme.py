@@ -53,6 +53,6 @@ def test_the_commands_run_in_their_order():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("clone")
-@pytest.mark.parametrize("page", ["README.md", "docs/vision.md", "docs/identification.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/vision.md", "docs/identification.md", "docs/your_robot.md"])
 def test_the_commands_run_in_their_order_as_they_stand(page):
     assert failures(shlex.split(line)[1:] for there, line in COMMANDS if there == page) == []

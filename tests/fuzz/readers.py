@@ -6,10 +6,8 @@ finds in it (strict.py), or where nothing may change at all, what stood there be
 
 import itertools
 import math
-import random
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -26,40 +24,15 @@ from drake_ispace.vision.footage.frames import frames
 from drake_ispace.vision.footage.learn import read_pointed
 from drake_ispace.vision.footage.scene_file import load_scene
 from fuzz import strict
+from fuzz.log_readers import LOG_READERS
 from fuzz.mutate import damaged, rewritten
+from fuzz.reader import Reader, Silent, YamlFile, agree, same, strictly, written
 
 _FACTORS = {  # units in SI
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "rad": 1.0, "mrad": 1e-3,
     "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "N*m": 1.0, "N*cm": 1e-2, "N*mm": 1e-3, "mN*m": 1e-3, "N": 1.0,
     "A": 1.0, "V": 1.0, "1": 1.0,
 }
-
-
-class Silent(Exception):
-    """A reader accepted what is not so."""
-
-
-class Reader:
-    """What is attacked.
-
-    Args:
-        folder: for files, empty.
-    """
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-
-    def input(self, source: random.Random) -> bytes | str:
-        """A hostile input."""
-        raise NotImplementedError
-
-    def attack(self, given: bytes | str) -> None:
-        """Read it.
-
-        Raises:
-            InputError: it is refused. Silent: what was read is not what stands there.
-        """
-        raise NotImplementedError
 
 
 def run(rows: int = 12) -> Recording:
@@ -72,57 +45,6 @@ def run(rows: int = 12) -> Recording:
         "torque": Channel(t, tuple(f"tau_{i}" for i in range(1, 5)), 0.01 * wheels),
         "kinect": Channel(late, ("x", "y", "phi", "t_received"), seen, period_s=0.095),
     }, "a note: with a colon")
-
-
-def same(found, wanted) -> bool:
-    """Whether a number, word or tree is the one that stands there."""
-    if isinstance(wanted, dict):
-        return all(same(_part(found, key), value) for key, value in wanted.items())
-    if isinstance(wanted, list):
-        return len(found) == len(wanted) and all(map(same, found, wanted))
-    if isinstance(wanted, int | float) and not isinstance(wanted, bool):
-        return not isinstance(found, bool | str) and found == wanted
-    if isinstance(wanted, str):  # the strict parser may have made spaces of tabs
-        return isinstance(found, str) and found.split() == wanted.split()
-    return type(found) is type(wanted) and found == wanted
-
-
-def _part(found, key):
-    return found[key] if isinstance(found, dict) else getattr(found, key)
-
-
-def strictly(parse: Callable, given):
-    """What a strict parser makes of an input that a reader accepted.
-
-    Raises:
-        Silent: it refuses it.
-    """
-    try:
-        return parse(given)
-    except strict.Refused as refused:
-        raise Silent(f"a strict parser refuses it: {refused}") from None
-
-
-def written(path: Path, text: str) -> Path:
-    """The file, with every letter of a hostile text in it as it is."""
-    path.write_text(text, encoding="utf-8", errors="surrogatepass", newline="")
-    return path
-
-
-def agree(found, text: str, tree=None) -> None:
-    """Raise Silent unless every leaf of a YAML text is found; sections without content count as left out."""
-    wanted = strictly(strict.yaml_tree, text) if tree is None else tree
-    try:
-        if not same(found, _filled(wanted)):
-            raise Silent("a value is another")
-    except (KeyError, AttributeError, TypeError) as error:
-        raise Silent(f"a key is missing: {error}") from None
-
-
-def _filled(tree):
-    return {
-        key: _filled(value) if isinstance(value, dict) else value for key, value in tree.items() if value is not None
-    }
 
 
 class Csv(Reader):
@@ -266,23 +188,6 @@ class LooseParquet(Parquet):
         found = load(self.path.parent).channels["kinect"]
         if not np.isfinite(found.values).all() or not (np.diff(found.t) > 0.0).all():
             raise Silent("numbers that no table may hold")
-
-
-class YamlFile(Reader):
-    """A file of YAML that describes one thing.
-
-    Attributes:
-        SEEDS: valid texts. load: what reads the file of a name.
-    """
-
-    SEEDS: tuple[str, ...]
-    load: Callable[[str], object]
-
-    def input(self, source):
-        return rewritten(source.choice(self.SEEDS), source)
-
-    def attack(self, given):
-        agree(self.load(str(written(self.folder / "hostile.yaml", given))), given)
 
 
 class ScenarioFile(YamlFile):
@@ -452,4 +357,4 @@ READERS: dict[str, type[Reader]] = {
     "scenario": ScenarioFile, "scene": SceneFile, "set": SetOption, "vary": VaryOption, "effect": EffectOption,
     "marker": MarkerOption,
     "campaign": CampaignFolder, "images": Images,
-}
+} | LOG_READERS

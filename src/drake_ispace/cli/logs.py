@@ -1,12 +1,14 @@
-"""The commands `import`, from logs to recordings, `export`, from recordings to trajectories, and `robot`, which shows
-the robot of a robot file. Heavy libraries are imported inside the functions."""
+"""The commands for somebody's own robot: `import`, from logs to recordings, `export`, from recordings to trajectories,
+`robot`, which shows the robot of a robot file, and `new`, which writes a file to begin with. Heavy libraries are
+imported inside the functions."""
 
+from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.cli.options import Json
 from drake_ispace.cli.terminal import print_json, print_table, progress, say
 from drake_ispace.files.places import check_folder, whole_file
@@ -17,6 +19,7 @@ def register(app: App) -> None:
     app.command(import_, name="import")
     app.command(export)
     app.command(robot)
+    app.command(new)
 
 
 def import_(
@@ -139,3 +142,21 @@ def robot(
         say(f"looks wrong: {sentence}")
     if out is not None:
         say(out)
+
+
+def new(
+    kind: Literal["robot", "effect"], name: str, /, *,
+    out: Annotated[Path | None, Parameter(help="file to write; left out: of that name, in the current folder")] = None,
+) -> None:
+    """Write a commented file to begin with, which works as it is: a robot file, or an effect of your own."""
+    if not (name.isidentifier() and name.isascii()):
+        raise InputError(f"new: {shown(name)}: expected a name of letters, digits and _")
+    template = "robot.yaml" if kind == "robot" else "effect.py"
+    file = out or Path(f"{name}{Path(template).suffix}")
+    if file.exists():
+        raise InputError(f"{file}: is there already, expected a new file")
+    check_folder(file.parent)
+    text = (resources.files("drake_ispace.cli") / "templates" / template).read_text(encoding="utf-8")
+    with whole_file(file) as beside:
+        beside.write_text(text.replace("NAME", name), encoding="utf-8")
+    say(file)

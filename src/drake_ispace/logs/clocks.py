@@ -15,6 +15,7 @@ _WINDOW_S = 0.3  # over which a camera's positions are made a speed
 _BLOCKS = 10  # of which one at a time is left out, for the interval
 _LEAST_OVERLAP_S = 5.0
 _LEAST_ALIKE = 0.6  # correlation at the best offset
+_LEAST_CHANGE = 0.01  # of a rate, as a share of it
 _NEVER_ALIKE = 0.01  # share of the variance that two sensors never have in common
 _LIKELIER = np.log(1000.0)  # by how much it must be likelier than any other
 _ELSEWHERE_S = 1.0
@@ -86,17 +87,18 @@ def _at(wheel_t, moved, seen_t, offset_s):
 
 def _coarse(wheel_t, moved, seen_t, seen, where):
     """The offset at which both motions are the most alike, on a grid, by correlation over all overlaps."""
-    grid = np.arange(wheel_t[0], wheel_t[-1], _GRID_S)
     half = _WINDOW_S / 2.0
+    grid = np.arange(wheel_t[0] + half, wheel_t[-1] - half, _GRID_S)
     driven = np.column_stack([
         (np.interp(grid + half, wheel_t, column) - np.interp(grid - half, wheel_t, column)) / _WINDOW_S
         for column in moved.T
     ])
     looks = np.arange(seen_t[0], seen_t[-1], _GRID_S)
     shown = np.column_stack([np.interp(looks, seen_t, column) for column in seen.T])
-    a, b = _scaled(driven), _scaled(shown)
-    scores = sum(fftconvolve(one, other[::-1]) for one, other in zip(b.T, a.T, strict=True))
+    both = _changes(driven) & _changes(shown)
+    a, b = _scaled(driven[:, both]), _scaled(shown[:, both])
     overlap = fftconvolve(np.ones(len(looks)), np.ones(len(grid)))
+    scores = sum((fftconvolve(one, other[::-1]) for one, other in zip(b.T, a.T, strict=True)), np.zeros(len(overlap)))
     energy = fftconvolve((b**2).sum(axis=1), np.ones(len(grid))) * fftconvolve(
         np.ones(len(looks)), (a**2).sum(axis=1)[::-1]
     )
@@ -117,9 +119,13 @@ def _coarse(wheel_t, moved, seen_t, seen, where):
     return float(lags[best])
 
 
+def _changes(rates):
+    """(2,) whether a rate changes at all: one that does not tells nothing."""
+    return rates.std(axis=0) > _LEAST_CHANGE * np.sqrt((rates**2).mean(axis=0))
+
+
 def _scaled(rates):
-    spread = rates.std(axis=0)
-    return np.where(spread > 0.0, (rates - rates.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0), 0.0)
+    return (rates - rates.mean(axis=0)) / rates.std(axis=0)
 
 
 def _fine(wheel_t, moved, seen_t, seen, start, reach_s):

@@ -102,7 +102,7 @@ class RobotFile:
     def scenario(self) -> dict:
         """The scenario of this robot as plain data: a model for `explain`."""
         rows = [
-            [w.x_m, w.y_m, w.drive_rad, w.radius_m, w.roller_rad, float(w.holds_sideways)]
+            [float(number) for number in (w.x_m, w.y_m, w.drive_rad, w.radius_m, w.roller_rad, w.holds_sideways)]
             for w in (entry.wheel for entry in self.wheels)
         ]
         encoder = {} if self.keys.counts_per_turn is None else {
