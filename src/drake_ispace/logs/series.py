@@ -55,6 +55,13 @@ def shape_of(file: Path, delimiter: str | None = None, decimal: str | None = Non
     rows = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%"))]
     if not rows:
         raise InputError(f"{file}: holds no rows, expected a table")
+    try:
+        return _shape(lines, rows, delimiter, decimal)
+    except csv.Error as error:
+        raise InputError(f"{file}: {error}, expected a table") from None
+
+
+def _shape(lines, rows, delimiter, decimal):
     delimiter = delimiter or max(_DELIMITERS, key=lambda mark: _evenness(rows, mark))
     if decimal is None:
         cells = [cell for row in rows[1:] for cell in _cells(row, delimiter)]
@@ -137,7 +144,10 @@ def _rows(file, shape):
                 line = raw.decode("utf-8-sig" if index == 0 else "utf-8").rstrip("\r\n")
                 if index < shape.first or not line.strip() or line.lstrip().startswith(("#", "%")):
                     continue
-                yield index + 1, line, _cells(line, shape.delimiter), position
+                try:
+                    yield index + 1, line, _cells(line, shape.delimiter), position
+                except csv.Error as error:
+                    raise InputError(f"{file}: line {index + 1}: {error}, expected cells of a table") from None
     except UnicodeDecodeError:
         raise InputError(f"{file}: line {index + 1}: is no UTF-8, expected a text file") from None
     except OSError as error:
@@ -153,7 +163,7 @@ def _cells(line, delimiter):
 
 
 def _number(cell, decimal, file, number, name, line):
-    text = cell.strip()
+    text = cell.strip(" \t")
     if not text:
         return np.nan  # no sample
     value = _value(text, decimal)
@@ -176,7 +186,7 @@ def _value(text, decimal):
 
 
 def _is_number(cell, decimal):
-    return _value(cell.strip(), decimal) is not None
+    return _value(cell.strip(" \t"), decimal) is not None
 
 
 def _evenness(rows, mark):

@@ -187,7 +187,8 @@ def _quaternion(names, columns):
 
 def _wheels(names, columns):
     """Guesses for columns that look like wheels: counters, or angles."""
-    chosen = [n for n in names if _WHEEL.search(n) and not _RATE.search(n) and np.nanstd(columns[n]) > 0.0]
+    moving = [name for name in names if np.nanmax(columns[name]) > np.nanmin(columns[name])]
+    chosen = [name for name in moving if _WHEEL.search(name) and not _RATE.search(name)]
     sides = {side: [n for n in chosen if mark.search(n)] for side, mark in _SIDES.items()}
     if all(len(own) == 1 for own in sides.values()):
         pairs = [(own[0], side) for side, own in sides.items()]
@@ -210,7 +211,7 @@ def _wheels(names, columns):
         else:
             unit = "deg" if np.abs(np.diff(values)).max() > 3.0 else "rad"
             text, reason = f"{text}, unit: {unit}", "an angle"
-        if len(pairs) == 2 and (unwrapped[name][-1] - unwrapped[name][0]) * rise < 0.0:
+        if len(pairs) == 2 and np.sign(unwrapped[name][-1] - unwrapped[name][0]) == -np.sign(rise) != 0.0:
             text, reason = f"{text}, sign: -1", f"{reason}; it falls while the other one rises"
         guesses.append(Guess(f"theta_{wheel}", f"{{{text}}}", reason))
     return guesses
