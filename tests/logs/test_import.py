@@ -124,6 +124,20 @@ def test_a_recording_becomes_a_trajectory(said, logs, tmp_path, document):
     assert np.hypot(rows[:, 6], rows[:, 7]) == pytest.approx(1.0)
 
 
+def test_a_tricycles_logs_become_its_rear_wheels(tmp_path):
+    (tmp_path / "m.yaml").write_text(
+        "format: drake-ispace-mapping/1\n"
+        "robot: {kind: tricycle, wheel_diameter_m: 0.2, wheelbase_m: 1.1, track_m: 0.7}\n"
+        "channels:\n  encoder:\n    file: a.csv\n    t: t\n    columns:\n      theta_front: w\n"
+        "      steer_front: {column: d, unit: deg}\n"
+    )
+    (tmp_path / "a.csv").write_text("t,w,d\n" + "".join(f"{0.01 * k},{0.1 * k},{30.0}\n" for k in range(50)))
+    encoder = convert(load_mapping(tmp_path / "m.yaml"), tmp_path).channels["encoder"]
+    assert encoder.columns == ("theta_right", "theta_left")
+    forward, turn = 4.9 * 0.1 * np.cos(np.pi / 6), 4.9 * 0.1 * 0.5 / 1.1
+    assert encoder.values[-1] == pytest.approx([(forward + 0.35 * turn) / 0.1, (forward - 0.35 * turn) / 0.1])
+
+
 # -- Bad input
 
 

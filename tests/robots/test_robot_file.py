@@ -66,6 +66,20 @@ def test_wheels_turn_as_their_contact_points_move(name):
         assert geometry.forward @ expected == pytest.approx(velocity, abs=1e-12)
 
 
+TRICYCLE = {"kind": "tricycle", "wheel_diameter_m": 0.2, "wheelbase_m": 1.1, "track_m": 0.7}
+
+
+def test_a_tricycles_rear_wheels_go_with_its_front_wheel():
+    """Against the circle on which the front wheel drives at a constant steering angle."""
+    robot, front, steering = read_robot(TRICYCLE, "r"), np.linspace(0.0, 9.0, 50), np.full(50, 0.4)
+    rear = robot.rear_angles(front, steering)
+    radius_of_front = 1.1 / np.sin(0.4)  # of the circle, about a point on the line of the rear axle
+    turned = 0.1 * 9.0 / radius_of_front
+    middle = 1.1 / np.tan(0.4)
+    assert rear[-1] == pytest.approx([turned * (middle + 0.35) / 0.1, turned * (middle - 0.35) / 0.1], abs=1e-12)
+    assert robot.cannot() == ["sideways: the tyres hold it"]
+
+
 def test_sizes_may_be_whole_or_half():
     half = {**DIFFERENTIAL, "half_track_m": 0.15, "wheel_radius_m": 0.066}
     half = {key: value for key, value in half.items() if key not in ("track_m", "wheel_diameter_m")}

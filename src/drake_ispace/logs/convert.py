@@ -12,6 +12,7 @@ from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
 from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source
 from drake_ispace.logs.series import Series, read_series, shape_of
+from drake_ispace.robots.robot_file import STEERED
 
 
 def convert(
@@ -39,6 +40,11 @@ def convert(
             note(f"{file.name} has no checksums: damage within its messages may go unnoticed")
     for name in sorted(mapping.channels, key=CHANNELS.index):
         times[name], values[name] = _channel(name, mapping.channels[name], folder, mapping.where, note, progress)
+    if "encoder" in values and mapping.robot.keys.kind == "tricycle":
+        rear = mapping.robot.rear_angles(*(values["encoder"][column] for column in STEERED)).T
+        names = [PER_WHEEL["encoder"] + entry.name for entry in mapping.robot.wheels]
+        values["encoder"] = dict(zip(names, rear, strict=True))
+        note("encoder: angles of the rear wheels, computed from those of the front wheel and of its steering")
     _on_one_clock(mapping, times, values, note)
     first = min(t[0] for t in times.values())
     if abs(first) > 1e4:  # stamps since 1970 or since the computer started
@@ -128,7 +134,7 @@ def _in_si(numbers, source, key, place):
     if source.counts_per_turn is not None:
         return numbers * (2.0 * np.pi / source.counts_per_turn)
     if source.unit:
-        _, numerator, denominator = conversion(key, source.unit, place)
+        _, numerator, denominator = conversion("phi" if key == STEERED[1] else key, source.unit, place)
         return numbers * numerator / denominator
     return numbers
 

@@ -8,7 +8,7 @@ from drake_ispace.files.quantity import quantity
 from drake_ispace.files.recording import CHANNEL_COLUMNS, CHANNELS, PER_WHEEL, conversion, si_unit
 from drake_ispace.files.typed_tree import read
 from drake_ispace.files.yaml_guard import load_yaml
-from drake_ispace.robots.robot_file import RobotFile, read_robot, robot_of
+from drake_ispace.robots.robot_file import STEERED, RobotFile, read_robot, robot_of
 
 FORMAT = "drake-ispace-mapping/1"
 ROBOTS_CLOCK = "robot"
@@ -150,7 +150,9 @@ def _channel(name, data, where, robot):
         for column, source in _section(data, "columns", place).items()
     }
     wheels = tuple(wheel.name for wheel in robot.wheels)
-    if name in PER_WHEEL:
+    if name == "encoder" and robot.keys.kind == "tricycle":
+        wanted = STEERED
+    elif name in PER_WHEEL:
         wanted = tuple(PER_WHEEL[name] + wheel for wheel in wheels)
     else:
         wanted = CHANNEL_COLUMNS[name]
@@ -172,10 +174,11 @@ def _source(data, where, column):
         raise InputError(f"{where}: expected a column, only phi may come from a quaternion")
     if source.unit and source.counts_per_turn is not None:
         raise InputError(f"{where}: expected a unit or counts_per_turn, got both")
+    known = "phi" if column == STEERED[1] else column  # an angle as well
     if source.unit:
-        conversion(column, source.unit, where)
+        conversion(known, source.unit, where)
     if source.sign not in (-1.0, 1.0):
         raise InputError(f"{where}: sign is {source.sign:g}, expected 1 or -1")
-    if source.counts_per_turn is not None and si_unit(column) != "rad":
+    if source.counts_per_turn is not None and si_unit(known) != "rad":
         raise InputError(f"{where}: counts_per_turn: expected for angles only")
     return source

@@ -61,7 +61,7 @@ def sniff(files: list[Path]) -> str:
         raise InputError(f"{', '.join(map(str, files))}: no wheels and no positions seen, expected columns of numbers")
     lines = [
         f"format: {FORMAT}", "# Proposed from the logs. Read it, and correct what is wrong.", "robot:",
-        "  name: my_robot", "  kind: differential          # differential | omni | mecanum | listed",
+        "  name: my_robot", "  kind: differential          # differential | omni | mecanum | tricycle | listed",
         "  wheel_diameter_m: 0.1        # CORRECT THIS (or wheel_radius_m)",
         "  track_m: 0.3                 # CORRECT THIS: from wheel to wheel (or half_track_m)",
         f"  wheels: [{', '.join(wheels or ['right', 'left'])}]", "channels:",

@@ -1,7 +1,7 @@
 """Robot files: the wheels of any robot in the words of a data sheet, as the scenario that `explain` takes.
 
     name: cart
-    kind: differential          # differential | omni | mecanum | listed
+    kind: differential          # differential | omni | mecanum | tricycle | listed
     wheel_diameter_m: 0.132     # or wheel_radius_m
     track_m: 0.30               # from wheel to wheel, or half_track_m
     wheels: [right, left]       # their names
@@ -19,8 +19,11 @@ from drake_ispace.files.typed_tree import read
 from drake_ispace.files.yaml_guard import load_yaml
 from drake_ispace.plants.wheels import Wheel, WheelGeometry
 
-KINDS = ("differential", "omni", "mecanum", "listed")
-_NAMES = {"differential": ["right", "left"], "mecanum": ["front_left", "front_right", "rear_left", "rear_right"]}
+KINDS = ("differential", "omni", "mecanum", "tricycle", "listed")
+_NAMES = {
+    "differential": ["right", "left"], "tricycle": ["right", "left"],
+    "mecanum": ["front_left", "front_right", "rear_left", "rear_right"],
+}
 #: Kind -> sizes, each given in one of two ways: the key of a data sheet, and the key of half of it.
 _SIZES = {
     "differential": (("wheel_diameter_m", "wheel_radius_m"), ("track_m", "half_track_m")),
@@ -28,8 +31,13 @@ _SIZES = {
     "mecanum": (
         ("wheel_diameter_m", "wheel_radius_m"), ("track_m", "half_track_m"), ("wheelbase_m", "half_wheelbase_m"),
     ),
+    "tricycle": (
+        ("wheel_diameter_m", "wheel_radius_m"), ("track_m", "half_track_m"), ("wheelbase_m", "half_wheelbase_m"),
+    ),
     "listed": (),
 }
+#: Of a tricycle: columns of its steered and driven front wheel in a log, whose motion the rear wheels take over.
+STEERED = ("theta_front", "steer_front")
 _MOTIONS = ("forward", "sideways", "turning")
 
 
@@ -98,6 +106,22 @@ class RobotFile:
     @property
     def geometry(self) -> WheelGeometry:
         return WheelGeometry(tuple(entry.wheel for entry in self.wheels))
+
+    @property
+    def wheelbase_m(self) -> float:
+        """From the rear axle to the front wheel of a tricycle [m]."""
+        return self.keys.wheelbase_m or 2.0 * self.keys.half_wheelbase_m
+
+    def rear_angles(self, front: np.ndarray, steering: np.ndarray) -> np.ndarray:
+        """(n, 2) angles of a tricycle's rear wheels that go with those of its front wheel and its steering (n,) [rad].
+
+        All wheels have the same radius. Between two samples the steering is their mean.
+        """
+        turned, radius = np.diff(front, prepend=front[0]), self.wheels[0].wheel.radius_m
+        mean = (steering + np.concatenate([steering[:1], steering[:-1]])) / 2.0
+        forward, turn = radius * turned * np.cos(mean), radius * turned * np.sin(mean) / self.wheelbase_m
+        moved = np.column_stack([forward, np.zeros(len(front)), turn])
+        return np.cumsum(moved @ self.geometry.inverse.T, axis=0)
 
     def scenario(self) -> dict:
         """The scenario of this robot as plain data: a model for `explain`."""
@@ -213,7 +237,7 @@ def _wheels(keys, sizes, given, where):
         places = [
             Wheel(distance * np.cos(a), distance * np.sin(a), a + side, radius) for a in np.radians(keys.angles_deg)
         ]
-    elif keys.kind == "differential":
+    elif keys.kind in ("differential", "tricycle"):
         half = sizes["track_m"] / 2.0
         sides = {_side(name, where): name for name in map(str, names)}
         if set(sides) != {"left", "right"}:
