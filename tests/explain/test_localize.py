@@ -17,7 +17,8 @@ def test_it_shows_in_the_channel_that_the_effect_moves(name, values, channel):
     runs = list(hide(model, "omni", {name: values}, ["square", "figure_eight"], seconds=10.0).values())
     places = explain(model, runs, effects=FEW).localization
     shares = [place.share for place in places]
-    assert shares == sorted(shares, reverse=True) and 0.9 < sum(shares) < 1.1
+    # a channel that the explanation makes a little worse has a negative share, and is not listed
+    assert shares == sorted(shares, reverse=True) and 0.9 < sum(shares) < 1.2
     assert sum(place.share for place in places if place.channel.startswith(channel)) > 0.7
     assert places[0].channel.startswith(channel) and places[0].driver
 
