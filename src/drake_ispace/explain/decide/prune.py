@@ -2,20 +2,26 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
 from drake_ispace.explain.decide.survey.survey import Survey
+from drake_ispace.explain.decide.survey.view import flaws_of_form
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
 
 _LEAST_RISE = max(2.0 * MARGIN, LEAST_FURTHER)  # of the deviance, for which an effect is kept
+_LEAST_SHARE = 0.01  # of what all named effects explain of a sensor, below which an effect is next to nothing
 
 
 def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     """The Decision with no more effects than needed, and with its `gains`.
 
     A single effect takes the place of all named ones if it does as well. Else the effect whose loss the others make
-    up for best is taken away, as long as the deviance hardly rises. What may be a flaw of their form is marginalised.
+    up for best is taken away, as long as the deviance hardly rises, or what it explains is next to nothing beside what
+    all of them explain of every sensor. Such a trace stays only if two runs show it, each by itself, and if it is no
+    flaw in the form of the others.
 
     survey_at: `survey` of these runs, called with a point.
     """
@@ -26,12 +32,44 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
         rests = without_each(decision.end, decision.named)
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
         needless = [effect for effect, rise in rises.items() if rise <= _LEAST_RISE]
+        needless = needless or [e for e in _next_to_nothing(decision, rests) if not _is_shown(decision, rests[e], e)]
         if not needless:
             decision.gains = rises
             return decision
         decision = _with_named(survey_at, decision, rests[min(needless, key=rises.get)].point)
     decision.gains = {next(iter(decision.named.point)): decision.total_gain}
     return decision
+
+
+def _next_to_nothing(decision, rests) -> list[Candidate]:
+    """The effects that explain next to nothing of every sensor beside what all named effects explain of it."""
+    likelihood = decision.end.likelihood
+    sensors = np.array([channel.partition(":")[0] for channel in decision.end.channels])
+    with_all = likelihood.parts(decision.named.w)
+    totals, found = _sums(likelihood.parts(likelihood.whitened({})) - with_all, sensors), []
+    for effect, rest in rests.items():
+        drops = _sums(likelihood.parts(rest.w) - with_all, sensors)
+        shares = [drop / max(totals[sensor], drop) for sensor, drop in drops.items() if drop > _LEAST_RISE]
+        if max(shares, default=0.0) < _LEAST_SHARE:
+            found.append(effect)
+    return found
+
+
+def _is_shown(decision, rest, effect) -> bool:
+    """Whether two runs show an effect, each by itself, and flaws in the form of the others do not stand for it."""
+    end, named = decision.end, decision.named
+    by_run = _sums(end.likelihood.parts(rest.w) - end.likelihood.parts(named.w), end.runs)
+    if sum(rise > MARGIN for rise in by_run.values()) < 2:
+        return False
+    residuals = end.likelihood.raw(named.point)
+    others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
+    flaws = flaws_of_form(end.view, residuals, others)
+    flawed = end.view.with_noise(end.likelihood.whitening, residuals, True, flaws)
+    return fit(flawed, others).deviance - fit(flawed, named.point).deviance > _LEAST_RISE
+
+
+def _sums(drops, groups):
+    return {group: float(drops[groups == group].sum()) for group in dict.fromkeys(groups)}
 
 
 def _one_for_all(decision) -> Point | None:

@@ -49,6 +49,14 @@ class Survey:
             for run in self.residuals for name, noise in self.likelihood.whitening.noise.items()
         ])
 
+    @property
+    def runs(self) -> np.ndarray:
+        """(rows,) the number of the run that each row belongs to."""
+        return np.concatenate([
+            np.full(noise.rows(run[name]) * run[name].shape[1], i)
+            for i, run in enumerate(self.residuals) for name, noise in self.likelihood.whitening.noise.items()
+        ])
+
     def moved(self, best: Fit) -> "Survey":
         """The Survey at a fit nearby, under the same noise and with the same signatures."""
         return replace(self, point=best.point, w=best.w, minus_log10_p=self.screen.minus_log10_p(best.w))

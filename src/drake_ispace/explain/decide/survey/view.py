@@ -25,8 +25,8 @@ class View:
     Attributes:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
             are explained away while the noise is learned. offsets: (run, change) of every nuisance of a single run.
-            tolerated: changes by what a sound robot may be off, and by flaws in the form of the named effects.
-            sizes: natural size of each coordinate of each candidate. pool: threads that predictions may use.
+            tolerated: changes by what a sound robot may be off. sizes: natural size of each coordinate of each
+            candidate. pool: threads that predictions may use.
     """
 
     prediction: Prediction
@@ -48,13 +48,15 @@ class View:
         """
         return self.with_noise(noise_of(self, residuals, start), residuals, near)
 
-    def with_noise(self, whitening: Whitening, residuals: Residuals, near: bool) -> Likelihood:
+    def with_noise(
+        self, whitening: Whitening, residuals: Residuals, near: bool, flaws: Sequence[Residuals] = ()
+    ) -> Likelihood:
         """The Likelihood of the runs with this noise.
 
         near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
-            the memory is marginalised.
+            the memory is marginalised. flaws: further changes to be tolerated, one standard deviation each.
         """
-        offsets = whitening.directions(residuals, self.tolerated, self.offsets, self.pool)
+        offsets = whitening.directions(residuals, [*self.tolerated, *flaws], self.offsets, self.pool)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
 
@@ -97,8 +99,7 @@ def view_from(
     )
     changes = steady + _changes_by_sizes(prediction, point, sizes, base, pool) + timing
     offsets = prediction.nuisances(merged(point), pool)
-    tolerated = _tolerated(tested, scales) + noise + timing + _flaws_of_form(prediction, point, base, pool)
-    return View(prediction, tested, changes, offsets, tolerated, sizes, pool)
+    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes, pool)
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -144,22 +145,22 @@ def _tolerated(signatures, scales):
     return changes
 
 
-def _flaws_of_form(prediction, point, base, pool):
+def flaws_of_form(view: View, residuals: Residuals, point: Point) -> list[Residuals]:
     """Changes of the residuals if an effect of `point` were a little larger or smaller with speed, load, time or place.
 
     No model has the robot's exact form; what such a flaw leaves is not to be taken for a further effect.
     """
-    changes = []
+    changes, modulations = [], view.prediction.modulations()
     for candidate in point:
         others = {c: z for c, z in point.items() if c is not candidate}
-        whole = difference(prediction.residuals(merged(others), pool), base)
-        if not is_finite(whole):
-            continue
-        for modulation in prediction.modulations():
-            changes.append([
-                {name: FORM_SHARE * rows * by.get(name, 0.0) for name, rows in run.items()}
-                for run, by in zip(whole, modulation, strict=True)
-            ])
+        whole = difference(view.prediction.residuals(merged(others), view.pool), residuals)
+        if is_finite(whole):
+            changes += [
+                [
+                    {name: FORM_SHARE * rows * by.get(name, 0.0) for name, rows in run.items()}
+                    for run, by in zip(whole, modulation, strict=True)
+                ] for modulation in modulations
+            ]
     return changes
 
 
