@@ -35,7 +35,7 @@ def test_every_effect_but_those_of_forces_and_imu_applies():
     assert not {"mass_error", "motor_lag", "gyro_bias", "wheel_slip", "soft_floor"} & set(NAMES)
 
 
-@pytest.mark.parametrize("wheels", WHEELS)
+@pytest.mark.parametrize("wheels", [kind for kind, count in WHEELS.items() if count])
 def test_radius_and_track_change_the_wheels_that_it_has_and_not_those_it_believes_in(wheels):
     nominal = RoverPlantParameters(wheels=wheels)
     grown = changed("single_wheel_radius_error", changed("wheel_radius_error", nominal, share=0.1), wheel=2, share=-0.2)
