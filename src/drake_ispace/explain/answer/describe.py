@@ -125,7 +125,7 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
     """The effect with its profile-likelihood intervals, widened by the overdispersion and by FORM_SHARE."""
     named, card = decision.named, candidate.effect.card
     likelihood = decision.end.likelihood
-    parameters = _wheels(candidate)
+    parameters = _wheels(case.replay.body, candidate)
     overdispersion = decision.start.screen.overdispersion_of(candidate)
     for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
         form = 1.645 * FORM_SHARE * abs(z - candidate.neutral[i])
@@ -141,7 +141,7 @@ def _chosen(case, choice, candidate) -> NamedEffect:
     """The effect with intervals by Student's t from the spread between runs."""
     card, sizes = candidate.effect.card, choice.sizes
     z = sizes.point[candidate]
-    parameters = _wheels(candidate)
+    parameters = _wheels(case.replay.body, candidate)
     factor = student_t.ppf(0.95, len(case.prediction.tracks) - 1)
     for i, parameter in enumerate(candidate.parameters):
         reach = factor * sizes.stds[candidate, i]
@@ -154,9 +154,13 @@ def _chosen(case, choice, candidate) -> NamedEffect:
     return NamedEffect(card.name, card.home, equivalents, parameters, share, card.excitation)
 
 
-def _wheels(candidate) -> dict[str, Estimate]:
-    """Each choice of wheel as an Estimate without an interval."""
-    return {name: Estimate(wheel, (wheel, wheel), "wheel") for name, wheel in candidate.choices}
+def _wheels(body, candidate) -> dict[str, Estimate]:
+    """Each choice of wheel as an Estimate without an interval, with the name of the wheel if it has one."""
+    names = [labels[0] for labels in body.robot.wheel_labels(body.plant)]
+    return {
+        name: Estimate(wheel, (wheel, wheel), "wheel", called="" if names[wheel - 1].isdecimal() else names[wheel - 1])
+        for name, wheel in candidate.choices
+    }
 
 
 def _estimate(replay, best: Fit | Sizes, candidate, i, ends) -> Estimate:

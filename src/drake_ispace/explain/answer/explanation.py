@@ -21,7 +21,8 @@ class Estimate:
     Attributes:
         estimate, ci90, unit: value, 90 % interval (low, high), and their unit. on_bound: whether the value sits on the
             bound of what is physically possible, or beyond what a robot that drives about may have. least_squares: the
-            value with which free-run simulations come nearest to the training runs; None: not computed.
+            value with which free-run simulations come nearest to the training runs; None: not computed. called: the
+            name of a chosen wheel, "" where it has only its number.
     """
 
     estimate: float
@@ -29,6 +30,7 @@ class Estimate:
     unit: str
     on_bound: bool = False
     least_squares: float | None = None
+    called: str = ""
 
 
 @dataclass(frozen=True)
@@ -252,6 +254,9 @@ class Explanation:
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():
                 low, high = p.ci90
+                if p.unit == "wheel":
+                    lines.append(f"    {name} = {p.estimate:g}{f' ({p.called})' if p.called else ''}")
+                    continue
                 plain = "" if p.least_squares is None else f", by free-run least squares {p.least_squares:.4g}"
                 lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{plain}")
         if self.unknown is not None:
