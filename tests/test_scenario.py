@@ -194,8 +194,8 @@ def test_every_number_has_a_rule_or_may_be_anything():
             yield from fields(value) if dataclasses.is_dataclass(value) else [entry]
 
     kinds = {str(entry.type) for entry in fields(Scenario())}
-    plain = {str(kind) for kind in (bool, int, float, str, dict, list[int], list[float], list[list[float]])}
-    optional = {str(kind) for kind in (float | None, str | None, list[float] | None)}
+    plain = {str(kind) for kind in (bool, int, float, str, dict, list[int], list[float], list[str], list[list[float]])}
+    optional = {str(kind) for kind in (int | None, float | None, str | None, list[float] | None)}
     assert kinds <= plain | optional
 
 
