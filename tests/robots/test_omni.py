@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from drake_ispace.blocks.rates import TICK_S, VISION_S
 from drake_ispace.control.feedback.dlqr import dlqr, spectral_radius
 from drake_ispace.control.feedback.omni_gains import linearised
-from drake_ispace.plants.omni import THETA, OmniPlant, OmniPlantParameters, mass_matrix, mobility
+from drake_ispace.plants.omni import THETA, VX, VY, WZ, OmniPlant, OmniPlantParameters, mass_matrix, mobility
 from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, omni3
 
 R, B, I_W = 0.024, 0.36, 1e-6
@@ -374,3 +374,14 @@ def test_a_heavier_robot_is_slower():
     push = [0.0, -0.024, 0.0, 0.024]
     light, heavy = (rates(replace(HEAVY, mass_kg=m), torque=push)[3] for m in (3.0, 8.0))
     assert (light, heavy) == pytest.approx((2.0 / 5.0, 2.0 / 10.0), rel=1e-12)
+
+
+def test_a_force_of_the_ground_pushes_along_its_own_axis():
+    plant = OmniPlant(OmniPlantParameters(), ground=True)
+    for axis in range(3):
+        context, push = plant.CreateDefaultContext(), np.eye(3)[axis]
+        plant.GetInputPort("torque").FixValue(context, np.zeros(4))
+        plant.GetInputPort("ground_force").FixValue(context, push)
+        rates = plant.EvalTimeDerivatives(context).CopyToVector()
+        gained = rates[[VX, VY, WZ]]
+        assert gained[axis] > 0.0 and gained == pytest.approx(gained[axis] * push, abs=1e-12)

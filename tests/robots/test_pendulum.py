@@ -688,3 +688,13 @@ def test_row_11_signs_of_the_servo_loop(plant, sign, slowest):
     gain = np.hstack([SERVO_F, -SERVO_K_I])
     assert np.linalg.eigvals(a - sign * b @ gain).real.max() == pytest.approx(slowest, abs=0.01)
     assert np.linalg.eigvals(a + sign * b @ gain).real.max() > 1.0
+
+
+def test_the_linear_plants_wheels_turn_as_it_drives_and_yaws():
+    plant = LinearPendulumPlant(PendulumPlantParameters())
+    context = plant.CreateDefaultContext()
+    plant.get_input_port().FixValue(context, [0.0, 0.0])
+    state = context.get_mutable_continuous_state_vector()
+    state[S_RATE], state[YAW_RATE], state[TILT_RATE] = 0.4, 0.2, 1.0
+    # relative to the body: 0.4 / 0.08 - 1 +- 0.2 * 0.2 / 0.08
+    assert plant.GetOutputPort("wheel_rate").Eval(context) == pytest.approx([4.5, 3.5])

@@ -99,6 +99,9 @@ def test_a_patch_has_to_have_an_inside():
     settings.plant.slip.patch_m = [0.0, 1.0, 0.5, 0.5]
     with pytest.raises(InputError, match=r"omni\.plant\.slip\.patch_m: expected x_min < x_max"):
         ROBOTS["omni"].check(settings, "omni")
+    settings.plant.slip.patch_m = [0.5, 0.5, 0.0, 1.0]
+    with pytest.raises(InputError, match=r"omni\.plant\.slip\.patch_m: expected x_min < x_max"):
+        ROBOTS["omni"].check(settings, "omni")
     settings.plant.slip.patch_m = [0.0, 1.0, 0.4, 0.5]
     ROBOTS["omni"].check(settings, "omni")
 

@@ -80,6 +80,10 @@ def test_a_tricycles_rear_wheels_go_with_its_front_wheel():
     assert robot.cannot() == ["sideways: the tyres hold it"]
 
 
+def test_wheels_without_names_are_numbered_from_one():
+    assert [entry.name for entry in read_robot(ROBOTS["three omni"], "r").wheels] == ["1", "2", "3"]
+
+
 def test_sizes_may_be_whole_or_half():
     half = {**DIFFERENTIAL, "half_track_m": 0.15, "wheel_radius_m": 0.066}
     half = {key: value for key, value in half.items() if key not in ("track_m", "wheel_diameter_m")}
