@@ -102,6 +102,17 @@ def test_the_proposed_mapping_needs_two_sizes_and_the_counts(logs, tmp_path):
         assert np.array_equal(found.channels[name].values, channel.values)
 
 
+@pytest.mark.parametrize("channel, header", [
+    ("imu", "t,ax,ay,az,gx,gy,gz"), ("command", "t,vx,vy,wz"),
+    ("imu", "t," + ",".join(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")),
+])
+def test_an_imu_and_commands_are_known_by_their_names(tmp_path, channel, header):
+    rows = "\n".join(",".join([f"{0.01 * k:.2f}", *["0.5"] * header.count(",")]) for k in range(5))
+    (tmp_path / "a.csv").write_text(f"{header}\n{rows}\n")
+    text = sniff([tmp_path / "a.csv"])
+    assert f"  {channel}:" in text and text.count("by its name") == header.count(",")
+
+
 def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
     """The whole road: the radius is named; the delay went into the offset of the clocks, and is said there."""
     runs = [logs / f"run{i}" for i in range(4)]

@@ -1,4 +1,7 @@
-"""Proposals for a mapping file: what each column of some logs may be, each guess with its reason."""
+"""Proposals for a mapping file: what each column of some logs may be, each guess with its reason.
+
+What is seen are wheels, positions, an IMU and commanded velocities; anything else is passed over.
+"""
 
 import re
 from dataclasses import dataclass
@@ -19,6 +22,17 @@ _SIDES = {
 _WHEEL = re.compile(r"wheel|enc|tick|count|pos(ition)?\[|theta|joint", re.I)
 _RATE = re.compile(r"vel|speed|effort|rate", re.I)
 _YAW = re.compile(r"(^|[._ ])(yaw|phi|theta|heading|psi)([_.\[ (]|$)", re.I)
+#: Channels whose columns are known by their names alone: column -> what the name of a log ends in.
+_KNOWN = {
+    "imu": {
+        **{f"a{axis}": (f"linear_acceleration.{axis}", f"a{axis}", f"acc_{axis}") for axis in "xyz"},
+        **{f"w{axis}": (f"angular_velocity.{axis}", f"w{axis}", f"g{axis}", f"gyro_{axis}") for axis in "xyz"},
+    },
+    "command": {
+        "vx": ("twist.linear.x", "linear.x", "vx"), "vy": ("twist.linear.y", "linear.y", "vy"),
+        "wz": ("twist.angular.z", "angular.z", "wz"),
+    },
+}
 _TIME_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _EPOCH_S = 5e8, 5e9  # seconds since 1970 lie between
 _STEP_S = 1e-4, 2.0  # between rows of a log
@@ -46,7 +60,7 @@ def sniff(files: list[Path]) -> str:
     for file in files:
         for topic, names, columns, remark in _tables(file):
             found = _channel(names, columns)
-            if found is None or found[0] in channels:
+            if found is None or found[0] in channels or "odom" in topic:  # what wheels say of a place is no position
                 continue
             channel, time, guesses, own = found
             wheels, stamps[channel] = own or wheels, _first_s(time, columns)
@@ -54,7 +68,7 @@ def sniff(files: list[Path]) -> str:
             lines += [f"    topic: {topic}"] if topic else []
             lines += [f"    t: {time.value:44} # {time.reason}", "    columns:"]
             channels[channel] = lines + [f"      {g.key}: {g.value:44} # {g.reason}" for g in guesses]
-    other_clock = len(stamps) == 2 and abs(stamps["kinect"] - stamps["encoder"]) > _SAME_CLOCK_S
+    other_clock = stamps.keys() >= {"kinect", "encoder"} and abs(stamps["kinect"] - stamps["encoder"]) > _SAME_CLOCK_S
     if other_clock:
         channels["kinect"].insert(1, "    clock: camera   # its times are far from those of the wheels: see clocks")
     if not channels:
@@ -115,12 +129,22 @@ def _channel(names, columns):
         return None
     rest = [name for name in names if name != _column_of(time) and not _TIME.search(name)]
     pose = _pose(rest, columns)
+    for channel, endings in _KNOWN.items() if not pose else ():
+        chosen = [_ending(rest, ends) for ends in endings.values()]
+        if all(chosen):
+            pairs = zip(endings, chosen, strict=True)
+            return channel, time, [Guess(key, f"{{column: {_quoted(name)}}}", "by its name") for key, name in pairs], []
     if pose:
         return "kinect", time, pose, []
     wheels = _wheels(rest, columns)
     if wheels:
         return "encoder", time, wheels, [guess.key.removeprefix("theta_") for guess in wheels]
     return None
+
+
+def _ending(names, endings):
+    """The first name that ends so, None if there is none."""
+    return next((name for end in endings for name in names if f".{name.lower()}".endswith(f".{end}")), None)
 
 
 def _time(names, columns):
