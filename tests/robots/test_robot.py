@@ -114,3 +114,15 @@ def test_the_omni_robot_has_a_share_for_each_of_four_wheels(count, said):
         return
     with pytest.raises(InputError, match=said):
         load_scenario("omni_multirate", override)
+
+
+def test_the_pendulum_moves_as_its_wheels_and_its_lean_say():
+    robot, plant = ROBOTS["pendulum"], load_scenario("pendulum_multirate").pendulum.plant
+    rates = robot.rates(plant, np.array([[4.5, 3.5]]), np.array([1.0]))  # relative to the body, which leans on
+    assert rates[0] == pytest.approx([0.08 * (4.0 + 1.0), 0.08 * 1.0 / 0.4, 1.0])
+
+
+def test_a_centre_of_gravity_may_be_lower_than_said_but_not_below_the_axle():
+    robot, plant = ROBOTS["pendulum"], load_scenario("pendulum_multirate").pendulum.plant
+    (height,) = robot.centre_of_gravity(plant)
+    assert height.low == pytest.approx(-0.8 * plant.centre_of_gravity_m)
