@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from functools import partial
+from importlib import resources
 from pathlib import Path
 
 # Threads of OpenBLAS spin while they wait for a core that another test has: on a busy machine `explain` takes four
@@ -112,3 +113,12 @@ def _drive(block, port, ticks):
             assert np.array_equal(again, after)
             assert np.array_equal(output.Eval(context), rows[-1])
     return np.array(rows)
+
+
+@pytest.fixture
+def own_effect_file(tmp_path):
+    """The file that `drake-ispace new effect torque_fade` writes."""
+    text = (resources.files("drake_ispace.cli") / "templates" / "effect.py").read_text(encoding="utf-8")
+    file = tmp_path / "torque_fade.py"
+    file.write_text(text.replace("NAME", "torque_fade"), encoding="utf-8")
+    return file

@@ -161,9 +161,6 @@ def test_the_effect_on_the_page_is_a_whole_file_that_runs(tmp_path, capsys):
     assert effect.card.name in EXAMPLES[-1]
 
 
-OWN_FILE = Path(__file__).with_name("own_effect.py")
-
-
 @pytest.fixture
 def registered(monkeypatch):
     """Registers objects as entry points, as an installed package would."""
@@ -177,9 +174,9 @@ def registered(monkeypatch):
 
 
 @pytest.fixture
-def own():
-    """The module in own_effect.py."""
-    spec = importlib.util.spec_from_file_location("own_effect", OWN_FILE)
+def own(own_effect_file):
+    """The module of an effect of one's own."""
+    spec = importlib.util.spec_from_file_location("own_effect", own_effect_file)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -1,7 +1,6 @@
 """An effect of somebody else's, given to `explain` and registered nowhere."""
 
 import runpy
-from pathlib import Path
 from unittest import mock
 
 from drake_ispace.effects.library import library
@@ -9,11 +8,9 @@ from drake_ispace.explain.explain import explain
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 
-OWN = Path(__file__).parents[1] / "effects" / "own_effect.py"
 
-
-def test_it_is_named_and_that_no_model_can_list_it_is_said():
-    (own,) = runpy.run_path(str(OWN))["EFFECTS"]
+def test_it_is_named_and_that_no_model_can_list_it_is_said(own_effect_file):
+    (own,) = runpy.run_path(str(own_effect_file))["EFFECTS"]
     scenario = load_scenario("omni_multirate")
     with mock.patch.dict(library(), {own.card.name: own}):
         runs = hide(scenario, "omni", {"torque_fade": {"loss_s_rad": 0.02}}, ["square", "figure_eight"], seconds=8.0)

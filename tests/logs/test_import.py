@@ -126,6 +126,18 @@ def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
     assert effect.parameters["share"].estimate == pytest.approx(0.04, abs=0.004)
 
 
+def test_times_since_1970_are_counted_from_the_first_and_that_is_said_as_a_number(logs, tmp_path):
+    (tmp_path / "wheels.csv").write_text("s,l,r\n" + "".join(f"{1.7e9 + 0.02 * k:.2f},{k},{k}\n" for k in range(9)))
+    (tmp_path / "m.yaml").write_text(
+        "format: drake-ispace-mapping/1\nrobot: {kind: differential, wheel_diameter_m: 0.1, track_m: 0.3}\n"
+        "channels:\n  encoder: {file: wheels.csv, t: s, columns: {theta_left: l, theta_right: r}}\n"
+    )
+    said = []
+    recording = convert(load_mapping(tmp_path / "m.yaml"), tmp_path, said.append)
+    assert said == ["times are counted from 1700000000.0 s of the robot's clock"]
+    assert recording.channels["encoder"].t == pytest.approx(0.02 * np.arange(9), abs=1e-6)
+
+
 def test_a_recording_becomes_a_trajectory(said, logs, tmp_path, document):
     told = document("import", logs / "mapping.yaml", logs / "run0", "--out", tmp_path)
     said("export", told["recordings"]["run0"], "--out", tmp_path / "run0.tum")

@@ -152,6 +152,12 @@ def test_what_is_wrong_with_a_robot_file_is_named(change, message):
         read_robot({**DIFFERENTIAL, **change}, "r")
 
 
+def test_two_mecanum_wheels_of_one_corner_are_refused():
+    names = ["front_left", "front_right", "hinten_left", "front_right_2"]
+    with pytest.raises(InputError, match="front or rear, left or right of each corner"):
+        read_robot({**MECANUM, "wheels": names}, "r")
+
+
 def test_the_command_shows_it(said, tmp_path):
     (tmp_path / "r.yaml").write_text("kind: differential\nwheel_diameter_m: 0.1\ntrack_m: 0.3\n")
     text = said("robot", tmp_path / "r.yaml", "--out", tmp_path / "r.png")

@@ -10,8 +10,8 @@ from drake_ispace.files.importers.tables import period_of
 from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, conversion, si_unit, validate
 from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
-from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source
-from drake_ispace.logs.series import Series, read_series, shape_of
+from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source, alike
+from drake_ispace.logs.series import Series, read_series, shape_of, unwrapped
 from drake_ispace.robots.robot_file import STEERED
 
 
@@ -46,7 +46,7 @@ def convert(
         values["encoder"] = dict(zip(names, rear, strict=True))
         note("encoder: angles of the rear wheels, computed from those of the front wheel and of its steering")
     _on_one_clock(mapping, times, values, note)
-    first = min(t[0] for t in times.values())
+    first = float(min(t[0] for t in times.values()))
     if abs(first) > 1e4:  # stamps since 1970 or since the computer started
         note(f"times are counted from {first!r} s of the robot's clock")
         for name in times:
@@ -122,9 +122,7 @@ def _value(columns, source, key, place):
         return source.sign * np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     numbers = columns[source.column]
     if source.wraps_at is not None:
-        steps = np.diff(numbers)
-        turns = np.round(steps / source.wraps_at)
-        numbers = numbers - source.wraps_at * np.concatenate([[0.0], np.cumsum(turns)])
+        numbers = unwrapped(numbers, source.wraps_at)
     if source.increments:
         numbers = np.cumsum(numbers) - numbers[0]
     return source.sign * _in_si(numbers, source, key, place)
@@ -134,7 +132,7 @@ def _in_si(numbers, source, key, place):
     if source.counts_per_turn is not None:
         return numbers * (2.0 * np.pi / source.counts_per_turn)
     if source.unit:
-        _, numerator, denominator = conversion("phi" if key == STEERED[1] else key, source.unit, place)
+        _, numerator, denominator = conversion(alike(key), source.unit, place)
         return numbers * numerator / denominator
     return numbers
 

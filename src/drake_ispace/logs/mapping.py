@@ -166,6 +166,11 @@ def _channel(name, data, where, robot):
     return channel
 
 
+def alike(column: str) -> str:
+    """The column of recordings with the unit of this one: no recording has a steering angle, a heading is one too."""
+    return "phi" if column == STEERED[1] else column
+
+
 def _source(data, where, column):
     source = read(Source(), {"column": data} if isinstance(data, str) else data or {}, where)
     if bool(source.column) == (source.quaternion is not None):
@@ -174,11 +179,10 @@ def _source(data, where, column):
         raise InputError(f"{where}: expected a column, only phi may come from a quaternion")
     if source.unit and source.counts_per_turn is not None:
         raise InputError(f"{where}: expected a unit or counts_per_turn, got both")
-    known = "phi" if column == STEERED[1] else column  # an angle as well
     if source.unit:
-        conversion(known, source.unit, where)
+        conversion(alike(column), source.unit, where)
     if source.sign not in (-1.0, 1.0):
         raise InputError(f"{where}: sign is {source.sign:g}, expected 1 or -1")
-    if source.counts_per_turn is not None and si_unit(known) != "rad":
+    if source.counts_per_turn is not None and si_unit(alike(column)) != "rad":
         raise InputError(f"{where}: counts_per_turn: expected for angles only")
     return source

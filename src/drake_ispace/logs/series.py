@@ -91,6 +91,27 @@ def read_series(
     return _text(file, shape.header or (TUM if file.suffix == ".tum" else ()), shape, wanted, tell)
 
 
+def numeric_columns(file: Path, shape: Shape) -> list[str]:
+    """The names of a text file's columns that hold nothing but numbers and empty cells.
+
+    Raises:
+        InputError: as `read_series`.
+    """
+    good = dict(enumerate(shape.header))
+    for _, cells, _ in _rows(file, shape):
+        good = {
+            i: name for i, name in good.items()
+            if i < len(cells) and (not cells[i].strip(" \t") or _is_number(cells[i], shape.decimal))
+        }
+    return list(good.values())
+
+
+def unwrapped(numbers: np.ndarray, wraps_at: float) -> np.ndarray:
+    """A counter (n,) that starts again after `wraps_at`, as if it went on."""
+    turns = np.round(np.diff(numbers) / wraps_at)
+    return numbers - wraps_at * np.concatenate([[0.0], np.cumsum(turns)])
+
+
 def _parquet(file, wanted):
     import pyarrow
     from pyarrow import parquet
@@ -110,9 +131,9 @@ def _parquet(file, wanted):
 
 def _text(file, names, shape, wanted, tell):
     """Rows in blocks, so that a large file never stands in memory as text."""
-    columns: list[list[np.ndarray]] = []
+    columns: list[np.ndarray] = []
     chosen, indices, width = [], [], 0
-    for number, line, cells, position in _rows(file, shape):
+    for number, cells, position in _rows(file, shape):
         if not width:
             width = len(names) or len(cells)
             names = names or tuple(str(i + 1) for i in range(width))
@@ -121,7 +142,7 @@ def _text(file, names, shape, wanted, tell):
             indices, block = [names.index(name) for name in chosen], []
         if len(cells) != width:
             raise InputError(f"{file}: line {number}: {len(cells)} cells, expected {width}")
-        block.append([_number(cells[i], shape.decimal, file, number, names[i], line) for i in indices])
+        block.append([_number(cells[i], shape.decimal, file, number, names[i]) for i in indices])
         if len(block) == _BLOCK_ROWS:
             columns.append(np.array(block))
             block = []
@@ -133,7 +154,7 @@ def _text(file, names, shape, wanted, tell):
 
 
 def _rows(file, shape):
-    """(number of the line, line, cells, bytes read so far) of every row of numbers."""
+    """(number of the line, cells, bytes read so far) of every row of numbers."""
     position = 0
     try:
         with file.open("rb") as stream:
@@ -145,7 +166,7 @@ def _rows(file, shape):
                 if index < shape.first or not line.strip() or line.lstrip().startswith(("#", "%")):
                     continue
                 try:
-                    yield index + 1, line, _cells(line, shape.delimiter), position
+                    yield index + 1, _cells(line, shape.delimiter), position
                 except csv.Error as error:
                     raise InputError(f"{file}: line {index + 1}: {error}, expected cells of a table") from None
     except UnicodeDecodeError:
@@ -162,7 +183,7 @@ def _cells(line, delimiter):
     return line.split(delimiter)
 
 
-def _number(cell, decimal, file, number, name, line):
+def _number(cell, decimal, file, number, name):
     text = cell.strip(" \t")
     if not text:
         return np.nan  # no sample

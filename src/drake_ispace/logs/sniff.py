@@ -12,7 +12,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.logs.bags import LOG_TIME, is_bag, read_bag, topics_of
 from drake_ispace.logs.mapping import FORMAT
-from drake_ispace.logs.series import TUM, read_series, shape_of
+from drake_ispace.logs.series import numeric_columns, read_series, shape_of, unwrapped
 
 _TIME = re.compile(r"^(t|time|stamp|timestamp|zeit|secs?|header\.stamp|log_time)([_.\[ (].*)?$|_(time|stamp)$", re.I)
 _SIDES = {
@@ -48,6 +48,24 @@ class Guess:
     reason: str
 
 
+@dataclass(frozen=True)
+class Time:
+    """The proposed column of time, its unit, and why."""
+
+    column: str
+    unit: str
+    reason: str
+
+    @property
+    def value(self) -> str:
+        return f"{{column: {_quoted(self.column)}, unit: {self.unit}}}"
+
+    def first_s(self, columns) -> float:
+        """The first time of a log [s]."""
+        values = columns[self.column]
+        return float(values[np.isfinite(values)][0]) / _TIME_UNITS[self.unit]
+
+
 def sniff(files: list[Path]) -> str:
     """The text of a mapping file for logs of one run, for its reader to correct.
 
@@ -63,7 +81,7 @@ def sniff(files: list[Path]) -> str:
             if found is None or found[0] in channels or "odom" in topic:  # what wheels say of a place is no position
                 continue
             channel, time, guesses, own = found
-            wheels, stamps[channel] = own or wheels, _first_s(time, columns)
+            wheels, stamps[channel] = own or wheels, time.first_s(columns)
             lines = [f"  {channel}:", f"    file: {file.name}{remark}"]
             lines += [f"    topic: {topic}"] if topic else []
             lines += [f"    t: {time.value:44} # {time.reason}", "    columns:"]
@@ -99,8 +117,7 @@ def _tables(file):
         yield "", list(columns), columns, ""
         return
     shape = shape_of(file)
-    names = shape.header or (TUM if file.suffix == ".tum" else ())
-    numeric = _numeric(file, shape, names)
+    numeric = numeric_columns(file, shape) if shape.header else None
     remark = f"   # {'white space' if shape.delimiter == ' ' else repr(shape.delimiter)} between cells" + (
         ", decimal commas" if shape.decimal == "," else ""
     )
@@ -108,26 +125,12 @@ def _tables(file):
     yield "", list(columns), columns, remark
 
 
-def _numeric(file, shape, names):
-    """The columns of a text file that hold numbers."""
-    if not names:
-        return None
-    good = []
-    for name in names:
-        try:
-            read_series(file, [name], shape)
-        except InputError:
-            continue
-        good.append(name)
-    return good
-
-
 def _channel(names, columns):
-    """(channel, Guess of the time, guesses of its columns, names of wheels), or None."""
+    """(channel, Time, guesses of its columns, names of wheels), or None."""
     time = _time(names, columns)
     if time is None:
         return None
-    rest = [name for name in names if name != _column_of(time) and not _TIME.search(name)]
+    rest = [name for name in names if name != time.column and not _TIME.search(name)]
     pose = _pose(rest, columns)
     for channel, endings in _KNOWN.items() if not pose else ():
         chosen = [_ending(rest, ends) for ends in endings.values()]
@@ -156,11 +159,10 @@ def _time(names, columns):
     step, first = float(np.median(np.diff(values))), float(values[0])
     for unit, factor in _TIME_UNITS.items():
         if _EPOCH_S[0] < first / factor < _EPOCH_S[1]:
-            return Guess("t", f"{{column: {_quoted(best)}, unit: {unit}}}", f"rises; {unit} since 1970")
+            return Time(best, unit, f"rises; {unit} since 1970")
     for unit, factor in _TIME_UNITS.items():
         if _STEP_S[0] <= step / factor <= _STEP_S[1]:
-            reason = f"rises by {step:g} a row, in {unit} {factor / step:.3g} Hz"
-            return Guess("t", f"{{column: {_quoted(best)}, unit: {unit}}}", reason)
+            return Time(best, unit, f"rises by {step:g} a row, in {unit} {factor / step:.3g} Hz")
     return None
 
 
@@ -222,8 +224,9 @@ def _wheels(names, columns):
         pairs = [(name, str(i + 1)) for i, name in enumerate(chosen)]
     else:
         return []
-    unwrapped = {name: _unwrapped(columns[name][np.isfinite(columns[name])]) for name, _ in pairs}
-    rise = max((values[-1] - values[0] for values in unwrapped.values()), key=abs)
+    whole = {name: _went_on(columns[name][np.isfinite(columns[name])]) for name, _ in pairs}
+    rises = {name: values[-1] - values[0] for name, values in whole.items()}
+    rise = max(rises.values(), key=abs)
     guesses = []
     for name, wheel in pairs:
         values, text, reason = columns[name][np.isfinite(columns[name])], f"column: {_quoted(name)}", ""
@@ -235,16 +238,16 @@ def _wheels(names, columns):
         else:
             unit = "deg" if np.abs(np.diff(values)).max() > 3.0 else "rad"
             text, reason = f"{text}, unit: {unit}", "an angle"
-        if len(pairs) == 2 and np.sign(unwrapped[name][-1] - unwrapped[name][0]) == -np.sign(rise) != 0.0:
+        if len(pairs) == 2 and np.sign(rises[name]) == -np.sign(rise) != 0.0:
             text, reason = f"{text}, sign: -1", f"{reason}; it falls while the other one rises"
         guesses.append(Guess(f"theta_{wheel}", f"{{{text}}}", reason))
     return guesses
 
 
-def _unwrapped(values):
+def _went_on(values):
+    """A counter as if it did not start again."""
     wraps = _wraps(values)
-    steps = np.diff(values)
-    return values[0] + np.concatenate([[0.0], np.cumsum(steps - (wraps * np.round(steps / wraps) if wraps else 0.0))])
+    return unwrapped(values, wraps) if wraps else values
 
 
 def _wraps(values):
@@ -254,16 +257,6 @@ def _wraps(values):
         if 0.5 * 2**bits < largest <= 2**bits:
             return float(2**bits)
     return 0.0
-
-
-def _first_s(time, columns):
-    """The first time of a log [s]."""
-    values = columns[_column_of(time)]
-    return float(values[np.isfinite(values)][0]) / _TIME_UNITS[time.value.rsplit("unit: ", 1)[-1].rstrip("}")]
-
-
-def _column_of(time):
-    return time.value.removeprefix("{column: ").rsplit(", unit:", 1)[0].strip('"')
 
 
 def _last(name):

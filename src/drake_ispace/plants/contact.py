@@ -14,30 +14,29 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.plants.slip import GRAVITY
 
 FORWARD_R, FORWARD_L, SIDEWAYS, NORMAL_R, NORMAL_L = range(5)
-_BODY_MASS, _LIFTED, _MASS, _PITCHING, _TURNING, _WHEEL, _ROTOR, _GEAR = range(8)
+_PITCHING, _WHEEL, _ROTOR, _GEAR = range(4)
 
 
 def contact_parameters(parameters) -> dict[str, float]:
-    """Return the parameter group `contact` [kg, kg m, kg, kg m^2 ..., 1] of a PendulumPlantParameters."""
+    """Return the parameter group `contact` of a PendulumPlantParameters: what the group `body` lacks [kg m^2, 1]."""
     lifted = parameters.body_mass_kg * parameters.centre_of_gravity_m
     return {
-        "body_mass": parameters.body_mass_kg, "lifted": lifted,
-        "mass": parameters.body_mass_kg + 2.0 * parameters.wheel_mass_kg,
         "pitching": lifted * parameters.centre_of_gravity_m + parameters.body_inertia_pitch_kg_m2,
-        "turning": lifted * parameters.centre_of_gravity_m + parameters.body_inertia_roll_kg_m2
-        - parameters.body_inertia_yaw_kg_m2,
         "wheel_inertia": parameters.wheel_inertia_kg_m2, "rotor_inertia": parameters.rotor_inertia_kg_m2,
         "gear_ratio": parameters.gear_ratio,
     }
 
 
 @kernel
-def contact_forces(balance, accelerations, wheel_rates, torque, radius_m, half_track_m, kappa, contact, out):
+def contact_forces(
+    balance, accelerations, wheel_rates, torque, radius_m, half_track_m, mass, lifted, turning, kappa, contact, out
+):
     """Write forward force of the right and the left wheel, sideways force of both (left positive), normal force of the
     right and the left wheel [N], each from the floor on the robot.
 
     balance (4,): tilt [rad], s_dot [m/s], phi_dot, tilt rate [rad/s]; accelerations (3,): of s, phi and tilt;
-    wheel_rates (2,): relative to the body [rad/s]; torque (2,): between body and wheel, after friction [N m].
+    wheel_rates (2,): relative to the body [rad/s]; torque (2,): between body and wheel, after friction [N m]; mass
+    [kg]: of the robot; lifted [kg m]: m_b z; turning [kg m^2]: m_b z^2 + I_xx - I_zz.
     """
     tilt, speed, turn, lean = balance[0], balance[1], balance[2], balance[3]
     s_acc, yaw_acc, tilt_acc = accelerations
@@ -50,11 +49,11 @@ def contact_forces(balance, accelerations, wheel_rates, torque, radius_m, half_t
         spin_up = wheel * (wheel_acc + tilt_acc) + n * rotor * (n * wheel_acc + tilt_acc)
         out[FORWARD_R + i] = (torque[i] - spin_up) / radius_m[i]
         along += wheel * (wheel_rates[i] + lean) + rotor * (n * wheel_rates[i] + lean)
-    out[SIDEWAYS] = contact[_MASS] * speed * turn + contact[_LIFTED] * (yaw_acc * s + 2.0 * turn * lean * c)
-    normal = contact[_MASS] * GRAVITY - contact[_LIFTED] * (tilt_acc * s + lean * lean * c)
+    out[SIDEWAYS] = mass * speed * turn + lifted * (yaw_acc * s + 2.0 * turn * lean * c)
+    normal = mass * GRAVITY - lifted * (tilt_acc * s + lean * lean * c)
     # d/dt of the angular momentum about the direction of travel, at the middle of the axle, in axes that yaw along
-    roll = -contact[_TURNING] * ((c * c - s * s) * lean * turn + s * c * yaw_acc)
-    roll -= turn * (contact[_PITCHING] * lean + along) + contact[_LIFTED] * c * speed * turn
+    roll = -turning * ((c * c - s * s) * lean * turn + s * c * yaw_acc)
+    roll -= turn * (contact[_PITCHING] * lean + along) + lifted * c * speed * turn
     more = (roll - 0.5 * (radius_m[0] + radius_m[1]) * out[SIDEWAYS]) / half_track_m
     out[NORMAL_R], out[NORMAL_L] = 0.5 * (normal - more), 0.5 * (normal + more)
 

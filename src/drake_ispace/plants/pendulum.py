@@ -270,7 +270,7 @@ def contact(xc, xd, torque, ground_force, radius_m, half_track_m, body, friction
     )
     contact_forces(
         xc[TILT : TILT_RATE + 1], accelerated, own_rates(xc, radius_m, half_track_m, body), net, radius_m, half_track_m,
-        body[KAPPA], contact, out,
+        body[MASS], body[M_B_Z], body[YAW_LYING] - body[YAW_UPRIGHT], body[KAPPA], contact, out,
     )
 
 

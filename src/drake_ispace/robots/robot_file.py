@@ -31,11 +31,9 @@ _SIZES = {
     "mecanum": (
         ("wheel_diameter_m", "wheel_radius_m"), ("track_m", "half_track_m"), ("wheelbase_m", "half_wheelbase_m"),
     ),
-    "tricycle": (
-        ("wheel_diameter_m", "wheel_radius_m"), ("track_m", "half_track_m"), ("wheelbase_m", "half_wheelbase_m"),
-    ),
     "listed": (),
 }
+_SIZES["tricycle"] = _SIZES["mecanum"]
 #: Of a tricycle: columns of its steered and driven front wheel in a log, whose motion the rear wheels take over.
 STEERED = ("theta_front", "steer_front")
 _MOTIONS = ("forward", "sideways", "turning")
@@ -43,7 +41,7 @@ _MOTIONS = ("forward", "sideways", "turning")
 
 @dataclass
 class WheelEntry:
-    """A wheel of the kind `listed`, or what is different of one of another kind."""
+    """A wheel of a robot of the kind `listed`."""
 
     x_m: float = quantity(0.0, "m", minimum=-10.0, maximum=10.0)
     y_m: float = quantity(0.0, "m", minimum=-10.0, maximum=10.0)
@@ -84,6 +82,8 @@ class _Keys:
 
 @dataclass(frozen=True)
 class NamedWheel:
+    """A wheel and its name, by which the columns of logs are found."""
+
     name: str
     wheel: Wheel
 
@@ -253,6 +253,8 @@ def _wheels(keys, sizes, given, where):
             ahead, left = ("front" in name or name.startswith("f")), _side(name, where) == "left"
             roller = -np.pi / 4.0 if ahead == left else np.pi / 4.0  # rollers seen from above make an X
             places.append(Wheel(a if ahead else -a, b if left else -b, 0.0, radius, roller))
+        if len({(wheel.x_m, wheel.y_m) for wheel in places}) < count:
+            raise InputError(f"{where}: wheels: expected front or rear, left or right of each corner, got {shown(names)}")
     yield from (NamedWheel(_checked(name, where), wheel) for name, wheel in zip(names, places, strict=True))
 
 

@@ -61,10 +61,9 @@ def _is_shown(decision, rest, effect) -> bool:
     by_run = _sums(end.likelihood.parts(rest.w) - end.likelihood.parts(named.w), end.runs)
     if sum(rise > MARGIN for rise in by_run.values()) < 2:
         return False
-    residuals = end.likelihood.raw(named.point)
     others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
-    flaws = flaws_of_form(end.view, residuals, others)
-    flawed = end.view.with_noise(end.likelihood.whitening, residuals, True, flaws)
+    flaws = flaws_of_form(end.view, others)
+    flawed = end.view.with_noise(end.likelihood.whitening, end.likelihood.raw(named.point), True, flaws)
     return fit(flawed, others).deviance - fit(flawed, named.point).deviance > _LEAST_RISE
 
 

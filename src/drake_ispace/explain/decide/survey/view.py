@@ -145,12 +145,13 @@ def _tolerated(signatures, scales):
     return changes
 
 
-def flaws_of_form(view: View, residuals: Residuals, point: Point) -> list[Residuals]:
+def flaws_of_form(view: View, point: Point) -> list[Residuals]:
     """Changes of the residuals if an effect of `point` were a little larger or smaller with speed, load, time or place.
 
     No model has the robot's exact form; what such a flaw leaves is not to be taken for a further effect.
     """
     changes, modulations = [], view.prediction.modulations()
+    residuals = view.prediction.residuals(merged(point), view.pool)
     for candidate in point:
         others = {c: z for c, z in point.items() if c is not candidate}
         whole = difference(view.prediction.residuals(merged(others), view.pool), residuals)
