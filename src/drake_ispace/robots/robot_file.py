@@ -254,7 +254,9 @@ def _wheels(keys, sizes, given, where):
             roller = -np.pi / 4.0 if ahead == left else np.pi / 4.0  # rollers seen from above make an X
             places.append(Wheel(a if ahead else -a, b if left else -b, 0.0, radius, roller))
         if len({(wheel.x_m, wheel.y_m) for wheel in places}) < count:
-            raise InputError(f"{where}: wheels: expected front or rear, left or right of each corner, got {shown(names)}")
+            raise InputError(
+                f"{where}: wheels: expected front or rear, left or right of each corner, got {shown(names)}"
+            )
     yield from (NamedWheel(_checked(name, where), wheel) for name, wheel in zip(names, places, strict=True))
 
 
