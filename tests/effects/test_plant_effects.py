@@ -14,6 +14,7 @@ from drake_ispace.effects.library import library
 from drake_ispace.effects.places.plant import EFFECTS
 from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
+from drake_ispace.plants.rover import RoverPlantParameters
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
@@ -36,6 +37,7 @@ CHANGES = [
     ("wheel_radius_error", PENDULUM, {"share": -0.25}, {"wheel_radius_m": 0.06}),
     ("single_wheel_radius_error", OMNI, {"wheel": 3, "share": 0.1}, {"wheel_radius_shares": [0.0, 0.0, 0.1, 0.0]}),
     ("single_wheel_radius_error", PENDULUM, {"wheel": 2, "share": 0.1}, {"wheel_radius_shares": [0.0, 0.1]}),
+    ("wheel_toe", OMNI, {"wheel": 3, "angle_rad": 0.1}, {"wheel_toe_rad": [0.0, 0.0, 0.1, 0.0]}),
     ("track_error", OMNI, {"share": 0.1}, {"wheel_distance_m": 0.396}),
     ("track_error", PENDULUM, {"share": 0.1}, {"half_track_m": 0.22}),
 ]
@@ -96,6 +98,20 @@ def test_odometry_believes_in_the_nominal_robot():
     # wheel 1 drives along +y at 0.18 m: it counts 1/1.25 of its way, 0.08 m/s less of 0.4
     straight = moved("single_wheel_radius_error", {"wheel": 1, "share": 0.25}, np.array([0.0, 0.4, 0.0]))
     assert straight == pytest.approx([0.0, 0.36, -0.08 / 4.0 / 0.18])
+    # wheel 2 drives along -x at 0.18 m: turned by 90 degrees of a small angle it counts the way along -y as its own
+    across = moved("wheel_toe", {"wheel": 2, "angle_rad": 0.1}, np.array([0.0, 0.4, 0.0]))
+    missed = -0.4 * np.sin(0.1)
+    assert across == pytest.approx([-missed / 2.0, 0.4, missed / 4.0 / 0.18])
+
+
+def test_only_wheels_with_rollers_have_a_toe():
+    bodies = [Body(ROBOT[type(OMNI)], OMNI, 4), *(
+        Body(robots()["rover"], RoverPlantParameters(wheels=kind), n) for kind, n in (("omni3", 3), ("differential", 2))
+    )]
+    assert [library()["wheel_toe"].applies_to(body) for body in bodies] == [True, True, False]
+    turned = library()["wheel_toe"].change(bodies[1].robot, bodies[1].plant, {"wheel": 3, "angle_rad": 0.1})
+    assert turned.geometry.wheels[2].drive_rad == pytest.approx(bodies[1].plant.geometry.wheels[2].drive_rad + 0.1)
+    assert turned.nominal_geometry == bodies[1].plant.nominal_geometry
 
 
 @pytest.mark.parametrize("bad, message", [

@@ -42,6 +42,7 @@ TYPICAL = {
         "transmission_backlash": {"gap_rad": 0.12},
         "constant_slip": {"ratio_x": 0.08, "ratio_y": 0.05},
         "wheel_slip": {"gain_x": 0.9, "gain_y": 0.9},
+        "wheel_toe": {"wheel": 3, "angle_rad": 0.06},
         "turn_scrub": {"moment_n_m": 0.12},
         "soft_floor": {"force_n": 1.0},
         "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.012},

@@ -68,6 +68,7 @@ NEUTRAL = {
     "omni": _BOTH | {
         "constant_slip": {"ratio_x": 0.0, "ratio_y": 0.0},
         "wheel_slip": {"gain_x": 0.0, "gain_y": 0.0},
+        "wheel_toe": {"wheel": 1, "angle_rad": 0.0},
         "centre_of_gravity_offset": {"x_m": 0.0, "y_m": 0.0},
     },
     "pendulum": _BOTH | {

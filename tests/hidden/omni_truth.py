@@ -21,6 +21,7 @@ from hidden.effects_truth import (
     drive,
     ground_force,
     motor_torque,
+    of_one_wheel,
     soft_sign,
     steady_slip,
     travelled,
@@ -63,17 +64,19 @@ class Law(NamedTuple):
     scale: float
 
 
-def inverse_kinematics(radii, lever_m):
-    """G (4, 3) of wheels at 0, 90, 180, 270 degrees that drive tangentially."""
+def inverse_kinematics(radii, lever_m, toe=0.0):
+    """G (4, 3) of wheels at 0, 90, 180, 270 degrees that drive tangentially, each turned by its `toe` [rad]."""
     angle = 0.5 * np.pi * np.arange(4)
-    return np.column_stack([-np.sin(angle), np.cos(angle), np.full(4, lever_m)]) / np.asarray(radii)[:, None]
+    arms = lever_m * np.cos(toe) * np.ones(4)
+    return np.column_stack([-np.sin(angle + toe), np.cos(angle + toe), arms]) / np.asarray(radii)[:, None]
 
 
 def true_body(plant, values: dict) -> Body:
     """From the nominal plant's parameters and the effects' `values`."""
     radii = np.full(4, plant.wheel_radius_m * (1.0 + values["wheel_radius_error"]["share"]))
     radii[int(values["single_wheel_radius_error"]["wheel"]) - 1] *= 1.0 + values["single_wheel_radius_error"]["share"]
-    g = inverse_kinematics(radii, 0.5 * plant.wheel_distance_m * (1.0 + values["track_error"]["share"]))
+    lever_m = 0.5 * plant.wheel_distance_m * (1.0 + values["track_error"]["share"])
+    g = inverse_kinematics(radii, lever_m, of_one_wheel("omni", values["wheel_toe"], "angle_rad"))
     mass = plant.mass_kg * (1.0 + values["mass_error"]["share"])
     inertia = plant.inertia_kg_m2 * (1.0 + values["inertia_error"]["share"])
     cx, cy = values["centre_of_gravity_offset"]["x_m"], values["centre_of_gravity_offset"]["y_m"]

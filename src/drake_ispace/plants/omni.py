@@ -22,7 +22,7 @@ from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.plants.slip import RELAXATION, Slip, pose_rates, slip_parameters, traction_rate, traction_slip
 from drake_ispace.plants.tick_memory import deflection, remember, slip_noise, tick_memory
-from drake_ispace.plants.wheels import WheelGeometry, omni4, rescaled
+from drake_ispace.plants.wheels import WheelGeometry, omni4, rescaled, toed
 
 
 @dataclass
@@ -43,13 +43,16 @@ class OmniPlantParameters:
     centre_of_gravity_m: list[float] = quantity([0.0, 0.0], "m", length=2)
     # deviation of each wheel's radius from r_w, as a share of r_w
     wheel_radius_shares: list[float] = quantity([0.0, 0.0, 0.0, 0.0], above=-0.9, length=4)
+    # deviation of each wheel's drive direction from the tangent, anticlockwise
+    wheel_toe_rad: list[float] = quantity([0.0, 0.0, 0.0, 0.0], "rad", minimum=-0.5, maximum=0.5, length=4)
     # none by default, because the coefficients of (3.35) are those of the pendulum
     friction: Friction = field(default_factory=Friction)
     slip: Slip = field(default_factory=Slip)
 
     @property
     def geometry(self) -> WheelGeometry:
-        return rescaled(omni4(self.wheel_radius_m, self.wheel_distance_m), self.wheel_radius_shares)
+        nominal = omni4(self.wheel_radius_m, self.wheel_distance_m)
+        return toed(rescaled(nominal, self.wheel_radius_shares), self.wheel_toe_rad)
 
 
 X, Y, PHI, VX, VY, WZ, LAG, THETA = 0, 1, 2, 3, 4, 5, 6, 9  # continuous state; LAG: 3 lagged traction slips

@@ -15,7 +15,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
-from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, rescaled, ring
+from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, rescaled, ring, toed
 
 WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4, "listed": None}  # kind -> number
 
@@ -42,6 +42,8 @@ class RoverPlantParameters:
     wheel_names: list[str] = quantity([])
     # deviation of each wheel's radius from the nominal one that drive and odometry use, as a share; null: none
     wheel_radius_shares: list[float] | None = quantity(None, above=-1.0)
+    # deviation of each wheel's drive direction from the nominal one, anticlockwise; null: none
+    wheel_toe_rad: list[float] | None = quantity(None, "rad", minimum=-0.5, maximum=0.5)
     # deviation of all distances of the wheels from the nominal ones, as a share
     track_share: float = quantity(0.0, above=-1.0)
     slip: Slip = field(default_factory=Slip)
@@ -55,7 +57,9 @@ class RoverPlantParameters:
     def geometry(self) -> WheelGeometry:
         """The robot's actual wheels."""
         built = _built(self, 1.0 + self.track_share)
-        return built if self.wheel_radius_shares is None else rescaled(built, self.wheel_radius_shares)
+        if self.wheel_radius_shares is not None:
+            built = rescaled(built, self.wheel_radius_shares)
+        return built if self.wheel_toe_rad is None else toed(built, self.wheel_toe_rad)
 
 
 def _built(p, scale):
@@ -138,7 +142,7 @@ class RoverPlant(Block):
         where: path of the parameters in the scenario, for messages.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
+        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame is 1 or more,
             or there is traction slip or slip noise, which this plant does not model.
     """
 
@@ -161,7 +165,7 @@ def block_parameters(parameters: RoverPlantParameters, where: str = "plant") -> 
     """Return the parameters of RoverPlant that follow from wheels and slip.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
+        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame is 1 or more,
             or there is traction slip or slip noise.
     """
     check(parameters, where)
@@ -177,16 +181,16 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
     """Check the settings that depend on each other or are not modelled for this robot.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, or there is traction slip or slip noise; the
+        InputError: the number of radius shares or toe angles is not that of the wheels, or there is traction slip or slip noise; the
             message begins with `where`, the path of the parameters in the scenario.
     """
-    shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels] or len(parameters.wheel_list)
+    n = WHEELS[parameters.wheels] or len(parameters.wheel_list)
     if parameters.wheels == "listed":
         _check_list(parameters, where)
-    if shares is not None and len(shares) != n:
-        raise InputError(
-            f"{where}.wheel_radius_shares: expected {n} values for {parameters.wheels} or null, got {shares}"
-        )
+    for key in ("wheel_radius_shares", "wheel_toe_rad"):
+        values = getattr(parameters, key)
+        if values is not None and len(values) != n:
+            raise InputError(f"{where}.{key}: expected {n} values for {parameters.wheels} or null, got {values}")
     slip = parameters.slip
     for key, value in (("traction_gain", slip.traction_gain), ("noise_std", slip.noise_std)):
         if any(value):

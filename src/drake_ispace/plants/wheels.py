@@ -124,6 +124,16 @@ def rescaled(geometry: WheelGeometry, radius_shares: Sequence[float]) -> WheelGe
     return WheelGeometry(tuple(replace(wheel, radius_m=wheel.radius_m * (1.0 + share)) for wheel, share in pairs))
 
 
+def toed(geometry: WheelGeometry, angles_rad: Sequence[float]) -> WheelGeometry:
+    """Return the wheels of `geometry` with each drive direction turned by its angle, anticlockwise.
+
+    Raises:
+        ValueError: the number of angles is not that of the wheels, or a direction of motion is no longer seen.
+    """
+    pairs = zip(geometry.wheels, angles_rad, strict=True)
+    return WheelGeometry(tuple(replace(wheel, drive_rad=wheel.drive_rad + angle) for wheel, angle in pairs))
+
+
 def differential(radius_m: float, half_track_m: float) -> WheelGeometry:
     """Return two plain wheels, right then left, `half_track_m` (b of (2.36)) from the centre line."""
     return WheelGeometry((

@@ -48,6 +48,7 @@ class Omni(Robot):
         "track": Number(("wheel_distance_m",), (0.01, 0.05), 1e-3),
     }
     has_centre_of_gravity = True
+    has_toe = True
     unknown_forces = (0.15, 0.15, 0.02)
 
     def plant_block(self, settings, plant, start=(0.0, 0.0, 0.0), seed=0, ground=False):

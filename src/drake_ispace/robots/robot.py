@@ -101,7 +101,8 @@ class Robot(abc.ABC):
         ground: coordinates of the forces from the floor; None: the plant takes none.
         numbers: of the plant that may be wrong, among "mass", "inertia", "yaw_inertia", "radius" and "track".
         has_traction_slip: whether its plant knows slip under traction. has_centre_of_gravity: whether its plant knows
-            where its centre of gravity lies. has_imu: whether there is one, and a filter of the tilt.
+            where its centre of gravity lies. has_toe: whether its plant knows the angle by which each wheel is turned.
+        has_imu: whether there is one, and a filter of the tilt.
         own_dynamics: whether errors grow or swing by themselves, as fast as the plant's numbers say.
         unknown_forces: root mean square, assumed, of what pushes it along the coordinates of `ground`; where velocity
             is commanded, of the accelerations by which it leaves its command [m/s^2, m/s^2, rad/s^2].
@@ -125,6 +126,7 @@ class Robot(abc.ABC):
     numbers: ClassVar[Mapping[str, Number]] = {}
     has_traction_slip = True
     has_centre_of_gravity = False
+    has_toe = False
     has_imu = False
     own_dynamics = False
     unknown_forces: tuple[float, float, float] | None = None
@@ -173,12 +175,14 @@ class Robot(abc.ABC):
 
     @property
     def offers(self) -> frozenset[str]:
-        """Names of all that an effect may need: wires, numbers, "slip", "traction", "centre_of_gravity"."""
+        """Names of all that an effect may need: wires, numbers, "slip", "traction", "centre_of_gravity", "toe"."""
         more = set()
         if self.in_room:
             more |= {"slip", "traction"} if self.has_traction_slip else {"slip"}
         if self.has_centre_of_gravity:
             more.add("centre_of_gravity")
+        if self.has_toe:
+            more.add("toe")
         return self.wires | self.numbers.keys() | more
 
     @abc.abstractmethod
@@ -235,6 +239,12 @@ class Robot(abc.ABC):
         for i in wheels:
             shares[i] = shares[i] + share * (1.0 + shares[i])
         return replace(plant, wheel_radius_shares=shares)
+
+    def toed(self, plant, angle_rad: float, wheel: int):
+        """A copy of `plant` with one wheel, counted from 0, turned anticlockwise, unknown to its odometry."""
+        angles = list(plant.wheel_toe_rad or [0.0] * len(plant.geometry.wheels))
+        angles[wheel] += angle_rad
+        return replace(plant, wheel_toe_rad=angles)
 
     def centre_of_gravity(self, plant) -> tuple[Coordinate, ...]:
         """Coordinates of the centre of gravity that may be off; none without `has_centre_of_gravity`."""

@@ -171,7 +171,36 @@ class TrackError(NumberError):
     )
 
 
+class WheelToe(PlantEffect):
+    """The drive direction of one wheel, turned anticlockwise by an angle; of wheels with rollers only.
+
+    A plain tyre that is turned is dragged sideways, which for a robot on two wheels equals a turned marker.
+    """
+
+    needs = ("toe",)
+    choices = ("wheel",)
+    kinematic = True
+    card = Card(
+        name="wheel_toe", title="Toe of one wheel", home="plant",
+        equation="theta_dot_i = (v + wz x p_i) . (cos(drive_i + angle), sin(drive_i + angle)) / r for one wheel i",
+        source="a bracket mounted askew, a bent axle",
+        signature="moving along that wheel's axle turns the wheel: odometry turns and drifts while the robot moves "
+        "straight that way, by the angle times the way",
+        look_alikes=("single_wheel_radius_error", "marker_offset", "encoder_lost_counts", "camera_rotation"),
+        excitation="straight driving along every wheel's axle, both ways: a wheel of another size shows along its "
+        "drive direction, a toe across it; a turned camera leaves the heading's course alone",
+    )
+    parameters = (Parameter("angle_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=2e-3),)
+
+    def applies_to(self, body):
+        """Whether every wheel has rollers."""
+        return super().applies_to(body) and not len(body.plant.geometry.sideways)
+
+    def change(self, robot, plant, values):
+        return robot.toed(plant, values["angle_rad"], int(values["wheel"]) - 1)
+
+
 EFFECTS = (
     MassError(), InertiaError(), YawInertiaError(), CentreOfGravityOffset(), WheelRadiusError(),
-    SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(),
+    SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(), WheelToe(),
 )
