@@ -16,15 +16,19 @@ from pathlib import Path
 import numba
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.linking import KernelCompiler
 
 _SMALL_BYTES = 150  # of byte code
 _MODULES = ("numpy", "math")  # modules that a kernel may use; their functions do not change between two runs
 _cache_dir = threading.Lock()
 
 
-def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatcher:
+def kernel(
+    function: Callable | None = None, *, nogil: bool = False, stands_for: Callable | None = None,
+) -> Dispatcher:
     """Compile `function` with numba and cache the machine code on disk.
 
     The cache key is a hash of the function's source, its global constants and its helper functions.
@@ -32,18 +36,19 @@ def kernel(function: Callable | None = None, *, nogil: bool = False) -> Dispatch
     Args:
         function: a module-level function.
         nogil: release the GIL while the kernel runs, for a long computation that Python calls.
+        stands_for: a function of NumPy that is the same mathematically, and takes the kernel's place in plain Python.
 
     Raises:
         TypeError: the function uses variables of an enclosing function, a module other than numpy and math, or a
             global name that is not defined yet.
     """
     if function is None:
-        return functools.partial(kernel, nogil=nogil)
-    options = jit_options(function) | {"nogil": nogil}
+        return functools.partial(kernel, nogil=nogil, stands_for=stands_for)
+    options = jit_options(function) | {"nogil": nogil, "pipeline_class": KernelCompiler}
     digest, text = _digest(function, options), _text(function)
     folder = None if text is None else cache_folder(digest[:16])  # numba keeps nothing that has no file
     compiled = jitted(function, folder, **options)
-    compiled.digest, compiled.text = digest, text
+    compiled.digest, compiled.text, compiled.stands_for = digest, text, stands_for
     return compiled
 
 
@@ -103,6 +108,8 @@ def _described(value, where: str, name: str = "") -> str:
         return f"{value.__module__}.{value.__name__}"
     if isinstance(value, types.FunctionType):
         return _digest(value)
+    if isinstance(value, _Intrinsic):
+        return inspect.getsource(value._defn)
     if isinstance(value, np.ndarray):
         return f"{value.dtype} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple):
@@ -192,6 +199,8 @@ def plain(compiled: Callable) -> Callable:
     """Return a kernel and its helper kernels as plain Python, which also accepts AutoDiffXd and Expression."""
     if not isinstance(compiled, Dispatcher):
         return compiled
+    if stands_for := getattr(compiled, "stands_for", None):
+        return stands_for
     function = compiled.py_func
     wanted = {"__builtins__", *_global_names(function.__code__)}
     names = {

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import floor
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import normal, stream
 from drake_ispace.blocks.rates import TICK_S
@@ -35,7 +36,7 @@ def hold(tick, xd, command, limit_n_m, resolution_n_m, memory, noise_std_n_m, no
     for i in range(n):
         held = command[i]
         if resolution_n_m > 0.0:
-            held = resolution_n_m * np.floor(held / resolution_n_m + 0.5)
+            held = resolution_n_m * floor(held / resolution_n_m + 0.5)
         held = min(max(held, -limit_n_m), limit_n_m)
         driven = held if memory == 0.0 else memory * xd[n + i] + (1.0 - memory) * held
         out[i], out[n + i], out[2 * n + i] = held, driven, driven

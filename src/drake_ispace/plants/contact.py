@@ -10,6 +10,7 @@ radii its lever is their mean.
 
 import numpy as np
 
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.plants.slip import GRAVITY
 
@@ -40,7 +41,7 @@ def contact_forces(
     """
     tilt, speed, turn, lean = balance[0], balance[1], balance[2], balance[3]
     s_acc, yaw_acc, tilt_acc = accelerations
-    c, s = np.cos(tilt), np.sin(tilt)
+    c, s = cos(tilt), sin(tilt)
     n, rotor, wheel = contact[_GEAR], contact[_ROTOR], contact[_WHEEL]
     along = 0.0
     for i in range(2):

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.functions import tanh
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.quantity import quantity
@@ -104,7 +105,8 @@ def friction_torque(rate, deflection, friction):
         dry = friction[STIFFNESS] * deflection + friction[DAMPING] * rate
         dry = min(max(dry, -limit), limit)
     else:
-        dry = limit * np.tanh(rate / friction[SPEED_SCALE])
+        # no friction costs no time, and one division serves all wheels
+        dry = limit * tanh(rate * (1.0 / friction[SPEED_SCALE])) if limit > 0.0 else 0.0 * rate
     return dry + friction[VISCOUS] * rate
 
 

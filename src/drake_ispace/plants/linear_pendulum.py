@@ -7,6 +7,7 @@ of a physical robot (docs/fidelity.md, row 5). The model shows how the printed n
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.plants.pendulum import (
     PHI,
@@ -46,7 +47,7 @@ def accelerations(tilt, torque, state_terms, input_terms):
 @kernel
 def derivatives(xc, torque, radius_m, half_track_m, state_terms, input_terms, out):
     out[:] = 0.0
-    out[X], out[Y], out[PHI] = xc[S_RATE] * np.cos(xc[PHI]), xc[S_RATE] * np.sin(xc[PHI]), xc[YAW_RATE]
+    out[X], out[Y], out[PHI] = xc[S_RATE] * cos(xc[PHI]), xc[S_RATE] * sin(xc[PHI]), xc[YAW_RATE]
     out[TILT] = xc[TILT_RATE]
     out[S_RATE], out[YAW_RATE], out[TILT_RATE] = accelerations(xc[TILT], torque, state_terms, input_terms)
     out[THETA_R], out[THETA_L] = wheel_rates(xc[S_RATE], xc[YAW_RATE], xc[TILT_RATE], radius_m, half_track_m, 1.0)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream
 from drake_ispace.files.quantity import quantity
@@ -64,21 +65,23 @@ def derivatives(
     slip, out,
 ):
     """Write d/dt of [x, y, phi, vx, vy, wz, traction slip (3), theta_1..n], (2.73) with slip (6.4)."""
-    c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+    c, s = cos(xc[PHI]), sin(xc[PHI])
     wx, wy, wz = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY], xc[WZ]
     fx, fy, moment = 0.0 * wx + ground_force[0], 0.0 * wx + ground_force[1], 0.0 * wx + ground_force[2]
     drive_x, drive_y, drive_moment = 0.0 * wx, 0.0 * wx, 0.0 * wx  # traction from the motor torques only
     nxx, nxy, nyy, nxz, nyz, nzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(torque.shape[0]):
-        gx, gy, gz = wheels[3 * i], wheels[3 * i + 1], wheels[3 * i + 2]
-        rate = gx * wx + gy * wy + gz * wz
+    for i in range(torque.shape[0]):  # loops are short, so that they are unrolled
+        rate = wheels[3 * i] * wx + wheels[3 * i + 1] * wy + wheels[3 * i + 2] * wz
         net = torque[i] - friction_torque(rate, deflection(xc[THETA + i], xd, i), friction)
+        out[THETA + i] = net  # until the next loop
+    for i in range(torque.shape[0]):
+        gx, gy, gz, net = wheels[3 * i], wheels[3 * i + 1], wheels[3 * i + 2], out[THETA + i]
         fx, fy, moment = fx + gx * net, fy + gy * net, moment + gz * net
         drive_x, drive_y = drive_x + gx * torque[i], drive_y + gy * torque[i]
         drive_moment = drive_moment + gz * torque[i]
         nxx, nxy, nyy = nxx + gx * gx, nxy + gx * gy, nyy + gy * gy
         nxz, nyz, nzz = nxz + gx * gz, nyz + gy * gz, nzz + gz * gz
-        out[THETA + i] = rate
+        out[THETA + i] = gx * wx + gy * wy + gz * wz
 
     # traction slip: immediate, or lagged over the relaxation length
     t0 = traction_slip(0, drive_x, mass_kg, slip)
@@ -106,11 +109,12 @@ def derivatives(
     k00, k01, k02 = m11 * m22 - m12 * m12, m02 * m12 - m01 * m22, m01 * m12 - m02 * m11
     k11, k12, k22 = m00 * m22 - m02 * m02, m01 * m02 - m00 * m12, m00 * m11 - m01 * m01
     determinant = m00 * k00 + m01 * k01 + m02 * k02
-    ax = (k00 * b0 + k01 * b1 + k02 * b2) / determinant
-    ay = (k01 * b0 + k11 * b1 + k12 * b2) / determinant
+    share = 1.0 / determinant
+    ax = (k00 * b0 + k01 * b1 + k02 * b2) * share
+    ay = (k01 * b0 + k11 * b1 + k12 * b2) * share
     out[VX] = c * ax - s * ay
     out[VY] = s * ax + c * ay
-    out[WZ] = (k02 * b0 + k12 * b1 + k22 * b2) / determinant
+    out[WZ] = (k02 * b0 + k12 * b1 + k22 * b2) * share
 
 
 @kernel
@@ -136,7 +140,7 @@ def wheel_angle(xc, out):
 @kernel
 def wheel_rate(xc, wheels, out):
     """Write the wheel speeds theta_dot = G R(phi)' v (n) [rad/s]; wheels: G (n, 3), row by row."""
-    c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+    c, s = cos(xc[PHI]), sin(xc[PHI])
     wx, wy = c * xc[VX] + s * xc[VY], -s * xc[VX] + c * xc[VY]
     for i in range(out.shape[0]):
         out[i] = wheels[3 * i] * wx + wheels[3 * i + 1] * wy + wheels[3 * i + 2] * xc[WZ]

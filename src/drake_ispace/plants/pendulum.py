@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream
 from drake_ispace.files.quantity import quantity
@@ -127,7 +128,7 @@ def accelerations(tilt, s_rate, yaw_rate, tilt_rate, tau_r, tau_l, ground_force,
     tau_r, tau_l: torques between body and wheels [N m]; ground_force (3,): generalised force of s [N], phi and theta
     [N m]; radius (2,): right, left [m].
     """
-    c, s = np.cos(tilt), np.sin(tilt)
+    c, s = cos(tilt), sin(tilt)
     right, left = tau_r / radius[0], tau_l / radius[1]
     m11, m12, m23, m33 = body[M11], body[M12], body[M23], body[M33]
     m13 = body[M_B_Z] * c + body[M13_ROTORS]
@@ -249,10 +250,10 @@ def body_motion(
     else:  # slip on the world's axes scales the acceleration in the same way as the velocity
         noise = (n0, slip_noise(xd, 1), n2)
         pose_rates(s_acc, xc[S_RATE] * yaw_rate, 0.0, (x, y, xc[PHI]), (0.0, 0.0, 0.0), noise, slip, out)
-        c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+        c, s = cos(xc[PHI]), sin(xc[PHI])
         forward_acc, sideways_acc = c * out[0] + s * out[1], -s * out[0] + c * out[1]
-    c, s, rate, l = np.cos(xc[TILT]), np.sin(xc[TILT]), xc[TILT_RATE], imu_height_m
-    c_phi, s_phi = np.cos(xc[PHI]), np.sin(xc[PHI])
+    c, s, rate, l = cos(xc[TILT]), sin(xc[TILT]), xc[TILT_RATE], imu_height_m
+    c_phi, s_phi = cos(xc[PHI]), sin(xc[PHI])
     forward_acc = forward_acc + GRAVITY * (c_phi * slope_rad[0] + s_phi * slope_rad[1])
     sideways_acc = sideways_acc + GRAVITY * (c_phi * slope_rad[1] - s_phi * slope_rad[0])
     ax = forward_acc + l * (tilt_acc * c - rate * rate * s) - yaw_rate * yaw_rate * l * s

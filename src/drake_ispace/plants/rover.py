@@ -12,6 +12,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
@@ -100,7 +101,7 @@ def world_velocity(xc, velocity, projection, out):
     """Write the wheel-consistent velocity in W: R(phi) J' G v; projection: J' G (3, 3), row by row."""
     vx = projection[0] * velocity[0] + projection[1] * velocity[1] + projection[2] * velocity[2]
     vy = projection[3] * velocity[0] + projection[4] * velocity[1] + projection[5] * velocity[2]
-    c, s = np.cos(xc[PHI]), np.sin(xc[PHI])
+    c, s = cos(xc[PHI]), sin(xc[PHI])
     out[0] = c * vx - s * vy
     out[1] = s * vx + c * vy
     out[2] = projection[6] * velocity[0] + projection[7] * velocity[1] + projection[8] * velocity[2]
@@ -142,8 +143,8 @@ class RoverPlant(Block):
         where: path of the parameters in the scenario, for messages.
 
     Raises:
-        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame is 1 or more,
-            or there is traction slip or slip noise, which this plant does not model.
+        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame
+            is 1 or more, or there is traction slip or slip noise, which this plant does not model.
     """
 
     def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="plant"):
@@ -165,8 +166,8 @@ def block_parameters(parameters: RoverPlantParameters, where: str = "plant") -> 
     """Return the parameters of RoverPlant that follow from wheels and slip.
 
     Raises:
-        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame is 1 or more,
-            or there is traction slip or slip noise.
+        InputError: the number of radius shares or toe angles is not that of the wheels, a slip ratio in the body frame
+            is 1 or more, or there is traction slip or slip noise.
     """
     check(parameters, where)
     nominal, actual = parameters.nominal_geometry, parameters.geometry
@@ -181,8 +182,8 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
     """Check the settings that depend on each other or are not modelled for this robot.
 
     Raises:
-        InputError: the number of radius shares or toe angles is not that of the wheels, or there is traction slip or slip noise; the
-            message begins with `where`, the path of the parameters in the scenario.
+        InputError: the number of radius shares or toe angles is not that of the wheels, or there is traction slip or
+            slip noise; the message begins with `where`, the path of the parameters in the scenario.
     """
     n = WHEELS[parameters.wheels] or len(parameters.wheel_list)
     if parameters.wheels == "listed":

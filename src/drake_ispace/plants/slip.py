@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.files.quantity import quantity
 
@@ -132,7 +133,7 @@ def pose_rates(vx, vy, wz, pose, traction, noise, slip, out):
 
     vx, vy [m/s], wz [rad/s]: wheel-consistent body velocity; pose: x, y [m], phi [rad] in W; traction, noise: (3,).
     """
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c, s = cos(pose[2]), sin(pose[2])
     out[2] = axis_rate(2, wz, traction[2], noise[2], pose[0], pose[1], slip)
     if slip[FRAME] == 0.0:
         vx = axis_rate(0, vx, traction[0], noise[0], pose[0], pose[1], slip)

@@ -7,7 +7,7 @@ import os
 import platform
 import shutil
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -164,7 +164,7 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
         parameters=packed("parameters"), continuous_state=packed("continuous_state"),
         discrete_state=packed("discrete_state"),
         logged={name: (network.source_size(port), divisor) for name, (port, divisor) in wanted.items()},
-        kernels=emitter.kernels, digest=digest, _function=_machine_code(emitter, digest), _network=network,
+        kernels=emitter.kernels, digest=digest, _function=_of_single_runs(emitter, digest), _network=network,
     )
 
 
@@ -218,35 +218,44 @@ def _digest(emitter: Emitter) -> str:
     return digest.hexdigest()
 
 
-def _machine_code(emitter: Emitter, digest: str):
-    """The compiled function, from the disk where it has been compiled before; damaged entries are made anew."""
+def _of_single_runs(emitter, digest):
+    row, rows = numba.float64[::1], numba.float64[:, ::1]
+    names = {"local": views.local, "part": views.part, **emitter.kernels}
+    arguments = (numba.int64, numba.int64, row, row, row, rows, *[rows] * len(emitter._log))
+    return machine_code(emitter.source, names, arguments, digest)
+
+
+def machine_code(source: str, names: Mapping[str, object], arguments: Sequence, digest: str):
+    """Compile the function `rollout` of a text, or take it from the disk where it has been compiled before.
+
+    Args:
+        source: the text. names: what it uses besides NumPy. arguments: types of its arguments. digest: of the kernels.
+    """
     if (rollouts := cache_folder("rollouts")) is None:
-        return _load(emitter, None)
-    key = f"{digest} {inspect.getsource(views)} {numba.__version__} {np.__version__} {platform.machine()}"
+        return _load(source, names, arguments, None)
+    key = f"{digest} {source} {inspect.getsource(views)} {numba.__version__} {np.__version__} {platform.machine()}"
     folder = rollouts / hashlib.sha256(key.encode()).hexdigest()[:24]
     try:
-        return _load(emitter, folder)
+        return _load(source, names, arguments, folder)
     except (numba.core.errors.NumbaError, SyntaxError):
         raise
     except Exception:  # whatever a damaged cache entry raises: nothing in it is needed
         shutil.rmtree(folder, ignore_errors=True)
     try:
-        return _load(emitter, folder)
+        return _load(source, names, arguments, folder)
     except OSError:  # a full disk
-        return _load(emitter, None)
+        return _load(source, names, arguments, None)
 
 
-def _load(emitter: Emitter, folder: Path | None):
+def _load(source: str, names: Mapping[str, object], arguments: Sequence, folder: Path | None):
     """Compile, or take from `folder` (None: kept nowhere)."""
-    file = "<rollout>" if folder is None else _written(emitter.source, folder)
-    names = {"np": np, "local": views.local, "part": views.part, **emitter.kernels}
+    file = "<rollout>" if folder is None else _written(source, folder)
     # numba finds a cached function again through the name of a module that can be imported
-    names |= {"__name__": __name__, "__file__": str(file)}
-    exec(compile(emitter.source, str(file), "exec"), names)
+    names = {"np": np, **names, "__name__": __name__, "__file__": str(file)}
+    exec(compile(source, str(file), "exec"), names)
     linecache.checkcache(str(file))
     function = jitted(names["rollout"], folder, nogil=True, error_model="numpy")
-    row, rows = numba.float64[::1], numba.float64[:, ::1]
-    function.compile((numba.int64, numba.int64, row, row, row, rows, *[rows] * len(emitter._log)))
+    function.compile(tuple(arguments))
     function.disable_compile()  # arrays of another kind are refused instead of compiled for
     return function
 

@@ -1,29 +1,27 @@
 """Many runs of one Diagram at once, one to a SIMD lane: states, ports and parameters are laid out [element][lane].
 
-The emitted rollout gets loops over the lanes: each loads the numbers of its lane into small vectors, runs the emitted
-lines unchanged, and puts back what they wrote. LLVM turns such a loop into vector instructions. The operations of a
-lane are those of a single run, so are its results, to the last bit. It pays for kernels without branches that depend on
-data and without sin, exp or log, which have no vector form that agrees with the scalar one: plain arithmetic, not the
-robots' plants.
+What the emitted rollout does between two decisions about the tick becomes a loop over the lanes, of which each loads
+the numbers of its lane into small vectors, calls the kernels unchanged, and puts back what they wrote. LLVM turns such
+a loop into vector instructions unless a kernel in it has a loop that depends on data or calls the system's library
+(functions.py takes the place of its sin, exp and so on); then it is run lane by lane. The operations of a lane are
+those of a single run, so are its results, to the last bit.
 """
 
 import ast
-import textwrap
-from collections.abc import Mapping, Sequence
+import copy
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numba
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 from pydrake.systems.framework import Diagram
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.kernels import text_of
 from drake_ispace.rollout import views
-from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram
+from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code
 
-_NUMPY_FUNCTIONS = {"floor", "sqrt"}
-_PYTHON_FUNCTIONS = {"abs", "min", "max", "range"}
+LANES = 16
+_LARGEST = 4096  # floats of a matrix on the stack; a larger one, a long queue, lies on the heap
 
 
 @dataclass(frozen=True)
@@ -33,185 +31,266 @@ class LaneRollout:
     Attributes:
         single: the same Diagram, run by run: names and values of the parameters, what is logged.
         source: the text of the compiled function; lanes: runs at once.
+        varied: (len(parameter_names),) which parameters may differ from those of the Context.
     """
 
     single: Rollout
     source: str
     lanes: int
+    varied: np.ndarray = field(repr=False)
     _function: object = field(repr=False)
 
-    def run(self, ticks: int, parameters: np.ndarray) -> dict[str, np.ndarray]:
-        """Roll out once for every row of `parameters` (runs, len(parameter_names)), from the Context's state.
+    def run(
+        self, ticks: int, parameters, continuous_state=None, discrete_state=None,
+        inputs: Mapping[str, np.ndarray] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Roll out once for every row of `parameters` (runs, len(parameter_names)), from tick 0.
+
+        Args:
+            ticks: length of every run.
+            continuous_state, discrete_state: of all runs, or (runs, n) of each; default that of the Context.
+            inputs: name of an exported input -> (ticks, size) for all runs, or (runs, ticks, size).
 
         Returns:
-            name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives. A run that leaves the
-            numbers goes on with infinities and NaN in its lane instead of stopping.
+            name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives.
 
         Raises:
-            InputError: a number of ticks that no clock holds, or rows of another length.
+            InputError: a number of ticks that no clock holds, rows, states or inputs of a wrong shape or missing,
+                another value of a parameter that is not varied.
         """
         check_ticks(ticks)
+        single = self.single
         parameters = np.atleast_2d(np.asarray(parameters, dtype=float))
-        runs, size = len(parameters), len(self.single.parameters)
-        if parameters.shape != (runs, size):
-            raise InputError(f"parameters: are an array {parameters.shape}, expected (runs, {size})")
-        logs = {
-            name: np.empty((runs, ticks // divisor + 1, size)) for name, (size, divisor) in self.single.logged.items()
-        }
+        if parameters.ndim != 2 or parameters.shape[1] != len(single.parameters):
+            raise InputError(f"parameters: are an array {parameters.shape}, expected (runs, {len(single.parameters)})")
+        fixed = ~self.varied & (parameters != single.parameters).any(axis=0)
+        if fixed.any():
+            name = single.parameter_names[int(np.argmax(fixed))]
+            raise InputError(f"parameters: {name} has another value than it was compiled with, expected it in `varied`")
+        runs = len(parameters)
+        x = _of_each("continuous_state", continuous_state, single.continuous_state, runs)
+        d = _of_each("discrete_state", discrete_state, single.discrete_state, runs)
+        recorded = self._recorded(inputs or {}, ticks, runs)
+        logs = {name: np.empty((runs, ticks // divisor + 1, size)) for name, (size, divisor) in single.logged.items()}
         for start in range(0, runs, self.lanes):
             chosen = np.minimum(np.arange(start, start + self.lanes), runs - 1)  # the last group repeats its last run
-            rows = [np.empty((*log.shape[1:], self.lanes)) for log in logs.values()]
-            p = np.array(parameters[chosen].T, order="C")
-            states = (self.single.continuous_state, self.single.discrete_state)
-            self._function(0, ticks, *(np.repeat(s[:, None], self.lanes, axis=1) for s in states), p, *rows)
-            for log, lanes in zip(logs.values(), rows, strict=True):
-                part = log[start : start + self.lanes]
-                part[:] = np.moveaxis(lanes, -1, 0)[: len(part)]
+            rows = np.ascontiguousarray(parameters[chosen])
+            parts = [np.empty((*log.shape[1:], self.lanes)) for log in logs.values()]
+            shared = recorded[:, :, chosen] if recorded.shape[2] > 1 else np.repeat(recorded, self.lanes, axis=2)
+            reached = np.full(self.lanes, ticks)
+            states = (np.ascontiguousarray(s[chosen].T) for s in (x, d))
+            self._function(0, ticks, *states, np.ascontiguousarray(rows.T), rows, shared, reached, *parts)
+            for (_, divisor), log, part in zip(single.logged.values(), logs.values(), parts, strict=True):
+                group = log[start : start + self.lanes]
+                group[:] = np.moveaxis(part, -1, 0)[: len(group)]
+                for run in np.flatnonzero(reached[: len(group)] < ticks):
+                    group[run, reached[run] // divisor + 1 :] = np.nan
         return logs
 
+    def _recorded(self, inputs, ticks, runs):
+        """(ticks, columns, 1) for all runs, or (ticks, columns, runs)."""
+        each = {name for name, signal in inputs.items() if np.ndim(signal) == 3}
+        for name in each:
+            if len(inputs[name]) != runs:
+                raise InputError(f"the signal of input {name!r} is of {len(inputs[name])} runs, expected {runs}")
+        if not each:
+            return self.single.opened(ticks, inputs)[1][:, :, None]
+        by_run = ({n: s[run] if n in each else s for n, s in inputs.items()} for run in range(runs))
+        return np.stack([self.single.opened(ticks, one)[1] for one in by_run], axis=2)
 
-def compile_lanes(diagram: Diagram, log: Mapping[str, int] | None = None, lanes: int = 32) -> LaneRollout:
-    """Compile `diagram` for `lanes` runs at once; log: as of `compile_diagram`.
+
+def compile_lanes(
+    diagram: Diagram, log: Mapping[str, int] | None = None, lanes: int = LANES, varied: Iterable[str] | None = None,
+) -> LaneRollout:
+    """Compile `diagram` for `lanes` runs at once; log: as of `compile_diagram`, varied: as of `lanes_of`.
 
     Raises:
-        InputError: exported inputs, or a kernel that gains nothing from lanes, named with the reason.
+        InputError: as `compile_diagram`, or a name in `varied` that no parameter has.
     """
-    single = compile_diagram(diagram, log=log)
-    if single.inputs:
-        raise InputError("lanes: exported inputs are not laid out in lanes, expected a Diagram without inputs")
-    for name, kernel in single.kernels.items():
-        if reason := _obstacle(kernel):
-            raise InputError(f"lanes: kernel {name} {reason}, expected arithmetic without branches on data")
-    text = _Writer(ast.parse(single.source).body[0], lanes).text
-    names = {"np": np, "local": views.local, "matrix": views.matrix, **single.kernels}
-    exec(compile(text, "<lanes>", "exec"), names)
-    function = numba.njit(nogil=True, error_model="numpy")(names["rollout"])
+    return lanes_of(compile_diagram(diagram, log=log), lanes, varied)
+
+
+def lanes_of(single: Rollout, lanes: int = LANES, varied: Iterable[str] | None = None) -> LaneRollout:
+    """Compile a Diagram, compiled for single runs, for `lanes` runs at once.
+
+    varied: names of the parameters that may differ from run to run, default all. The others become constants, so that
+    what they switch off costs nothing. Random streams always vary.
+
+    Raises:
+        InputError: there is no parameter of a name in `varied`.
+    """
+    names = single.parameter_names
+    may_vary = np.array([varied is None or ".noise_stream[" in name for name in names], dtype=bool)
+    for name in varied or ():
+        may_vary[single.index(name)] = True
+    text = _Writer(ast.parse(single.source).body[0], lanes, single.parameters, may_vary).text
+    functions = {"local": views.local, "matrix": views.matrix, "part": views.part, **single.kernels}
     rows, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
-    function.compile((numba.int64, numba.int64, rows, rows, rows, *[cube] * len(single.logged)))
-    function.disable_compile()
-    return LaneRollout(single, text, lanes, function)
+    arguments = (numba.int64, numba.int64, rows, rows, rows, rows, cube, numba.int64[::1])
+    function = machine_code(text, functions, (*arguments, *[cube] * len(single.logged)), single.digest)
+    return LaneRollout(single, text, lanes, may_vary, function)
+
+
+def _of_each(name, values, default, runs):
+    """(runs, n) states."""
+    states = np.asarray(default if values is None else values, dtype=float)
+    if states.shape not in (default.shape, (runs, *default.shape)):
+        raise InputError(f"{name}: is an array {states.shape}, expected {default.shape} or {(runs, *default.shape)}")
+    return np.broadcast_to(states, (runs, *default.shape))
 
 
 class _Writer:
     """The text of an emitted rollout, rewritten for lanes.
 
-    A vector `v` is that of the lane at hand; `lanes_v` holds it for all lanes. One that lives only inside a single loop
-    over the lanes has no `lanes_v`.
+    A vector `v` is that of the lane at hand; `lanes_v` holds it for all lanes.
     """
 
-    def __init__(self, rollout: ast.FunctionDef, lanes: int):
-        self._lanes = lanes
+    def __init__(self, rollout: ast.FunctionDef, lanes: int, parameters: np.ndarray, varied: np.ndarray):
+        self._lanes, self._parameters, self._varied = lanes, parameters, varied
+        self._sizes: dict[str, int] = {}  # of vectors
+        self._views: dict[str, str] = {}  # parameters that are one float, or a table -> where they lie
         body = rollout.body[1:]
         ticks = next(i for i, s in enumerate(body) if isinstance(s, ast.For) and ast.unparse(s.target) == "k")
         head, loop, tail = body[:ticks], body[ticks].body, body[ticks + 1 :]
-        self._sizes: dict[str, int] = {}  # of vectors
-        self._scalars: dict[str, int] = {}  # parameters that are one float -> where in p
-        filled = [s for s in head if isinstance(s, ast.For)]
+        filled = [statement for statement in head if isinstance(statement, ast.For)]
+        self._constants = {name: values for name, values in map(self._filled, filled) if values is not None}
         for statement in head:
             if isinstance(statement, ast.Assign):
-                self._declare(statement, filled)
-        groups = _groups(loop)
-        self._shared = {v for v in self._sizes if any(v in _names(s) for s in filled) or _crosses(v, groups)}
-        arguments = ", ".join(a.arg for a in rollout.args.args if a.arg != "recorded")
-        lines = [f"def rollout({arguments}):", '    """One more index on every array: the lane."""']
-        lines += [f"    {v} = local({size})" for v, size in self._sizes.items()]
-        lines += [f"    lanes_{v} = matrix({size}, {lanes})" for v, size in self._sizes.items() if v in self._shared]
-        lines += self._loop(filled, "    ")
-        lines += ["    for k in range(first, last + 1):"]
-        for condition, statements in groups:
-            if condition == "k == last":
-                lines += ["        if k == last:", "            break"]
-            elif statements:
-                lines += [f"        if {condition}:"] if condition else []
-                lines += self._loop(statements, "            " if condition else "        ")
-        lines += self._loop([s for s in tail if isinstance(s, ast.For)], "    ")
-        self.text = "\n".join([*lines, "    return last", ""])
+                self._declare(statement)
+        self._begun = [loop for loop in filled if {"x", "d"} & _names(loop)]
+        start = [line for loop in filled if not set(self._constants) & _names(loop) for line in self._copy(loop)]
+        store = [line for statement in tail if isinstance(statement, ast.For) for line in self._copy(statement)]
+        inner = self._block(loop)
+        logs = "".join(f", {a.arg}" for a in rollout.args.args if a.arg.startswith("log_"))
+        vectors = [line for v, size in self._sizes.items() for line in self._made(v, size)]
+        for name, values in self._constants.items():
+            vectors += [f"{name} = local({len(values)})", *(f"{name}[{i}] = {_text(v)}" for i, v in enumerate(values))]
+        lines = [
+            f"def rollout(first, last, x, d, p, rows, recorded, reached{logs}):",
+            '    """One more index on every array, the lane; rows: the parameters lane by lane."""',
+            *_indented([*vectors, "empty = local(0)", *start, "for k in range(first, last + 1):", *_indented(inner)]),
+            *_indented(store),
+        ]
+        self.text = "\n".join([*lines, ""])
 
-    def _declare(self, statement, filled):
+    def _made(self, vector, size):
+        if size * self._lanes <= _LARGEST:
+            return [f"{vector} = local({size})", f"lanes_{vector} = matrix({size}, {self._lanes})"]
+        return [f"{vector} = np.zeros({size})", f"lanes_{vector} = np.zeros(({size}, {self._lanes}))"]
+
+    def _filled(self, loop: ast.For) -> tuple[str, np.ndarray | None]:
+        """The vector that a loop fills, and its values if they are parameters that do not vary."""
+        (assignment,) = loop.body
+        name, source = assignment.targets[0].value.id, assignment.value
+        if source.value.id != "p":
+            return name, None
+        start = source.slice.left.value if isinstance(source.slice, ast.BinOp) else 0
+        part = slice(start, start + loop.iter.args[0].value)
+        return name, None if self._varied[part].any() else self._parameters[part]
+
+    def _declare(self, statement):
         name, value = statement.targets[0].id, statement.value
-        if isinstance(value, ast.Call) and ast.unparse(value.func) == "np.zeros":
-            raise InputError(f"lanes: {name} has {value.args[0].value} floats, expected vectors that fit on the stack")
-        if isinstance(value, ast.Call) and value.func.id == "local":
+        if isinstance(value, ast.Subscript):  # p[7]
+            place = value.slice.value
+            self._views[name] = f"p[{place}, lane]" if self._varied[place] else _text(self._parameters[place])
+        elif isinstance(value, ast.Call) and ast.unparse(value.func) == "part":  # part(p, start, size)
+            self._views[name] = f"part(rows[lane], {', '.join(map(ast.unparse, value.args[1:]))})"
+        elif isinstance(value, ast.Call) and name != "empty" and name not in self._constants:  # local(size)
             self._sizes[name] = value.args[0].value
-        elif isinstance(value, ast.Call):  # part(p, start, size)
-            start, self._sizes[name] = (argument.value for argument in value.args[1:])
-            filled += ast.parse(f"for i in range({self._sizes[name]}):\n    {name}[i] = p[{start} + i]").body
-        elif isinstance(value, ast.Subscript):
-            self._scalars[name] = value.slice.value
 
-    def _loop(self, statements: Sequence[ast.stmt], indent: str) -> list[str]:
-        """The statements for one lane after the other, with what they read and write loaded and stored."""
-        used, written = set().union(*map(_names, statements)), set().union(*map(_written, statements))
-        inner = [f"{name} = p[{place}, lane]" for name, place in self._scalars.items() if name in used]
-        for vector, size in self._sizes.items():
-            if vector in self._shared & used:
-                inner += [f"for i in range({size}):", f"    {vector}[i] = lanes_{vector}[i, lane]"]
+    def _block(self, statements: Sequence[ast.stmt]) -> list[str]:
+        """Statements, those between two decisions in one loop over the lanes."""
+        lines, group = [], []
         for statement in statements:
-            inner += ast.unparse(ast.fix_missing_locations(_PackedIndex().visit(statement))).splitlines()
-        for vector, size in self._sizes.items():
-            if vector in self._shared & written:
-                inner += [f"for i in range({size}):", f"    lanes_{vector}[i, lane] = {vector}[i]"]
-        return [f"{indent}for lane in range({self._lanes}):", *(f"{indent}    {line}" for line in inner)]
+            if isinstance(statement, ast.Expr | ast.For):
+                group.append(statement)
+            elif isinstance(statement, ast.Assign):  # the length of a step
+                lines.append(ast.unparse(statement))
+            else:
+                lines += self._group(group) + self._decision(statement)
+                group = []
+        return lines + self._group(group)
+
+    def _decision(self, statement: ast.If) -> list[str]:
+        if "finite" in _names(statement):
+            return self._watch(statement)
+        inner = ["break"] if isinstance(statement.body[0], ast.Break) else self._block(statement.body)
+        return [f"if {ast.unparse(statement.test)}:", *_indented(inner)]
+
+    def _group(self, group: Sequence[ast.stmt]) -> list[str]:
+        """Kernels and copies for one lane after the other, on vectors that are loaded before and stored after them."""
+        if not group:
+            return []
+        used = list(dict.fromkeys(name for statement in group for name in _names_in_order(statement)))
+        lines = [f"{name} = {self._views[name]}" for name in used if name in self._views]
+        for name in used:
+            if name in self._sizes:
+                lines += [f"for i in range({self._sizes[name]}):", f"    {name}[i] = lanes_{name}[i, lane]"]
+        for statement in group:
+            lines += self._elements(statement, {}) if isinstance(statement, ast.For) else [ast.unparse(statement)]
+        for name in dict.fromkeys(name for statement in group for name in _written(statement)):
+            if name in self._sizes:
+                lines += [f"for i in range({self._sizes[name]}):", f"    lanes_{name}[i, lane] = {name}[i]"]
+        return self._looped(lines)
+
+    def _copy(self, loop: ast.For) -> list[str]:
+        """An element-wise copy between what is laid out in lanes."""
+        return self._looped(self._elements(loop, self._sizes))
+
+    def _elements(self, loop: ast.For, laid_out: Mapping[str, int]) -> list[str]:
+        """An element-wise copy of one lane; laid_out: vectors that are taken from all lanes."""
+        body = [ast.unparse(_Laned(laid_out).visit(copy.deepcopy(inner))) for inner in loop.body]
+        return [f"for i in {ast.unparse(loop.iter)}:", *_indented(body)]
+
+    def _watch(self, statement: ast.If) -> list[str]:
+        """Note the tick at which a single run would stop; the lane begins anew, so that no index is made of a NaN."""
+        looks = [inner for inner in statement.body if isinstance(inner, ast.For)]
+        again = [line for loop in self._begun for line in self._elements(loop, self._sizes)]
+        lines = [
+            "finite = True", *(line for loop in looks for line in self._elements(loop, self._sizes)),
+            "if not finite:", *_indented(["reached[lane] = min(reached[lane], k)", *again]),
+        ]
+        return [f"if {ast.unparse(statement.test)}:", *_indented(self._looped(lines))]
+
+    def _looped(self, lines: Sequence[str]) -> list[str]:
+        return [f"for lane in range({self._lanes}):", *_indented(lines)]
 
 
-class _PackedIndex(ast.NodeTransformer):
-    """Appends the lane to the index of the arrays that the caller passes."""
+class _Laned(ast.NodeTransformer):
+    """Appends the lane to the index of the arrays that hold all lanes: those of the caller, and `vectors`."""
+
+    def __init__(self, vectors: Mapping[str, int]):
+        self._vectors = vectors
 
     def visit_Subscript(self, node):
-        if isinstance(node.value, ast.Name) and (node.value.id in ("x", "d", "p") or node.value.id.startswith("log_")):
-            inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-            node.slice = ast.Tuple([*inner, ast.Name("lane", ast.Load())], ast.Load())
+        name = node.value.id
+        if name in self._vectors:
+            node.value.id = f"lanes_{name}"
+        elif name not in ("x", "d", "p", "recorded") and not name.startswith("log_"):
+            return node
+        inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        node.slice = ast.Tuple([*inner, ast.Name("lane", ast.Load())], ast.Load())
         return node
 
 
-def _groups(loop: Sequence[ast.stmt]) -> list[tuple[str | None, list[ast.stmt]]]:
-    """The body of the loop over the ticks as (condition, statements): LLVM vectorises only loops without branches."""
-    groups: list[tuple[str | None, list[ast.stmt]]] = [(None, [])]
-    for statement in loop:
-        if not isinstance(statement, ast.If):
-            groups[-1][1].append(statement)
-        elif "reached" not in _names(statement):  # lanes do not stop early
-            groups += [(ast.unparse(statement.test), statement.body), (None, [])]
-    return groups
-
-
-def _crosses(vector, groups) -> bool:
-    """Whether a vector carries something from one group, or tick, to another."""
-    return sum(any(vector in _names(s) for s in statements) for _, statements in groups) > 1
-
-
 def _names(node) -> set[str]:
-    return {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)}
+    return set(_names_in_order(node))
 
 
-def _written(node) -> set[str]:
+def _names_in_order(statement) -> list[str]:
+    return [inner.id for inner in ast.walk(statement) if isinstance(inner, ast.Name)]
+
+
+def _written(statement) -> list[str]:
     """The vectors that a statement writes: targets, and the last argument of a kernel."""
-    if isinstance(node, ast.For):
-        return set().union(*map(_written, node.body))
-    if isinstance(node, ast.Expr):
-        return _names(node.value.args[-1])
-    return {target.value.id for target in node.targets if isinstance(target, ast.Subscript)}
+    if isinstance(statement, ast.Expr):
+        return [statement.value.args[-1].id]
+    return [target.value.id for inner in statement.body for target in inner.targets]
 
 
-def _obstacle(kernel: Dispatcher) -> str | None:
-    """Why a kernel, or a helper of it, gains nothing from lanes."""
-    function = kernel.py_func
-    text = text_of(kernel)
-    if text is None:
-        return "has no source text"
-    (definition,) = ast.parse(textwrap.dedent(text)).body
-    for node in definition.body:
-        for inner in ast.walk(node):
-            if isinstance(inner, ast.If | ast.While):
-                return f"branches in line {inner.lineno} of {function.__name__}"
-            if not isinstance(inner, ast.Call):
-                continue
-            if isinstance(inner.func, ast.Attribute) and inner.func.attr not in _NUMPY_FUNCTIONS:
-                return f"calls {ast.unparse(inner.func)}"
-            helper = function.__globals__.get(getattr(inner.func, "id", None))
-            if isinstance(helper, Dispatcher):
-                if reason := _obstacle(helper):
-                    return reason
-            elif isinstance(inner.func, ast.Name) and inner.func.id not in _PYTHON_FUNCTIONS:
-                return f"calls {inner.func.id}"
-    return None
+def _text(value) -> str:
+    return repr(float(value)).replace("inf", "np.inf")
+
+
+def _indented(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" for text in lines for line in text.split("\n")]

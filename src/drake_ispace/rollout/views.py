@@ -14,6 +14,7 @@ from numba.core.errors import RequireLiteralValue
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+_CACHE_LINE = 64  # bytes, and the longest vector register; a store over the end of one takes twice as long
 _VECTOR, _MATRIX = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2))
 
 
@@ -59,6 +60,7 @@ def _literal(size):
 
 def _zeros(builder, count):
     memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), count), zfill=True)
+    memory.align = _CACHE_LINE
     return builder.bitcast(memory, ir.DoubleType().as_pointer())
 
 

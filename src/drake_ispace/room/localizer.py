@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import atan2, cos, floor, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import FIX, POSE
 from drake_ispace.blocks.noise import normal, stream, uniform
@@ -44,7 +45,7 @@ def marker(place, pixel, noise, whole):
     pixel: size of a pixel [m]; noise: added before rounding [pixels]; whole: 1 to round to the centre of a pixel, or 0.
     """
     at = place / pixel + noise
-    return pixel * (np.floor(at) + 0.5) if whole > 0.0 else pixel * at
+    return pixel * (floor(at) + 0.5) if whole > 0.0 else pixel * at
 
 
 @kernel
@@ -69,11 +70,11 @@ def see(tick, robot, x, y, phi, camera, noise_stream, out):
         n1 = noise_std * normal(noise_stream, tick, channel + 1)
         n2 = noise_std * normal(noise_stream, tick, channel + 2)
         n3 = noise_std * normal(noise_stream, tick, channel + 3)
-    dx, dy = 0.5 * spacing * np.cos(phi), 0.5 * spacing * np.sin(phi)
+    dx, dy = 0.5 * spacing * cos(phi), 0.5 * spacing * sin(phi)
     front_x, front_y = marker(x + dx, pixel_x, n0, whole), marker(y + dy, pixel_y, n1, whole)
     rear_x, rear_y = marker(x - dx, pixel_x, n2, whole), marker(y - dy, pixel_y, n3, whole)
     out[FIX.seen], out[FIX.x], out[FIX.y] = 1.0, 0.5 * (front_x + rear_x), 0.5 * (front_y + rear_y)
-    out[FIX.phi] = np.arctan2(front_y - rear_y, front_x - rear_x)
+    out[FIX.phi] = atan2(front_y - rear_y, front_x - rear_x)
 
 
 def camera_of(localizer: Localizer, half_width_m: float, half_depth_m: float) -> dict[str, float]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import floor
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ENCODER, encoder_size
 from drake_ispace.blocks.rates import TICK_S
@@ -35,7 +36,7 @@ def sample(tick, xd, wheel_angle, wheel_rate, counts_per_turn, velocity_mode, me
         angle = wheel_angle[i]
         if counts_per_turn > 0.0:
             step = 2.0 * np.pi / counts_per_turn
-            angle = step * np.floor(angle / step + 0.5)  # the wheel starts in the middle of a count
+            angle = step * floor(angle / step + 0.5)  # the wheel starts in the middle of a count
         difference = 0.0 if xd[ENCODER.tick] < 0.0 else (angle - xd[theta + i]) / TICK_S
         out[theta + i] = angle
         if velocity_mode == 0.0:

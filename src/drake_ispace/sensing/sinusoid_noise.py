@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import POSE, STATE
 from drake_ispace.blocks.noise import normal, stream, uniform
@@ -32,7 +33,7 @@ def noise_at(time_s, index, channel, frequency_hz, white_share, noise_stream):
     selects the draw of the white noise.
     """
     phase = 2.0 * np.pi * uniform(noise_stream, 0, channel)
-    value = np.sin(2.0 * np.pi * frequency_hz * time_s + phase)
+    value = sin(2.0 * np.pi * frequency_hz * time_s + phase)
     if white_share > 0.0:
         value += white_share * normal(noise_stream, index, 2 + channel)
     return value
@@ -43,7 +44,7 @@ def sample(tick, pose, balance, start, amplitude, frequency_hz, white_share, noi
     """Sample the state with its noise into x_d, which is the message."""
     out[STATE.tick] = tick
     dx, dy = pose[POSE.x] - start[POSE.x], pose[POSE.y] - start[POSE.y]
-    out[STATE.s] = np.cos(start[POSE.phi]) * dx + np.sin(start[POSE.phi]) * dy
+    out[STATE.s] = cos(start[POSE.phi]) * dx + sin(start[POSE.phi]) * dy
     out[STATE.theta], out[STATE.s_dot], out[STATE.theta_dot] = balance[0], balance[1], balance[3]
     for i in range(2):
         if amplitude[i] > 0.0:

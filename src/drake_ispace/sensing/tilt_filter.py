@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import atan2
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import IMU, TILT
 from drake_ispace.blocks.rates import TICK_S
@@ -61,7 +62,7 @@ def step(xd, imu, rate_variance, bias_variance, gyro_variance, accelerometer_var
 
     # direction of the specific force: H = [1, 0, 0]
     spread = p00 + accelerometer_variance
-    innovation = np.arctan2(-imu[IMU.ax], imu[IMU.az]) - tilt
+    innovation = atan2(-imu[IMU.ax], imu[IMU.az]) - tilt
     k0, k1, k2 = p00 / spread, p01 / spread, p02 / spread
     out[TILT.tick] = imu[IMU.tick]
     out[TILT.angle], out[TILT.rate] = tilt + k0 * innovation, rate + k1 * innovation

@@ -25,6 +25,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import tanh
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ERROR, TILT, WHEEL_PAIR
 from drake_ispace.blocks.rates import TICK_S
@@ -78,7 +79,7 @@ TICK, COULOMB, VISCOUS, ENERGY = 0, 1, 2, 3  # x_d: tick of the last sample, c_c
 @kernel
 def faded_sign(rate, dead_band, scale):
     """Return the sign of `rate`, smoothed: zero inside the dead band, beyond it rising to +-1 over `scale`."""
-    return np.sign(rate) * np.tanh(max(abs(rate) - dead_band, 0.0) / scale)
+    return np.sign(rate) * tanh(max(abs(rate) - dead_band, 0.0) / scale)
 
 
 @kernel

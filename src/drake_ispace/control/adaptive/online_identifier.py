@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import IMU, TILT, WHEEL_PAIR
 from drake_ispace.blocks.rates import TICK_S
@@ -72,7 +73,7 @@ def step(xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit, dead_b
     out[REG + 1] = keep * xd[REG + 1] + add * signs / sizes[1]
     out[REG + 2] = speed / sizes[2]
     out[REG + 3] = keep * xd[REG + 3] + add * (torque[0] + torque[1]) / sizes[3]
-    level = (imu[IMU.ax] + GRAVITY * np.sin(tilt[TILT.angle])) / np.cos(tilt[TILT.angle])
+    level = (imu[IMU.ax] + GRAVITY * sin(tilt[TILT.angle])) / cos(tilt[TILT.angle])
     out[ACC] = keep * xd[ACC] + add * level
     out[ACC + 1] = keep * xd[ACC + 1] + add * (imu[IMU.wy] - xd[GYRO]) / TICK_S
     for j in range(2):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import POSE, STATE, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S
@@ -31,7 +32,7 @@ def step(xd, state, way_point, start, out):
     if state[STATE.tick] == xd[TICK]:
         return
     dx, dy = way_point[WAY_POINT.x] - start[POSE.x], way_point[WAY_POINT.y] - start[POSE.y]
-    r = np.cos(start[POSE.phi]) * dx + np.sin(start[POSE.phi]) * dy
+    r = cos(start[POSE.phi]) * dx + sin(start[POSE.phi]) * dy
     if xd[TICK] >= 0.0 and way_point[WAY_POINT.tick] >= 0.0:
         out[INTEGRAL] = xd[INTEGRAL] + TICK_S * (r - state[STATE.s])
     copy(state[STATE.s :], out[MEASURED:])

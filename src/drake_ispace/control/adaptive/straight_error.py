@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.messages import ERROR, PATH, POSE, WAY_POINT
 
@@ -10,7 +11,7 @@ from drake_ispace.blocks.messages import ERROR, PATH, POSE, WAY_POINT
 @kernel
 def straight(path, way_point, start, out):
     """Write s_e [m], phi_h [rad] and the way point's speed [m/s] along the line through `start` (x, y, phi in W)."""
-    c, s = np.cos(start[POSE.phi]), np.sin(start[POSE.phi])
+    c, s = cos(start[POSE.phi]), sin(start[POSE.phi])
     out[:] = 0.0
     if way_point[WAY_POINT.tick] >= 0.0:
         dx, dy = way_point[WAY_POINT.x] - start[POSE.x], way_point[WAY_POINT.y] - start[POSE.y]

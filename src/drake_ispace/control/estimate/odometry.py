@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ENCODER, ESTIMATE, PATH, TILT, WHEEL_PAIR, encoder_size
 from drake_ispace.plants.wheels import WheelGeometry
@@ -14,7 +15,7 @@ S, BEFORE = len(ESTIMATE), len(ESTIMATE) + 1  # x_d: the estimate, s, then wheel
 def advance(xd, forward, side, turn, out):
     """Advance the pose and s by a body displacement forward, sideways [m] and turn [rad], at the mean heading."""
     heading = xd[ESTIMATE.phi] + 0.5 * turn
-    c, s = np.cos(heading), np.sin(heading)
+    c, s = cos(heading), sin(heading)
     out[ESTIMATE.x] = xd[ESTIMATE.x] + c * forward - s * side
     out[ESTIMATE.y] = xd[ESTIMATE.y] + s * forward + c * side
     out[ESTIMATE.phi] = xd[ESTIMATE.phi] + turn

@@ -10,6 +10,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ESTIMATE, FIX, POSE
 
@@ -42,7 +43,7 @@ def step(xd, odometry, fix, rotate, out):
 def estimate(xd, odometry, rotate, out):
     """Write the tick and P_es[i, k] of (6.6), heading wrapped to [-pi, pi); rotate: 0 omits the rotation R."""
     turn = (xd[EV + POSE.phi] - xd[LO + POSE.phi]) if rotate > 0.0 else 0.0
-    c, s = np.cos(turn), np.sin(turn)
+    c, s = cos(turn), sin(turn)
     dx, dy = odometry[ESTIMATE.x] - xd[LO + POSE.x], odometry[ESTIMATE.y] - xd[LO + POSE.y]
     out[ESTIMATE.tick] = odometry[ESTIMATE.tick]
     out[ESTIMATE.x] = xd[EV + POSE.x] + c * dx - s * dy

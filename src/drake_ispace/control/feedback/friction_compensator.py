@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import tanh
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.messages import ENCODER, encoder_size
 from drake_ispace.files.quantity import quantity
@@ -28,12 +29,14 @@ def compensate(torque, encoder, coulomb_n_m, viscous_n_m_s, dead_band_rad_s, spe
     """Write the torques plus the expected friction [N m]; no friction is added inside the dead band."""
     n = torque.shape[0]
     omega = ENCODER.theta + n
+    steepness = 1.0 / speed_scale_rad_s
+    for i in range(n):  # loops are short, so that they are unrolled
+        beyond = max(abs(encoder[omega + i]) - dead_band_rad_s, 0.0)
+        out[i] = tanh(beyond * steepness) if coulomb_n_m > 0.0 else 0.0  # none costs no time
     for i in range(n):
         rate = encoder[omega + i]
-        beyond = max(abs(rate) - dead_band_rad_s, 0.0)
-        direction = np.tanh(beyond / speed_scale_rad_s) * np.sign(rate)
-        moving = rate if beyond > 0.0 else 0.0
-        out[i] = torque[i] + coulomb_n_m * direction + viscous_n_m_s * moving
+        moving = rate if abs(rate) > dead_band_rad_s else 0.0
+        out[i] = torque[i] + coulomb_n_m * (out[i] * np.sign(rate)) + viscous_n_m_s * moving
 
 
 class FrictionCompensator(Block):

@@ -1,8 +1,8 @@
 """Wheel torques from a desired force on the robot, tau = J' F, (2.65), at the estimated heading."""
 
-import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.messages import ESTIMATE
 from drake_ispace.plants.wheels import WheelGeometry
@@ -12,7 +12,7 @@ from drake_ispace.plants.wheels import WheelGeometry
 def wheel_torques(force, estimate, jacobian, out):
     """Write J' F [N m] with F rotated from W to B by the estimated heading; jacobian: J in B (3, n), row by row."""
     n = out.shape[0]
-    c, s = np.cos(estimate[ESTIMATE.phi]), np.sin(estimate[ESTIMATE.phi])
+    c, s = cos(estimate[ESTIMATE.phi]), sin(estimate[ESTIMATE.phi])
     fx, fy = c * force[0] + s * force[1], -s * force[0] + c * force[1]
     for i in range(n):
         out[i] = jacobian[i] * fx + jacobian[n + i] * fy + jacobian[2 * n + i] * force[2]

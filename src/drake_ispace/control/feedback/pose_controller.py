@@ -4,6 +4,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
 
@@ -18,7 +19,7 @@ def force(estimate, body_velocity, way_point, k_p, k_d, mass, velocity_share, ac
         out[:] = 0.0
         return
     phi = estimate[ESTIMATE.phi]
-    c, s = np.cos(phi), np.sin(phi)
+    c, s = cos(phi), sin(phi)
     e0 = way_point[WAY_POINT.x] - estimate[ESTIMATE.x]
     e1 = way_point[WAY_POINT.y] - estimate[ESTIMATE.y]
     e2 = wrap(way_point[WAY_POINT.phi] - phi)

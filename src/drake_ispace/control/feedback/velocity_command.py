@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import ESTIMATE, WAY_POINT
 from drake_ispace.files.quantity import quantity
@@ -32,7 +33,7 @@ def command(estimate, way_point, position_per_s, heading_per_s, side_rad_m2, fre
         out[:] = 0.0
         return
     phi = estimate[ESTIMATE.phi]
-    c, s = np.cos(phi), np.sin(phi)
+    c, s = cos(phi), sin(phi)
     ex, ey = way_point[WAY_POINT.x] - estimate[ESTIMATE.x], way_point[WAY_POINT.y] - estimate[ESTIMATE.y]
     vx, vy = way_point[WAY_POINT.vx] + position_per_s * ex, way_point[WAY_POINT.vy] + position_per_s * ey
     out[0] = c * vx + s * vy

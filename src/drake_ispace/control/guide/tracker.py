@@ -19,6 +19,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import atan2, cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import FIX, TRACKING_ERROR, WAY_POINT
 from drake_ispace.blocks.rates import VISION_TICKS
@@ -55,9 +56,9 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
         return
     dx, dy = way_point[WAY_POINT.x] - xd[FIX.x], way_point[WAY_POINT.y] - xd[FIX.y]
     distance = np.sqrt(dx * dx + dy * dy)
-    bearing = np.arctan2(dy, dx) - xd[FIX.phi]
+    bearing = atan2(dy, dx) - xd[FIX.phi]
     if mode == 1.0:
-        c, s = np.cos(bearing), np.sin(bearing)
+        c, s = cos(bearing), sin(bearing)
         out[TRACKING_ERROR.s_e] = c * np.sqrt((dx * c) ** 2 + (dy * s) ** 2)
         out[TRACKING_ERROR.phi_h] = bearing
         return
@@ -72,7 +73,7 @@ def tracking_error(xd, way_point, mode, look_ahead_m, feed_forward, hold_radius_
     elif bearing < -0.5 * np.pi:
         side, folded = -1.0, bearing + np.pi
     ahead = side * look_ahead_m if speed > 0.0 else 0.0
-    error = distance * np.cos(bearing) - ahead
+    error = distance * cos(bearing) - ahead
     out[TRACKING_ERROR.s_e] = min(max(error, -longest_error_m), longest_error_m)
     out[TRACKING_ERROR.phi_h] = folded * min(1.0, distance / hold_radius_m)
     out[TRACKING_ERROR.speed] = side * speed if feed_forward > 0.0 and ahead != 0.0 else 0.0

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.functions import atan2, floor
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS, ticks_in
@@ -30,7 +31,7 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
     moving = start_s <= time and travelled < end_m
     arc = min(travelled, length_m)  # after the last lap the way point rests at the end, not at the start of another lap
     if moving and end_m > length_m:
-        arc = travelled - length_m * np.floor(travelled / length_m)
+        arc = travelled - length_m * floor(travelled / length_m)
     low, high = 0, rows - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -46,7 +47,7 @@ def slide(tick, table, start_s, speed_m_s, end_m, length_m, tangent, heading_rad
     tx = table[a + ROW.tangent_x] + share * (table[b + ROW.tangent_x] - table[a + ROW.tangent_x])
     ty = table[a + ROW.tangent_y] + share * (table[b + ROW.tangent_y] - table[a + ROW.tangent_y])
     curvature = table[a + ROW.curvature] + share * (table[b + ROW.curvature] - table[a + ROW.curvature])
-    out[WAY_POINT.phi] = np.arctan2(ty, tx) if tangent > 0.0 else heading_rad
+    out[WAY_POINT.phi] = atan2(ty, tx) if tangent > 0.0 else heading_rad
     if moving:
         out[WAY_POINT.vx], out[WAY_POINT.vy] = speed_m_s * tx, speed_m_s * ty
         out[WAY_POINT.ax] = -speed_m_s**2 * curvature * ty

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import atan2, cos, floor, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.noise import stream, uniform
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
@@ -25,7 +26,7 @@ def delayed(tick, xd, pose, latency_ticks, out):
     """The pose of tick - latency; before tick 0 the robot stands where it starts."""
     ring = xd.shape[0] // 3
     back = min(latency_ticks, float(tick))
-    whole = int(np.floor(back))
+    whole = int(floor(back))
     share = back - whole
     copy(pose, out)
     if whole > 0:
@@ -49,7 +50,7 @@ def remember_pose(tick, xd, pose, out):
 @kernel
 def placed(pose, place, out):
     """A point of the robot instead of its middle; place: x, y [m] in B."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c, s = cos(pose[2]), sin(pose[2])
     out[0] = pose[0] + (c * place[0] - s * place[1])
     out[1] = pose[1] + (s * place[0] + c * place[1])
     out[2] = pose[2]
@@ -58,7 +59,7 @@ def placed(pose, place, out):
 @kernel
 def mounted(pose, place, yaw_rad, out):
     """`placed`, with the markers turned by `yaw_rad` as well."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c, s = cos(pose[2]), sin(pose[2])
     out[0] = pose[0] + (c * place[0] - s * place[1])
     out[1] = pose[1] + (s * place[0] + c * place[1])
     out[2] = pose[2] + yaw_rad
@@ -74,25 +75,25 @@ def distorted(pose, per_m2, out):
     """Places times 1 + k |p|^2; the heading follows two markers close to each other."""
     x, y = pose[0], pose[1]
     stretch = 1.0 + per_m2 * (x * x + y * y)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c, s = cos(pose[2]), sin(pose[2])
     more = 2.0 * per_m2 * (c * x + s * y)
     out[0], out[1] = stretch * x, stretch * y
-    out[2] = pose[2] + np.arctan2(more * (c * y - s * x), stretch + more * (c * x + s * y))
+    out[2] = pose[2] + atan2(more * (c * y - s * x), stretch + more * (c * x + s * y))
 
 
 @kernel
 def keystoned(pose, x_per_m, y_per_m, out):
     """Places over 1 - a x - b y; the heading follows two markers close to each other."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    c, s = cos(pose[2]), sin(pose[2])
     gain = 1.0 / (1.0 - (x_per_m * pose[0] + y_per_m * pose[1]))
     more = gain * (x_per_m * c + y_per_m * s)
     out[0], out[1] = gain * pose[0], gain * pose[1]
-    out[2] = pose[2] + np.arctan2(more * (c * pose[1] - s * pose[0]), 1.0 + more * (c * pose[0] + s * pose[1]))
+    out[2] = pose[2] + atan2(more * (c * pose[1] - s * pose[0]), 1.0 + more * (c * pose[0] + s * pose[1]))
 
 
 @kernel
 def rotated(pose, angle_rad, out):
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    c, s = cos(angle_rad), sin(angle_rad)
     out[0] = c * pose[0] - s * pose[1]
     out[1] = s * pose[0] + c * pose[1]
     out[2] = pose[2] + angle_rad

@@ -6,6 +6,7 @@ rate and stays right.
 
 import numpy as np
 
+from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.places.shaping import one_wheel
@@ -71,7 +72,7 @@ def eccentric(wheel_angle, sines_rad, cosines_rad, out):
     for i in range(out.shape[0]):
         out[i] = angle = wheel_angle[i]
         if sines_rad[i] != 0.0 or cosines_rad[i] != 0.0:
-            out[i] = angle + sines_rad[i] * np.sin(angle) + cosines_rad[i] * (np.cos(angle) - 1.0)
+            out[i] = angle + sines_rad[i] * sin(angle) + cosines_rad[i] * (cos(angle) - 1.0)
 
 
 class EncoderEccentricity(WheelAngleEffect):

@@ -10,8 +10,8 @@ none:
 Several effects of dry friction at once may exceed it; wheels then rattle around standstill, within some w_s.
 """
 
-import numpy as np
 
+from drake_ispace.blocks.functions import tanh
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.effects.effect import Body
 
@@ -25,7 +25,7 @@ _LEAST_SHARE = 0.05  # of it, left for effects by a plant whose friction takes a
 @kernel
 def smooth_sign(rate, width):
     """-1 to 1, steep within `width` of the same unit."""
-    return np.tanh(rate / width)
+    return tanh(rate / width)
 
 
 @kernel

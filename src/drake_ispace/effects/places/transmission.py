@@ -6,8 +6,7 @@ Friction is beyond what the plant has itself, so it may be negative as far as th
 
 import math
 
-import numpy as np
-
+from drake_ispace.blocks.functions import exp
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
@@ -157,7 +156,7 @@ def stribeck(torque, wheel_rate, bump_n_m, speed_rad_s, speed_scale_rad_s, out):
         out[i] = torque[i]
         if bump_n_m != 0.0:
             share = wheel_rate[i] / speed_rad_s
-            out[i] -= dry(bump_n_m * np.exp(-share * share), wheel_rate[i], speed_scale_rad_s)
+            out[i] -= dry(bump_n_m * exp(-share * share), wheel_rate[i], speed_scale_rad_s)
 
 
 class StribeckFriction(TorqueEffect):

@@ -9,6 +9,7 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.functions import cos, floor, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import POSE, layout
 from drake_ispace.blocks.rates import TICK_S
@@ -41,7 +42,7 @@ def look(tick, xd, pose, sighting, gain, offset_s, out):
         return
     back = LEAD_TICKS - (sighting[SIGHTING.after_s] - offset_s) / TICK_S
     back = min(max(back, 0.0), _RING - 2.0, float(tick))  # no pose is known before the run
-    whole = int(np.floor(back))
+    whole = int(floor(back))
     share = back - whole
     late = len(POSE) * ((tick - whole + _RING) % _RING)
     early = len(POSE) * ((tick - whole - 1 + 2 * _RING) % _RING)
@@ -51,7 +52,7 @@ def look(tick, xd, pose, sighting, gain, offset_s, out):
     px, py, pphi = x, y, phi
     if xd[_STARTED] > 0.0:
         turn = xd[_ESTIMATE + POSE.phi] - xd[_MODEL + POSE.phi]
-        c, s = np.cos(turn), np.sin(turn)
+        c, s = cos(turn), sin(turn)
         dx, dy = x - xd[_MODEL + POSE.x], y - xd[_MODEL + POSE.y]
         px = xd[_ESTIMATE + POSE.x] + c * dx - s * dy
         py = xd[_ESTIMATE + POSE.y] + s * dx + c * dy
