@@ -16,7 +16,7 @@ OMNI = ["simulate", "omni_multirate", *SHORT]
 FILE = ["simulate", "./scenario.yaml", *SHORT]
 POLYLINE = ["omni.trajectory.kind=polyline"]
 CSV = [*OMNI, "--set", "omni.trajectory.kind=polyline", "--set", "omni.trajectory.csv=path.csv"]
-HEAVY = {drake_ispace.simulation: "make_simulator", drake_ispace.rollout.compile: "_machine_code"}
+HEAVY = {drake_ispace.simulation: "make_simulator", drake_ispace.rollout.compile: "machine_code"}
 OUTSIDE = ["outside of the 2.5 x 2 m space", "expected |x| <= 1.25 and |y| <= 1", "omni.trajectory"]
 
 

@@ -108,9 +108,13 @@ def test_only_wheels_with_rollers_have_a_toe():
     bodies = [Body(ROBOT[type(OMNI)], OMNI, 4), *(
         Body(robots()["rover"], RoverPlantParameters(wheels=kind), n) for kind, n in (("omni3", 3), ("differential", 2))
     )]
-    assert [library()["wheel_toe"].applies_to(body) for body in bodies] == [True, True, False]
-    turned = library()["wheel_toe"].change(bodies[1].robot, bodies[1].plant, {"wheel": 3, "angle_rad": 0.1})
-    assert turned.geometry.wheels[2].drive_rad == pytest.approx(bodies[1].plant.geometry.wheels[2].drive_rad + 0.1)
+    assert [library()["wheel_toe"].applies_to(body) for body in bodies] == [True, False, False]
+    assert [library()["wheel_toes"].applies_to(body) for body in bodies] == [False, True, False]
+    angles = {"angle_2_rad": 0.02, "angle_3_rad": -0.1}
+    turned = library()["wheel_toes"].change(bodies[1].robot, bodies[1].plant, angles)
+    pairs = zip(turned.geometry.wheels, bodies[1].plant.geometry.wheels, strict=True)
+    by = [a.drive_rad - b.drive_rad for a, b in pairs]
+    assert by == pytest.approx([0.0, 0.02, -0.1])
     assert turned.nominal_geometry == bodies[1].plant.nominal_geometry
 
 

@@ -316,7 +316,7 @@ def test_a_divisor_is_a_whole_number(divisor):
 
 def test_the_text_is_there_without_compiling(monkeypatch):
     expected = small_rollout().source
-    monkeypatch.setattr(compile_module, "_machine_code", lambda *arguments: pytest.fail("compiled"))
+    monkeypatch.setattr(compile_module, "machine_code", lambda *arguments: pytest.fail("compiled"))
     bench = Bench()
     bench.add("counter", Counter())
     bench.show(count="counter.count")
@@ -440,7 +440,7 @@ def test_a_hold_with_an_offset_samples_as_in_drake(offset):
 def test_a_new_mass_needs_no_new_compilation(monkeypatch):
     scenario = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given"])
     rollout = compile_diagram(build_diagram(scenario))
-    monkeypatch.setattr(compile_module, "_machine_code", lambda *arguments: pytest.fail("compiled again"))
+    monkeypatch.setattr(compile_module, "machine_code", lambda *arguments: pytest.fail("compiled again"))
     heavy = rollout.run(400, rollout.with_parameters({"omni_plant.mass_kg": 9.0}))
     assert np.abs(heavy["omni_pose"] - rollout.run(400)["omni_pose"]).max() > 1e-4
     built = load_scenario("omni_multirate", ["seconds=2", "omni.control.gains=given", "omni.plant.mass_kg=9.0",
@@ -571,3 +571,13 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     hits = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, env=environment).stdout.strip()
             for _ in range(2)]
     assert hits == ["0", "1"]
+
+
+def test_a_kernel_from_the_cache_is_called_in_a_second_process(tmp_path):
+    environment = {**os.environ, "DRAKE_ISPACE_CACHE": str(tmp_path)}
+    code = "from drake_ispace.blocks.noise import stream, normal; print(normal(stream(0, 'name'), 3, 0))"
+    printed = [
+        subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    ]
+    assert printed[0] == printed[1] and float(printed[0])

@@ -18,11 +18,12 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 
+from drake_ispace.blocks import linking
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.linking import KernelCompiler
 
 _SMALL_BYTES = 150  # of byte code
 _MODULES = ("numpy", "math")  # modules that a kernel may use; their functions do not change between two runs
+_LINKING = hashlib.sha256(inspect.getsource(linking).encode()).hexdigest()
 _cache_dir = threading.Lock()
 
 
@@ -44,8 +45,8 @@ def kernel(
     """
     if function is None:
         return functools.partial(kernel, nogil=nogil, stands_for=stands_for)
-    options = jit_options(function) | {"nogil": nogil, "pipeline_class": KernelCompiler}
-    digest, text = _digest(function, options), _text(function)
+    options = jit_options(function) | {"nogil": nogil, "pipeline_class": linking.KernelCompiler}
+    digest, text = _digest(function, options | {"linking": _LINKING}), _text(function)
     folder = None if text is None else cache_folder(digest[:16])  # numba keeps nothing that has no file
     compiled = jitted(function, folder, **options)
     compiled.digest, compiled.text, compiled.stands_for = digest, text, stands_for

@@ -12,8 +12,21 @@ from numba.core.typed_passes import NativeLowering
 
 
 class _Lower(Lower):
+    """Keeps what is written so far; the wrapper for Python too, as numba looks there for the names of cached code."""
+
     def lower(self):
         super().lower()
+        self._keep()
+
+    def create_cpython_wrapper(self, release_gil=False):
+        super().create_cpython_wrapper(release_gil)
+        self._keep()
+
+    def create_cfunc_wrapper(self):
+        super().create_cfunc_wrapper()
+        self._keep()
+
+    def _keep(self):
         library = self.library
         kept = library._final_module.clone()
         for used in library._linking_libraries:

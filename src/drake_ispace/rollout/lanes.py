@@ -74,12 +74,12 @@ class LaneRollout:
         logs = {name: np.empty((runs, ticks // divisor + 1, size)) for name, (size, divisor) in single.logged.items()}
         for start in range(0, runs, self.lanes):
             chosen = np.minimum(np.arange(start, start + self.lanes), runs - 1)  # the last group repeats its last run
-            rows = np.ascontiguousarray(parameters[chosen])
+            rows = parameters[chosen]
             parts = [np.empty((*log.shape[1:], self.lanes)) for log in logs.values()]
-            shared = recorded[:, :, chosen] if recorded.shape[2] > 1 else np.repeat(recorded, self.lanes, axis=2)
+            those = recorded[:, :, chosen] if recorded.shape[2] > 1 else np.repeat(recorded, self.lanes, axis=2)
             reached = np.full(self.lanes, ticks)
-            states = (np.ascontiguousarray(s[chosen].T) for s in (x, d))
-            self._function(0, ticks, *states, np.ascontiguousarray(rows.T), rows, shared, reached, *parts)
+            laid = [np.ascontiguousarray(array) for array in (x[chosen].T, d[chosen].T, rows.T, rows, those)]
+            self._function(0, ticks, *laid, reached, *parts)
             for (_, divisor), log, part in zip(single.logged.values(), logs.values(), parts, strict=True):
                 group = log[start : start + self.lanes]
                 group[:] = np.moveaxis(part, -1, 0)[: len(group)]
