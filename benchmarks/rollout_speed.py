@@ -30,7 +30,7 @@ from rollout_speed.hand_written import OPTIONS, HandWritten
 import drake_ispace as di
 from drake_ispace.blocks.rates import MAX_TICK, TICK_S, VISION_TICKS
 from drake_ispace.rollout.compile import Rollout
-from drake_ispace.rollout.lanes import compile_lanes
+from drake_ispace.rollout.lanes import lanes_of
 from drake_ispace.simulation import make_simulator
 from drake_ispace.wiring.catalog import CATALOG
 
@@ -60,6 +60,10 @@ print(imported, built - imported, time.process_time() - built)
 
 def omni_multirate():
     return di.build_diagram(di.load_scenario("omni_multirate", _NOISY))
+
+
+def pendulum_multirate():
+    return di.build_diagram(di.load_scenario("pendulum_multirate", [key.replace("omni", "pendulum") for key in _NOISY]))
 
 
 def shared_space():
@@ -243,21 +247,57 @@ def _waited_s():
         return 0.0
 
 
-def lanes_vs_runs(repetitions, size):
-    """Runs a second of the plain loop in SIMD lanes to one run after the other, every run with its own parameters."""
-    lanes = compile_lanes(plain.plain_loop(), log={"position": MAX_TICK})
-    generator = np.random.default_rng(0)
-    runs, ticks = lanes.lanes, _TICKS[size] // 2
-    values = lanes.single.parameters
-    parameters = values * (1.0 + 0.01 * generator.standard_normal((runs, len(values))))
-    one_by_one = lambda: [lanes.single.run(ticks, row) for row in parameters]  # noqa: E731
+def lanes_vs_single(repetitions, size):
+    """Runs a second in SIMD lanes to one run after the other: every run with noise of its own, or all parameters."""
+    makers = {"plain_loop": plain.plain_loop, "omni_multirate": omni_multirate}
+    if size != "tiny":
+        makers["pendulum_multirate"] = pendulum_multirate
+    results = {}
+    for name, make in makers.items():
+        single = unlogged(make())
+        results[name] = _lanes(single, None if name == "plain_loop" else (), repetitions, size)
+        if name != "plain_loop" and size != "tiny":
+            results[f"{name}, all parameters differ"] = _lanes(single, None, repetitions, size)
+    return results
+
+
+def _lanes(single, varied, repetitions, size):
+    started = time.thread_time()
+    lanes = lanes_of(single, varied=varied)
+    compile_s, runs, ticks = time.thread_time() - started, lanes.lanes, _TICKS[size] // 2
+    values = np.array([single.with_seed(seed) for seed in range(runs)])
+    parameters = values * (1.0 + 0.01 * lanes.varied * np.random.default_rng(0).standard_normal(values.shape))
+    if varied is not None:
+        parameters = values
+    one_by_one = lambda: [single.run(ticks, row) for row in parameters]  # noqa: E731
     taken = in_turns(repetitions, {
         "lanes": lambda: on_this_core(lambda: lanes.run(ticks, parameters)), "runs": lambda: on_this_core(one_by_one),
     })
     return {
-        **ratio(taken["runs"], taken["lanes"]), "lanes": runs,
+        **ratio(taken["runs"], taken["lanes"]), "lanes": runs, "compile_s": compile_s,
         **{f"{who}_ns_per_tick_and_run": per_tick(seconds, ticks * runs) for who, seconds in taken.items()},
     }
+
+
+def lanes_vs_c(repetitions, size):
+    """Runs a second in SIMD lanes to those of the faster of two builds of the same arithmetic in C, on one core."""
+    single = unlogged(omni_multirate())
+    lanes, ticks = lanes_of(single, varied=()), _TICKS[size]
+    parameters = np.array([single.with_seed(seed) for seed in range(lanes.lanes)])
+    start = single.continuous_state, single.discrete_state, single.parameters
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            builds = {title: HandWritten("omni_multirate", words, Path(folder)) for title, words in OPTIONS.items()}
+        except FileNotFoundError as error:
+            return {"skipped": str(error)}
+        contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
+        contenders["lanes"] = lambda: on_this_core(lambda: lanes.run(ticks, parameters)) / lanes.lanes
+        taken = in_turns(repetitions, contenders)
+    fastest = min(builds, key=lambda title: statistics.median(taken[title]))
+    return {"omni_multirate": {
+        **ratio(taken[fastest], taken["lanes"]), "fastest_c": fastest,
+        **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
+    }}
 
 
 def peers(repetitions, size, python):
@@ -334,7 +374,7 @@ def main():
 
     with ThreadPoolExecutor(1) as beside:  # other processes, timed by their own clocks
         started = beside.submit(first_use, size)
-        for part in (compiled_vs_drake, compiled_vs_c, horizon, robots, lanes_vs_runs):
+        for part in (compiled_vs_drake, compiled_vs_c, horizon, robots, lanes_vs_single, lanes_vs_c):
             add(part.__name__, part(repetitions, size), part.__doc__)
         add("peers", peers(repetitions, size, asked.peers_python), peers.__doc__)
         compile_s, second_process_s = started.result()

@@ -132,7 +132,7 @@ static double friction_torque(double rate, double deflection, const Friction *f)
     if (f->bristle > 0.0)
         dry = clip(f->stiffness * deflection + f->damping * rate, -f->coulomb, f->coulomb);
     else
-        dry = f->coulomb * tanh(rate / f->speed_scale);
+        dry = f->coulomb > 0.0 ? f->coulomb * tanh(rate * (1.0 / f->speed_scale)) : 0.0 * rate;
     return dry + f->viscous * rate;
 }
 
@@ -403,7 +403,7 @@ static void control(const Memory *d, const Parameters *p, const double pose[3], 
         torque[i] = jacobian[0][i] * fx + jacobian[1][i] * fy + jacobian[2][i] * force[2];
         double rate = d->encoder.omega[i], beyond = greatest(fabs(rate) - p->compensator.dead_band, 0.0);
         double sign = rate > 0.0 ? 1.0 : rate < 0.0 ? -1.0 : 0.0;
-        double direction = tanh(beyond / p->compensator.speed_scale) * sign;
+        double direction = p->compensator.coulomb > 0.0 ? tanh(beyond * (1.0 / p->compensator.speed_scale)) * sign : 0.0;
         double moving = beyond > 0.0 ? rate : 0.0;
         torque[i] = torque[i] + p->compensator.coulomb * direction + p->compensator.viscous * moving;
     }

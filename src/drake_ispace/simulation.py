@@ -15,8 +15,8 @@ from drake_ispace.room.room import Space
 from drake_ispace.scenario import Scenario, as_scenario
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
-_FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
-_SPINNING_RAD_S = 50.0  # eight turns a second
+FALLEN_RAD = np.pi / 2.0  # the body lies on the floor
+SPINNING_RAD_S = 50.0  # eight turns a second
 _CHUNK = 200  # ticks between looks at progress and divergence
 
 
@@ -118,9 +118,9 @@ def first_divergence(logs: dict[str, np.ndarray], space: Space) -> int | None:
         if name.endswith("_pose"):
             bad |= (np.abs(rows[:, :2]) > walls).any(axis=1)
         if name.endswith(("_velocity", "_balance")):
-            bad |= np.abs(rows[:, 2]) > _SPINNING_RAD_S
+            bad |= np.abs(rows[:, 2]) > SPINNING_RAD_S
         if name.endswith("_balance"):
-            bad |= np.abs(rows[:, 0]) > _FALLEN_RAD
+            bad |= np.abs(rows[:, 0]) > FALLEN_RAD
         if bad.any():
             first = int(np.argmax(bad)) if first is None else min(first, int(np.argmax(bad)))
     return first

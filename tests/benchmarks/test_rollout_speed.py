@@ -64,11 +64,11 @@ def test_the_quick_benchmark_gives_finite_ratios():
     words = [sys.executable, FOLDER / "rollout_speed.py", "--quick", "--json"]
     results = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
     assert set(results) == {
-        "compiled_vs_drake", "compiled_vs_c", "horizon", "robots", "threads_2_vs_1", "lanes_vs_runs", "peers",
-        "compile_s", "second_process_s",
+        "compiled_vs_drake", "compiled_vs_c", "horizon", "robots", "threads_2_vs_1", "lanes_vs_single", "lanes_vs_c",
+        "peers", "compile_s", "second_process_s",
     }
-    ratios = [results[name]["ratio"] for name in ("horizon", "robots", "threads_2_vs_1", "lanes_vs_runs")]
-    for name in ("compiled_vs_drake", "compiled_vs_c"):
+    ratios = [results[name]["ratio"] for name in ("horizon", "robots", "threads_2_vs_1")]
+    for name in ("compiled_vs_drake", "compiled_vs_c", "lanes_vs_single", "lanes_vs_c"):
         ratios += [entry["ratio"] for entry in results[name].values()]
     ratios += [entry["ratio"] for entry in results["peers"].values() if "skipped" not in entry]
     assert all(math.isfinite(ratio) and ratio > 0.0 for ratio in ratios)

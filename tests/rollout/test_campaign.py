@@ -129,7 +129,27 @@ def test_a_row_holds_the_metrics_of_its_run(scenario, whole):
     table = montecarlo(fixed, 3).table
     row = table.to_pylist()[2]
     metrics = measure(simulate_compiled(with_option(fixed, "seed", row["seed"])), "omni")
-    assert [row[name] for name in METRICS] == [getattr(metrics, name) for name in METRICS]
+    assert [row[name] for name in METRICS] == pytest.approx([getattr(metrics, name) for name in METRICS], rel=1e-12)
+
+
+def test_lanes_do_not_change_the_table(scenario, whole, monkeypatch):
+    monkeypatch.setattr("drake_ispace.rollout.campaign._LANES_PAY_TICKS", 0)
+    assert montecarlo(scenario, 150, vary=VARY).table.equals(whole)
+
+
+@pytest.mark.parametrize(("robot", "trajectory"), [
+    ("omni", "{kind: circle, radius_m: 0.6, start_s: 0.5}"), ("pendulum", "{kind: step, goal_m: [0.4, 0.2]}"),
+])
+def test_metrics_added_up_tick_by_tick_are_those_of_the_logs(robot, trajectory):
+    fixed = load_scenario(f"{robot}_multirate", ["seconds=2", f"{robot}.trajectory={trajectory}"])
+    row = montecarlo(fixed, 1).table.to_pylist()[0]
+    metrics = measure(simulate_compiled(with_option(fixed, "seed", row["seed"])), robot)
+    assert [row[name] for name in METRICS] == pytest.approx([getattr(metrics, name) for name in METRICS], rel=1e-11)
+
+
+def test_what_adds_the_metrics_up_cannot_be_varied(scenario):
+    with pytest.raises(InputError, match="no parameter"):
+        montecarlo(scenario, 1, vary={"omni_errors.start_tick": "choice(3)"})
 
 
 def test_varied_values_stand_in_their_rows(scenario, whole):

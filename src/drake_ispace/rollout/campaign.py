@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import islice
+from itertools import groupby, islice
 from pathlib import Path
 
 import joblib
@@ -23,17 +23,17 @@ import numpy as np
 import pyarrow as pa
 
 from drake_ispace.blocks.errors import InputError, shown
-from drake_ispace.blocks.rates import ticks_in
+from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.control.guide.paths import build_path
 from drake_ispace.files.typed_tree import read
-from drake_ispace.metrics import measure
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.compile import Rollout, compile_diagram
 from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
+from drake_ispace.rollout.lanes import LaneRollout, lanes_of
+from drake_ispace.rollout.score import added_blocks, logs_of, lost_at, metrics_of, own_names
 from drake_ispace.rollout.table import Rows, campaign_folder
 from drake_ispace.scenario import Scenario, blaming, difference, named_scenarios
-from drake_ispace.simulation import first_divergence, make_run
-from drake_ispace.wiring.catalog import CATALOG, build_diagram
+from drake_ispace.wiring.catalog import CATALOG, build_diagram, entry_of
 
 #: Columns of every robot; metrics.py says what they are.
 METRICS = (
@@ -41,6 +41,7 @@ METRICS = (
 )
 _CLUSTER_S = 10.0  # to wait for a scheduler, and for its first worker
 _MOST_RUNS = 1_000_000
+_LANES_PAY_TICKS = 20_000_000  # in a campaign: from there on, compiling for SIMD lanes takes less time than it saves
 _BATCH_TICKS = 400_000  # simulated by one call of a worker: some tenths of a second
 
 
@@ -166,7 +167,7 @@ def make_plan(
     rollouts = {name: rollout_of(_text(scenario)) for name, scenario in data.items()}
 
     def known(key, where):
-        found = [find_parameter(key, rollout.parameter_names, where) for rollout in rollouts.values()]
+        found = [find_parameter(key, own_names(rollout.parameter_names), where) for rollout in rollouts.values()]
         return found[0]
 
     drawn = {
@@ -194,37 +195,51 @@ def parameters_of(scenario: Scenario) -> dict[str, float]:
     """
     rollout = rollout_of(_text(_plain(scenario)))
     values = dict(zip(rollout.parameter_names, map(float, rollout.parameters), strict=True))
-    return {name: values[name] for name in variable(rollout.parameter_names)}
+    return {name: values[name] for name in variable(own_names(rollout.parameter_names))}
 
 
 def run_rows(plan_text: str, numbers: Sequence[int]) -> list[dict]:
     """The rows of the runs of these numbers; what a worker does, on whichever machine it is."""
     plan = _plan(plan_text)
     rows = []
+    for name, group in groupby(numbers, lambda number: plan.place(number)[0]):
+        rows += _rows_of(plan, plan_text, name, list(group))
+    return rows
+
+
+def _rows_of(plan, plan_text, name, numbers):
+    """The rows of these runs of one scenario."""
+    text = _text(plan.scenarios[name])
+    rollout, scenario = rollout_of(text), _scenario(text)
+    ticks, seeds, parameters = ticks_in(scenario.seconds) + 1, [], []
     for number in numbers:
-        name, parameter_set, run = plan.place(number)
-        text = _text(plan.scenarios[name])
-        rollout, scenario = rollout_of(text), _scenario(text)
+        _, parameter_set, run = plan.place(number)
         values = plan.parameter_sets[parameter_set] | {
             key: float(distribution.draws(plan.seed, key, [run])[0])
             for key, distribution in _distributions(plan_text).items()
         }
-        seed = noise_seed(plan.seed, run)
-        parameters = rollout.with_seed(seed, rollout.with_parameters(values))
-        logs = rollout.run(ticks_in(scenario.seconds), parameters)
-        current = {key: float(parameters[rollout.index(key)]) for key in plan.keys}
-        rows.append({"run": number, "scenario": name, "seed": seed, **current, **_reduced(scenario, logs)})
-    return rows
+        seeds.append(noise_seed(plan.seed, run))
+        parameters.append(rollout.with_seed(seeds[-1], rollout.with_parameters(values)))
+    if len(plan) * ticks >= _LANES_PAY_TICKS:
+        logs = _lanes(text, tuple(plan.keys)).run(ticks, np.array(parameters))
+        each = [{signal: log[i] for signal, log in logs.items()} for i in range(len(numbers))]
+    else:
+        each = (rollout.run(ticks, row) for row in parameters)
+    return [
+        {"run": number, "scenario": name, "seed": seed}
+        | {key: float(row[rollout.index(key)]) for key in plan.keys} | _reduced(scenario, logs)
+        for number, seed, row, logs in zip(numbers, seeds, parameters, each, strict=True)
+    ]
 
 
 def _reduced(scenario, logs):
     """The metrics of a run, for columns of the table."""
-    run = make_run(scenario, logs, first_divergence(logs, scenario.space), 0.0)
-    row = {"diverged": run.diverged_s is not None, "diverged_at_s": run.diverged_s}
-    if not row["diverged"]:
-        for robot in run.robots:
-            metrics = measure(run, robot)
-            row |= {_column(robot, name, run.robots): getattr(metrics, name) for name in METRICS}
+    lost, robots = lost_at(logs), list(entry_of(scenario).robots)
+    row = {"diverged": lost is not None, "diverged_at_s": None if lost is None else lost * TICK_S}
+    if lost is None:
+        for robot in robots:
+            metrics = metrics_of(robot, logs)
+            row |= {_column(robot, name, robots): metrics[name] for name in METRICS}
     return row
 
 
@@ -301,7 +316,22 @@ def rollout_of(scenario_text: str) -> Rollout:
 def _rollout(scenario_text):
     scenario = _scenario(scenario_text)
     with blaming(scenario.diagram):
-        return compile_diagram(build_diagram(scenario))
+        diagram = build_diagram(scenario)
+        outputs = (diagram.get_output_port(i) for i in range(diagram.num_output_ports()))
+        sizes = {port.get_name(): port.size() for port in outputs}
+        blocks = added_blocks(scenario, list(entry_of(scenario).robots), sizes)
+        return compile_diagram(diagram, log=logs_of(blocks), added=blocks)
+
+
+def _lanes(scenario_text: str, keys: tuple[str, ...]) -> LaneRollout:
+    """The same for many runs at once, of which only the parameters `keys` and the noise differ."""
+    with _compiling:
+        return _in_lanes(scenario_text, keys)
+
+
+@lru_cache(maxsize=8)
+def _in_lanes(scenario_text, keys):
+    return lanes_of(_rollout(scenario_text), varied=keys)
 
 
 @lru_cache(maxsize=64)

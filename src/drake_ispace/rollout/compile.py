@@ -16,13 +16,14 @@ import numba.core.errors
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
+from drake_ispace.blocks.block import Spec
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.blocks.kernels import cache_folder, jitted
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import MAX_TICK
 from drake_ispace.rollout import views
 from drake_ispace.rollout.emit import Emitter
-from drake_ispace.rollout.network import Network, Port, take_apart
+from drake_ispace.rollout.network import Network, Port, take_apart, with_blocks
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Rollout:
         parameter_names: one per float, "block.parameter", "block.group.key" or "block.vector[i]".
         parameters: (len(parameter_names),) the values in the Context.
         continuous_state, discrete_state: packed initial state in the Context.
-        logged: name -> (size, divisor in ticks).
+        logged: name -> (size, divisor in ticks, or None for the last tick only).
         kernels: name in the text -> kernel.
         digest: of the text and the kernels; another one may give other numbers.
     """
@@ -73,7 +74,7 @@ class Rollout:
         p = _own("parameters", parameters, self.parameters)
         recorded = self._recorded(inputs or {}, ticks)
         logs = {
-            name: np.full((ticks // divisor + 1, size), np.nan) for name, (size, divisor) in self.logged.items()
+            name: np.full((rows_in(ticks, divisor), size), np.nan) for name, (size, divisor) in self.logged.items()
         }
         self._function(0, ticks, x, d, p, recorded, *logs.values())
         return logs
@@ -140,19 +141,24 @@ class Rollout:
         return np.ascontiguousarray(np.hstack(columns)) if columns else np.empty((0, 0))
 
 
-def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mapping[str, int] | None = None) -> Rollout:
+def compile_diagram(
+    diagram: Diagram, context: Context | None = None, log: Mapping[str, int | None] | None = None,
+    added: Mapping[str, tuple[Spec, Mapping[str, str]]] | None = None,
+) -> Rollout:
     """Compile `diagram` with the parameters and the state of `context`.
 
     Args:
         diagram: of Blocks and Drake's primitives, nested or not.
         context: the Diagram's own, default a new one.
-        log: name -> divisor in ticks; a name is an exported output or "block.port". Default: all outputs, every tick.
+        log: name -> divisor in ticks, or None for the last tick only; a name is an exported output or "block.port".
+            Default: all outputs, every tick.
+        added: blocks that read outputs of the Diagram, name -> (Spec, input -> output's name).
 
     Raises:
         InputError: a system that a compiled rollout does not know, an unconnected input, no signal of a name, a
             divisor that is no number of ticks.
     """
-    network, wanted, emitter = _emitted(diagram, context, log)
+    network, wanted, emitter = _emitted(diagram, context, log, added or {})
     leaves, digest = network.leaves, _digest(emitter)
 
     def packed(attribute):
@@ -170,17 +176,24 @@ def compile_diagram(diagram: Diagram, context: Context | None = None, log: Mappi
 
 def kernel_text(diagram: Diagram) -> str:
     """`Rollout.source` without compiling anything, every output logged; errors as `compile_diagram`."""
-    return _emitted(diagram, None, None)[2].source
+    return _emitted(diagram, None, None, {})[2].source
 
 
-def _emitted(diagram, context, log) -> tuple[Network, dict[str, tuple[Port, int]], Emitter]:
+def _emitted(diagram, context, log, added) -> tuple[Network, dict[str, tuple[Port, int]], Emitter]:
     network = take_apart(diagram, context if context is not None else diagram.CreateDefaultContext())
+    network = with_blocks(network, added)
     wanted = {}
     for name, divisor in (dict.fromkeys(network.outputs, 1) if log is None else log).items():
-        if isinstance(divisor, bool) or not isinstance(divisor, int | np.integer) or divisor < 1:
+        whole = isinstance(divisor, int | np.integer) and not isinstance(divisor, bool)
+        if divisor is not None and not (whole and divisor >= 1):
             raise InputError(f"log {shown(name)} has divisor {shown(divisor)}, expected a whole number from 1 on")
-        wanted[name] = (_find(network, name), int(divisor))
+        wanted[name] = (_find(network, name), None if divisor is None else int(divisor))
     return network, wanted, Emitter(network, wanted)
+
+
+def rows_in(ticks: int, divisor: int | None) -> int:
+    """Return how many rows a log has."""
+    return 1 if divisor is None else ticks // divisor + 1
 
 
 def check_ticks(ticks: int) -> None:

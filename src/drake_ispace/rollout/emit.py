@@ -61,8 +61,8 @@ class Emitter:
         source: its text; kernels: name in the text -> kernel; layout: of the packed vectors.
     """
 
-    def __init__(self, network: Network, log: dict[str, tuple[Port, int]]):
-        """`log`: name of a logged signal -> (port, its divisor in ticks)."""
+    def __init__(self, network: Network, log: dict[str, tuple[Port, int | None]]):
+        """`log`: name of a logged signal -> (port, its divisor in ticks; None: the last tick only)."""
         self._network = network
         self._log = log
         self._names: dict[object, str] = {}
@@ -141,12 +141,13 @@ class Emitter:
     # -- phases ----------------------------------------------------------------------------------------------------
 
     def _write_logs(self, code: _Code, tick: str) -> None:
-        for divisor in sorted({divisor for _, divisor in self._log.values()}):
-            with code.inside(None if divisor == 1 else f"k % {divisor} == 0") as inner:
+        for divisor in sorted({divisor for _, divisor in self._log.values()}, key=lambda d: d or 0):
+            due = "k == last" if divisor is None else None if divisor == 1 else f"k % {divisor} == 0"
+            with code.inside(due) as inner:
                 for name, (port, its) in self._log.items():
                     if its == divisor:
                         self._evaluate(inner, port, tick)
-                        row = "k" if divisor == 1 else f"k // {divisor}"
+                        row = "0" if divisor is None else "k" if divisor == 1 else f"k // {divisor}"
                         size = self._network.source_size(port)
                         inner.copy(size, f"{self._port(port)}[i]", f"{self._log_name(name)}[{row}, i]")
 

@@ -18,7 +18,7 @@ from pydrake.systems.framework import Diagram
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.rollout import views
-from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code
+from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code, rows_in
 
 LANES = 16
 _LARGEST = 4096  # floats of a matrix on the stack; a larger one, a long queue, lies on the heap
@@ -71,7 +71,7 @@ class LaneRollout:
         x = _of_each("continuous_state", continuous_state, single.continuous_state, runs)
         d = _of_each("discrete_state", discrete_state, single.discrete_state, runs)
         recorded = self._recorded(inputs or {}, ticks, runs)
-        logs = {name: np.empty((runs, ticks // divisor + 1, size)) for name, (size, divisor) in single.logged.items()}
+        logs = {name: np.empty((runs, rows_in(ticks, by), size)) for name, (size, by) in single.logged.items()}
         for start in range(0, runs, self.lanes):
             chosen = np.minimum(np.arange(start, start + self.lanes), runs - 1)  # the last group repeats its last run
             rows = parameters[chosen]
@@ -84,7 +84,7 @@ class LaneRollout:
                 group = log[start : start + self.lanes]
                 group[:] = np.moveaxis(part, -1, 0)[: len(group)]
                 for run in np.flatnonzero(reached[: len(group)] < ticks):
-                    group[run, reached[run] // divisor + 1 :] = np.nan
+                    group[run, 0 if divisor is None else reached[run] // divisor + 1 :] = np.nan
         return logs
 
     def _recorded(self, inputs, ticks, runs):

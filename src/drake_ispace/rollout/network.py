@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,6 +55,18 @@ def take_apart(diagram: Diagram, context: Context) -> Network:
         InputError: a system that a compiled rollout does not know, or an input port that nothing feeds.
     """
     return _Opened(diagram, context).network
+
+
+def with_blocks(network: Network, blocks: Mapping[str, tuple[Spec, Mapping[str, str]]]) -> Network:
+    """A Network with blocks of discrete state beside it, each fed by outputs of the whole: input -> output's name."""
+    added = {
+        name: Leaf(
+            name, spec, spec.parameter_values, np.empty(0), np.asarray(spec.discrete_state, dtype=float),
+            {own: network.outputs[output] for own, output in inputs.items()},
+        )
+        for name, (spec, inputs) in blocks.items()
+    }
+    return Network(network.leaves | added, network.outputs, network.inputs)
 
 
 _ADDRESS = re.compile(r"@[0-9a-f]{16}$")  # at the end of the name that Drake gives to a system without one
