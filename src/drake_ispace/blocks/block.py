@@ -10,6 +10,7 @@ The same kernel runs compiled in Drake's Simulator and, in its plain Python form
 """
 
 import enum
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -105,6 +106,14 @@ def _values(value):
 _EMPTY = np.empty(0)
 
 
+@functools.cache
+def _without_derivatives(kind, base):
+    """Return the class `kind` for blocks without a continuous state, which Drake then does not ask at every stage."""
+    return type(kind.__name__, (kind,), {
+        "__module__": kind.__module__, "__doc__": kind.__doc__, "DoCalcTimeDerivatives": base.DoCalcTimeDerivatives,
+    })
+
+
 @TemplateSystem.define("Block_")
 def Block_(T):
     scalar_is_float = T is float
@@ -114,6 +123,8 @@ def Block_(T):
 
         def _construct(self, spec: Spec, converter=None):
             LeafSystem_[T].__init__(self, converter=converter)
+            if spec.derivatives is None:
+                self.__class__ = _without_derivatives(type(self), LeafSystem_[T])
             self.spec = spec
             self._through = None
             for name, size in spec.inputs.items():
@@ -213,9 +224,10 @@ def Block_(T):
                 raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
             dtype = float if scalar_is_float else object
             getters = [self._getter(name, stepped) for name in names]
+            has_parameters = not self.spec.parameters.keys().isdisjoint(names)
 
             def call(context, size, xd=None):
-                parameters = self._parameters.Eval(context)
+                parameters = self._parameters.Eval(context) if has_parameters else None
                 out = np.empty(size, dtype)
                 run(*[get(context, parameters, xd) for get in getters], out)
                 return out
@@ -229,15 +241,8 @@ def Block_(T):
             a block with a through update is the state after that update.
             """
             if name in self.spec.inputs:
-                index = list(self.spec.inputs).index(name)
-
-                def get(context, parameters, xd):
-                    vector = self.EvalVectorInput(context, index)
-                    if vector is None:
-                        raise RuntimeError(f"input port '{name}' of block '{self.get_name()}' is not connected")
-                    return vector.CopyToVector()
-
-                return get
+                port = self.get_input_port(list(self.spec.inputs).index(name))
+                return lambda context, parameters, xd: port.Eval(context)
             if name == "xd" and self.spec.discrete_state is None:
                 return lambda context, parameters, xd: _EMPTY
             if name == "xd" and stepped:
