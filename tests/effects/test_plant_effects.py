@@ -14,7 +14,6 @@ from drake_ispace.effects.library import library
 from drake_ispace.effects.places.plant import EFFECTS
 from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
-from drake_ispace.plants.rover import RoverPlantParameters
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity
 from drake_ispace.scenario import load_scenario
@@ -102,20 +101,6 @@ def test_odometry_believes_in_the_nominal_robot():
     across = moved("wheel_toe", {"wheel": 2, "angle_rad": 0.1}, np.array([0.0, 0.4, 0.0]))
     missed = -0.4 * np.sin(0.1)
     assert across == pytest.approx([-missed / 2.0, 0.4, missed / 4.0 / 0.18])
-
-
-def test_only_wheels_with_rollers_have_a_toe():
-    bodies = [Body(ROBOT[type(OMNI)], OMNI, 4), *(
-        Body(robots()["rover"], RoverPlantParameters(wheels=kind), n) for kind, n in (("omni3", 3), ("differential", 2))
-    )]
-    assert [library()["wheel_toe"].applies_to(body) for body in bodies] == [True, False, False]
-    assert [library()["wheel_toes"].applies_to(body) for body in bodies] == [False, True, False]
-    angles = {"angle_2_rad": 0.02, "angle_3_rad": -0.1}
-    turned = library()["wheel_toes"].change(bodies[1].robot, bodies[1].plant, angles)
-    pairs = zip(turned.geometry.wheels, bodies[1].plant.geometry.wheels, strict=True)
-    by = [a.drive_rad - b.drive_rad for a, b in pairs]
-    assert by == pytest.approx([0.0, 0.02, -0.1])
-    assert turned.nominal_geometry == bodies[1].plant.nominal_geometry
 
 
 @pytest.mark.parametrize("bad, message", [

@@ -172,12 +172,9 @@ class TrackError(NumberError):
 
 
 class WheelToe(PlantEffect):
-    """The drive direction of one wheel, turned anticlockwise by an angle; of wheels with rollers only.
+    """The drive direction of one omni wheel, turned anticlockwise by an angle."""
 
-    A plain tyre that is turned is dragged sideways, which for a robot on two wheels equals a turned marker.
-    """
-
-    needs = ("toe", "torque")
+    needs = ("toe",)
     choices = ("wheel",)
     kinematic = True
     card = Card(
@@ -192,50 +189,11 @@ class WheelToe(PlantEffect):
     )
     parameters = (Parameter("angle_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=2e-3),)
 
-    def applies_to(self, body):
-        """Whether every wheel has rollers."""
-        return super().applies_to(body) and not len(body.plant.geometry.sideways)
-
     def change(self, robot, plant, values):
         return robot.toed(plant, values["angle_rad"], int(values["wheel"]) - 1)
 
 
-class WheelToes(PlantEffect):
-    """The drive direction of every wheel but the first, turned anticlockwise; of wheels with rollers only.
-
-    A turn of all wheels together is none of the wheels but of the body between them, which a marker's yaw says as well.
-    So angles are relative to the first wheel.
-    """
-
-    needs = ("toe", "velocity")
-    card = Card(
-        name="wheel_toes", title="Toe of all wheels", home="plant",
-        equation="theta_dot_i = (v + wz x p_i) . (cos(drive_i + angle_i), sin(drive_i + angle_i)) / r, angle_1 = 0",
-        source="brackets mounted by hand, a frame that is not true",
-        signature="moving straight makes odometry turn and drift in proportion to the way, differently in every "
-        "direction of the body",
-        look_alikes=("wheel_radius_errors", "single_wheel_radius_error", "marker_offset", "velocity_coupling"),
-        excitation="straight driving in several directions of the body, both ways: a wheel of another size shows along "
-        "its drive direction, a toe across it",
-    )
-
-    def parameters_of(self, body):
-        return tuple(
-            Parameter(f"angle_{i}_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=2e-3)
-            for i in range(2, body.wheels + 1)
-        )
-
-    def applies_to(self, body):
-        """Whether every wheel has rollers."""
-        return super().applies_to(body) and not len(body.plant.geometry.sideways)
-
-    def change(self, robot, plant, values):
-        for i in range(1, len(plant.geometry.wheels)):
-            plant = robot.toed(plant, values[f"angle_{i + 1}_rad"], i)
-        return plant
-
-
 EFFECTS = (
     MassError(), InertiaError(), YawInertiaError(), CentreOfGravityOffset(), WheelRadiusError(),
-    SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(), WheelToe(), WheelToes(),
+    SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(), WheelToe(),
 )
