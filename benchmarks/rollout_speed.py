@@ -264,7 +264,7 @@ def lanes_vs_single(repetitions, size):
 def _lanes(single, varied, repetitions, size):
     started = time.thread_time()
     lanes = lanes_of(single, varied=varied)
-    compile_s, runs, ticks = time.thread_time() - started, lanes.lanes, _TICKS[size] // 2
+    compile_s, runs, ticks = time.thread_time() - started, lanes.lanes, 2 * _TICKS[size]
     values = np.array([single.with_seed(seed) for seed in range(runs)])
     parameters = values * (1.0 + 0.01 * lanes.varied * np.random.default_rng(0).standard_normal(values.shape))
     if varied is not None:

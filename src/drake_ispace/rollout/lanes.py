@@ -9,6 +9,7 @@ those of a single run, so are its results, to the last bit.
 
 import ast
 import copy
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -20,7 +21,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.rollout import views
 from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code, rows_in
 
-LANES = 16
+LANES = 32
 _LARGEST = 4096  # floats of a matrix on the stack; a larger one, a long queue, lies on the heap
 
 
@@ -158,6 +159,7 @@ class _Writer:
             if isinstance(statement, ast.Assign):
                 self._declare(statement)
         self._begun = [loop for loop in filled if {"x", "d"} & _names(loop)]
+        self._own = self._of_one_group(loop, filled)
         start = [line for loop in filled if not set(self._constants) & _names(loop) for line in self._copy(loop)]
         store = [line for statement in tail if isinstance(statement, ast.For) for line in self._copy(statement)]
         inner = self._block(loop)
@@ -174,6 +176,8 @@ class _Writer:
         self.text = "\n".join([*lines, ""])
 
     def _made(self, vector, size):
+        if vector in self._own:
+            return [f"{vector} = local({size})"]
         if size * self._lanes <= _LARGEST:
             return [f"{vector} = local({size})", f"lanes_{vector} = matrix({size}, {self._lanes})"]
         return [f"{vector} = np.zeros({size})", f"lanes_{vector} = np.zeros(({size}, {self._lanes}))"]
@@ -197,6 +201,22 @@ class _Writer:
             self._views[name] = f"part(rows[lane], {', '.join(map(ast.unparse, value.args[1:]))})"
         elif isinstance(value, ast.Call) and name != "empty" and name not in self._constants:  # local(size)
             self._sizes[name] = value.args[0].value
+
+    def _of_one_group(self, loop, filled) -> set[str]:
+        """Vectors that are written and read within one group only: no lane has to remember them."""
+        states = {name for statement in filled for name in _names(statement)}
+        seen, own = Counter(), set()
+        for group in _groups(loop):
+            written: set[str] = set()
+            for statement in group:
+                for name in _names(statement) - written - set(_written(statement)):
+                    own.discard(name)  # read before it is written here
+                    seen[name] += 1
+                written |= set(_written(statement))
+            for name in written:
+                seen[name] += 1
+                own.add(name)
+        return {name for name in own if seen[name] == 1 and name in self._sizes and name not in states}
 
     def _block(self, statements: Sequence[ast.stmt]) -> list[str]:
         """Statements, those between two decisions in one loop over the lanes."""
@@ -223,13 +243,13 @@ class _Writer:
             return []
         used = list(dict.fromkeys(name for statement in group for name in _names_in_order(statement)))
         lines = [f"{name} = {self._views[name]}" for name in used if name in self._views]
-        for name in used:
-            if name in self._sizes:
-                lines += [f"for i in range({self._sizes[name]}):", f"    {name}[i] = lanes_{name}[i, lane]"]
+        kept = [name for name in used if name in self._sizes and name not in self._own]
+        for name in kept:
+            lines += [f"for i in range({self._sizes[name]}):", f"    {name}[i] = lanes_{name}[i, lane]"]
         for statement in group:
             lines += self._elements(statement, {}) if isinstance(statement, ast.For) else [ast.unparse(statement)]
         for name in dict.fromkeys(name for statement in group for name in _written(statement)):
-            if name in self._sizes:
+            if name in kept:
                 lines += [f"for i in range({self._sizes[name]}):", f"    lanes_{name}[i, lane] = {name}[i]"]
         return self._looped(lines)
 
@@ -275,6 +295,17 @@ class _Laned(ast.NodeTransformer):
 
 def _names(node) -> set[str]:
     return set(_names_in_order(node))
+
+
+def _groups(statements) -> list[list[ast.stmt]]:
+    """The kernels and copies between two decisions, of all levels."""
+    groups: list[list[ast.stmt]] = [[]]
+    for statement in statements:
+        if isinstance(statement, ast.Expr | ast.For):
+            groups[-1].append(statement)
+        elif isinstance(statement, ast.If) and "finite" not in _names(statement):
+            groups += [*_groups(statement.body), []]
+    return groups
 
 
 def _names_in_order(statement) -> list[str]:
