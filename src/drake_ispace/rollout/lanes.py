@@ -159,6 +159,9 @@ class _Writer:
             if isinstance(statement, ast.Assign):
                 self._declare(statement)
         self._begun = [loop for loop in filled if {"x", "d"} & _names(loop)]
+        vectors = {self._filled(loop)[0] for loop in filled if "p" in _names(loop)} - set(self._constants)
+        floats = {name for name, view in self._views.items() if "[" in view}
+        self._varying = {name for name in vectors | floats if not name.endswith("_noise_stream")}
         self._own = self._of_one_group(loop, filled)
         start = [line for loop in filled if not set(self._constants) & _names(loop) for line in self._copy(loop)]
         store = [line for statement in tail if isinstance(statement, ast.For) for line in self._copy(statement)]
@@ -206,7 +209,7 @@ class _Writer:
         """Vectors that are written and read within one group only: no lane has to remember them."""
         states = {name for statement in filled for name in _names(statement)}
         seen, own = Counter(), set()
-        for group in _groups(loop):
+        for group in self._groups(loop):
             written: set[str] = set()
             for statement in group:
                 for name in _names(statement) - written - set(_written(statement)):
@@ -218,18 +221,37 @@ class _Writer:
                 own.add(name)
         return {name for name in own if seen[name] == 1 and name in self._sizes and name not in states}
 
+    def _groups(self, statements) -> list[list[ast.stmt]]:
+        """The kernels and copies of each loop over the lanes, those within decisions too."""
+        groups: list[list[ast.stmt]] = [[]]
+        for statement in statements:
+            if isinstance(statement, ast.If):
+                groups += [*([] if "finite" in _names(statement) else self._groups(statement.body)), []]
+            elif isinstance(statement, ast.Expr) and self._stands_alone(statement):
+                groups += [[statement], []]
+            elif isinstance(statement, ast.Expr | ast.For):
+                groups[-1].append(statement)
+        return groups
+
     def _block(self, statements: Sequence[ast.stmt]) -> list[str]:
         """Statements, those between two decisions in one loop over the lanes."""
         lines, group = [], []
         for statement in statements:
-            if isinstance(statement, ast.Expr | ast.For):
-                group.append(statement)
-            elif isinstance(statement, ast.Assign):  # the length of a step
+            if isinstance(statement, ast.Assign):  # the length of a step
                 lines.append(ast.unparse(statement))
-            else:
+            elif isinstance(statement, ast.If):
                 lines += self._group(group) + self._decision(statement)
                 group = []
+            elif self._stands_alone(statement):
+                lines += self._group(group) + self._group([statement])
+                group = []
+            else:
+                group.append(statement)
         return lines + self._group(group)
+
+    def _stands_alone(self, statement) -> bool:
+        """Whether a kernel reads parameters that vary: it is long, and LLVM gives up on loops that are too long."""
+        return isinstance(statement, ast.Expr) and not self._varying.isdisjoint(_names(statement))
 
     def _decision(self, statement: ast.If) -> list[str]:
         if "finite" in _names(statement):
@@ -295,17 +317,6 @@ class _Laned(ast.NodeTransformer):
 
 def _names(node) -> set[str]:
     return set(_names_in_order(node))
-
-
-def _groups(statements) -> list[list[ast.stmt]]:
-    """The kernels and copies between two decisions, of all levels."""
-    groups: list[list[ast.stmt]] = [[]]
-    for statement in statements:
-        if isinstance(statement, ast.Expr | ast.For):
-            groups[-1].append(statement)
-        elif isinstance(statement, ast.If) and "finite" not in _names(statement):
-            groups += [*_groups(statement.body), []]
-    return groups
 
 
 def _names_in_order(statement) -> list[str]:
