@@ -135,6 +135,9 @@ def montecarlo(
         if out is not None:
             stack.enter_context(campaign_folder(out, dataclasses.asdict(plan)))
         rows = Rows(_schema(plan, robots), out)
+        if cluster is None and len(rows.done) < len(plan):
+            for data in plan.scenarios.values():  # compiling is no part of the time below
+                _rollout_for(plan, _text(data))
         before, started = len(rows.done), time.perf_counter()
         tell = progress or (lambda done, total: None)
         tell(before, len(plan))
@@ -220,11 +223,12 @@ def _rows_of(plan, plan_text, name, numbers):
         }
         seeds.append(noise_seed(plan.seed, run))
         parameters.append(rollout.with_seed(seeds[-1], rollout.with_parameters(values)))
-    if len(plan) * ticks >= _LANES_PAY_TICKS:
-        logs = _lanes(text, tuple(plan.keys)).run(ticks, np.array(parameters))
+    simulator = _rollout_for(plan, text)
+    if isinstance(simulator, LaneRollout):
+        logs = simulator.run(ticks, np.array(parameters))
         each = [{signal: log[i] for signal, log in logs.items()} for i in range(len(numbers))]
     else:
-        each = (rollout.run(ticks, row) for row in parameters)
+        each = (simulator.run(ticks, row) for row in parameters)
     return [
         {"run": number, "scenario": name, "seed": seed}
         | {key: float(row[rollout.index(key)]) for key in plan.keys} | _reduced(scenario, logs)
@@ -323,10 +327,13 @@ def _rollout(scenario_text):
         return compile_diagram(diagram, log=logs_of(blocks), added=blocks)
 
 
-def _lanes(scenario_text: str, keys: tuple[str, ...]) -> LaneRollout:
-    """The same for many runs at once, of which only the parameters `keys` and the noise differ."""
+def _rollout_for(plan: Plan, scenario_text: str) -> Rollout | LaneRollout:
+    """The compiled Diagram of a scenario, for many runs at once if the plan is so long that it pays."""
+    single = rollout_of(scenario_text)
+    if len(plan) * ticks_in(_scenario(scenario_text).seconds) < _LANES_PAY_TICKS:
+        return single
     with _compiling:
-        return _in_lanes(scenario_text, keys)
+        return _in_lanes(scenario_text, tuple(plan.keys))
 
 
 @lru_cache(maxsize=8)
