@@ -10,7 +10,6 @@ The same kernel runs compiled in Drake's Simulator and, in its plain Python form
 """
 
 import enum
-import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -106,14 +105,6 @@ def _values(value):
 _EMPTY = np.empty(0)
 
 
-@functools.cache
-def _without_derivatives(kind, base):
-    """Return the class `kind` for blocks without a continuous state, which Drake then does not ask at every stage."""
-    return type(kind.__name__, (kind,), {
-        "__module__": kind.__module__, "__doc__": kind.__doc__, "DoCalcTimeDerivatives": base.DoCalcTimeDerivatives,
-    })
-
-
 @TemplateSystem.define("Block_")
 def Block_(T):
     scalar_is_float = T is float
@@ -123,8 +114,6 @@ def Block_(T):
 
         def _construct(self, spec: Spec, converter=None):
             LeafSystem_[T].__init__(self, converter=converter)
-            if spec.derivatives is None:
-                self.__class__ = _without_derivatives(type(self), LeafSystem_[T])
             self.spec = spec
             self._through = None
             for name, size in spec.inputs.items():

@@ -9,13 +9,11 @@ import dataclasses
 import json
 import logging
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import groupby, islice
+from itertools import islice
 from pathlib import Path
 
 import joblib
@@ -23,25 +21,19 @@ import numpy as np
 import pyarrow as pa
 
 from drake_ispace.blocks.errors import InputError, shown
-from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.blocks.rates import ticks_in
 from drake_ispace.control.guide.paths import build_path
 from drake_ispace.files.typed_tree import read
 from drake_ispace.robots.library import robots
-from drake_ispace.rollout.compile import Rollout, compile_diagram
-from drake_ispace.rollout.draws import Distribution, find_parameter, noise_seed, parse_distribution, variable
-from drake_ispace.rollout.lanes import LaneRollout, lanes_of
-from drake_ispace.rollout.score import added_blocks, logs_of, lost_at, metrics_of, own_names
+from drake_ispace.rollout.draws import find_parameter, parse_distribution, variable
+from drake_ispace.rollout.score import own_names
 from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.scenario import Scenario, blaming, difference, named_scenarios
-from drake_ispace.wiring.catalog import CATALOG, build_diagram, entry_of
+from drake_ispace.rollout.worker import METRICS, Plan, column, rollout_for, rollout_of, run_rows, scenario_of, text_of
+from drake_ispace.scenario import Scenario, difference, named_scenarios
+from drake_ispace.wiring.catalog import CATALOG
 
-#: Columns of every robot; metrics.py says what they are.
-METRICS = (
-    "rms_position_error_m", "max_position_error_m", "rms_cross_track_m", "final_error_m", "iae_m_s", "control_effort",
-)
 _CLUSTER_S = 10.0  # to wait for a scheduler, and for its first worker
 _MOST_RUNS = 1_000_000
-_LANES_PAY_TICKS = 20_000_000  # in a campaign: from there on, compiling for SIMD lanes takes less time than it saves
 _BATCH_TICKS = 400_000  # simulated by one call of a worker: some tenths of a second
 
 
@@ -67,38 +59,6 @@ class Campaign:
     runs_now: int
     wall_s: float
     damaged: Sequence[Path] = ()
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The task of a campaign, as plain data that can be sent to other machines.
-
-    For every scenario and every parameter set, runs 0 to `runs` - 1. A run's draws depend on its number within its
-    scenario and set only, so scenarios and sets are compared on the same random numbers. Numbers of the table go on
-    from cell to cell.
-    """
-
-    scenarios: dict[str, dict]
-    parameter_sets: list[dict[str, float]]
-    vary: dict[str, str]
-    runs: int
-    seed: int
-    #: Scenario -> hash of what its rollout computes: rows of other code do not belong into the same table.
-    code: dict[str, str]
-
-    def __len__(self) -> int:
-        return len(self.scenarios) * len(self.parameter_sets) * self.runs
-
-    def place(self, number: int) -> tuple[str, int, int]:
-        """(scenario, number of its parameter set, number of the run within these) of a row."""
-        cell, run = divmod(number, self.runs)
-        scenario, parameters = divmod(cell, len(self.parameter_sets))
-        return list(self.scenarios)[scenario], parameters, run
-
-    @property
-    def keys(self) -> list[str]:
-        """Parameters that differ between runs."""
-        return list(dict.fromkeys([key for parameters in self.parameter_sets for key in parameters] + list(self.vary)))
 
 
 def montecarlo(
@@ -137,7 +97,7 @@ def montecarlo(
         rows = Rows(_schema(plan, robots), out)
         if cluster is None and len(rows.done) < len(plan):
             for data in plan.scenarios.values():  # compiling is no part of the time below
-                _rollout_for(plan, _text(data))
+                rollout_for(plan, text_of(data))
         before, started = len(rows.done), time.perf_counter()
         tell = progress or (lambda done, total: None)
         tell(before, len(plan))
@@ -167,7 +127,7 @@ def make_plan(
     if not parameter_sets:
         raise InputError("a campaign needs at least one parameter set, got none")
     data = {name: _plain(scenario) for name, scenario in named.items()}
-    rollouts = {name: rollout_of(_text(scenario)) for name, scenario in data.items()}
+    rollouts = {name: rollout_of(text_of(scenario)) for name, scenario in data.items()}
 
     def known(key, where):
         found = [find_parameter(key, own_names(rollout.parameter_names), where) for rollout in rollouts.values()]
@@ -196,55 +156,9 @@ def parameters_of(scenario: Scenario) -> dict[str, float]:
     Raises:
         InputError: values that do not go together.
     """
-    rollout = rollout_of(_text(_plain(scenario)))
+    rollout = rollout_of(text_of(_plain(scenario)))
     values = dict(zip(rollout.parameter_names, map(float, rollout.parameters), strict=True))
     return {name: values[name] for name in variable(own_names(rollout.parameter_names))}
-
-
-def run_rows(plan_text: str, numbers: Sequence[int]) -> list[dict]:
-    """The rows of the runs of these numbers; what a worker does, on whichever machine it is."""
-    plan = _plan(plan_text)
-    rows = []
-    for name, group in groupby(numbers, lambda number: plan.place(number)[0]):
-        rows += _rows_of(plan, plan_text, name, list(group))
-    return rows
-
-
-def _rows_of(plan, plan_text, name, numbers):
-    """The rows of these runs of one scenario."""
-    text = _text(plan.scenarios[name])
-    rollout, scenario = rollout_of(text), _scenario(text)
-    ticks, seeds, parameters = ticks_in(scenario.seconds) + 1, [], []
-    for number in numbers:
-        _, parameter_set, run = plan.place(number)
-        values = plan.parameter_sets[parameter_set] | {
-            key: float(distribution.draws(plan.seed, key, [run])[0])
-            for key, distribution in _distributions(plan_text).items()
-        }
-        seeds.append(noise_seed(plan.seed, run))
-        parameters.append(rollout.with_seed(seeds[-1], rollout.with_parameters(values)))
-    simulator = _rollout_for(plan, text)
-    if isinstance(simulator, LaneRollout):
-        logs = simulator.run(ticks, np.array(parameters))
-        each = [{signal: log[i] for signal, log in logs.items()} for i in range(len(numbers))]
-    else:
-        each = (simulator.run(ticks, row) for row in parameters)
-    return [
-        {"run": number, "scenario": name, "seed": seed}
-        | {key: float(row[rollout.index(key)]) for key in plan.keys} | _reduced(scenario, logs)
-        for number, seed, row, logs in zip(numbers, seeds, parameters, each, strict=True)
-    ]
-
-
-def _reduced(scenario, logs):
-    """The metrics of a run, for columns of the table."""
-    lost, robots = lost_at(logs), list(entry_of(scenario).robots)
-    row = {"diverged": lost is not None, "diverged_at_s": None if lost is None else lost * TICK_S}
-    if lost is None:
-        for robot in robots:
-            metrics = metrics_of(robot, logs)
-            row |= {_column(robot, name, robots): metrics[name] for name in METRICS}
-    return row
 
 
 # -- where the work is done ----------------------------------------------------------------------------------------
@@ -287,7 +201,7 @@ def _workers(threads: int | None, cluster: str | None) -> Iterator[joblib.Parall
 
 def _run(plan: Plan, text: str, rows: Rows, parallel: joblib.Parallel, tell: Callable[[int, int], None]) -> None:
     """Do what is missing in `rows`, some runs at a time."""
-    longest = max(_scenario(_text(data)).seconds for data in plan.scenarios.values())
+    longest = max(scenario_of(text_of(data)).seconds for data in plan.scenarios.values())
     size = max(1, min(100, _BATCH_TICKS // ticks_in(longest)))
     missing = (number for number in range(len(plan)) if number not in rows.done)
     batches = iter(lambda: list(islice(missing, size)), [])
@@ -303,61 +217,6 @@ def _run(plan: Plan, text: str, rows: Rows, parallel: joblib.Parallel, tell: Cal
 def _stopped(done, total, out):
     kept = f"they are kept in {out} and the same call does the rest" if out else "with --out they would be kept"
     return f"stopped after {done} of {total} runs, {kept}"
-
-
-# -- a scenario on a worker ----------------------------------------------------------------------------------------
-
-_compiling = threading.Lock()
-
-
-def rollout_of(scenario_text: str) -> Rollout:
-    """The compiled Diagram of a scenario, made once in a process: Drake does not free its Diagrams."""
-    with _compiling:
-        return _rollout(scenario_text)
-
-
-@lru_cache(maxsize=64)
-def _rollout(scenario_text):
-    scenario = _scenario(scenario_text)
-    with blaming(scenario.diagram):
-        diagram = build_diagram(scenario)
-        outputs = (diagram.get_output_port(i) for i in range(diagram.num_output_ports()))
-        sizes = {port.get_name(): port.size() for port in outputs}
-        blocks = added_blocks(scenario, list(entry_of(scenario).robots), sizes)
-        return compile_diagram(diagram, log=logs_of(blocks), added=blocks)
-
-
-def _rollout_for(plan: Plan, scenario_text: str) -> Rollout | LaneRollout:
-    """The compiled Diagram of a scenario, for many runs at once if the plan is so long that it pays."""
-    single = rollout_of(scenario_text)
-    if len(plan) * ticks_in(_scenario(scenario_text).seconds) < _LANES_PAY_TICKS:
-        return single
-    with _compiling:
-        return _in_lanes(scenario_text, tuple(plan.keys))
-
-
-@lru_cache(maxsize=8)
-def _in_lanes(scenario_text, keys):
-    return lanes_of(_rollout(scenario_text), varied=keys)
-
-
-@lru_cache(maxsize=64)
-def _scenario(text):
-    return read(Scenario(), json.loads(text), "campaign")
-
-
-@lru_cache(maxsize=4)
-def _plan(text) -> Plan:
-    return Plan(**json.loads(text))
-
-
-@lru_cache(maxsize=4)
-def _distributions(plan_text) -> dict[str, Distribution]:
-    return {key: parse_distribution(text, key) for key, text in _plan(plan_text).vary.items()}
-
-
-def _text(data):
-    return json.dumps(data, sort_keys=True)
 
 
 def _plain(scenario):
@@ -383,11 +242,7 @@ def _robots(plan):
 
 
 def _columns(robots):
-    return list(dict.fromkeys(_column(robot, name, group) for group in robots for robot in group for name in METRICS))
-
-
-def _column(robot, name, robots):
-    return name if len(robots) == 1 else f"{robot}.{name}"
+    return list(dict.fromkeys(column(robot, name, group) for group in robots for robot in group for name in METRICS))
 
 
 def _schema(plan, robots):

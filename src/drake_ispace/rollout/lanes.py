@@ -7,10 +7,7 @@ a loop into vector instructions unless a kernel in it has a loop that depends on
 those of a single run, so are its results, to the last bit.
 """
 
-import ast
-import copy
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numba
@@ -20,9 +17,9 @@ from pydrake.systems.framework import Diagram
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.rollout import views
 from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code, rows_in
+from drake_ispace.rollout.lane_text import text_for_lanes
 
 LANES = 32
-_LARGEST = 4096  # floats of a matrix on the stack; a larger one, a long queue, lies on the heap
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,7 @@ def lanes_of(single: Rollout, lanes: int = LANES, varied: Iterable[str] | None =
     may_vary = np.array([varied is None or ".noise_stream[" in name for name in names], dtype=bool)
     for name in varied or ():
         may_vary[single.index(name)] = True
-    text = _Writer(ast.parse(single.source).body[0], lanes, single.parameters, may_vary).text
+    text = text_for_lanes(single.source, lanes, single.parameters, may_vary)
     functions = {"local": views.local, "matrix": views.matrix, "part": views.part, **single.kernels}
     rows, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     arguments = (numba.int64, numba.int64, rows, rows, rows, rows, cube, numba.int64[::1])
@@ -138,201 +135,3 @@ def _of_each(name, values, default, runs):
     if states.shape not in (default.shape, (runs, *default.shape)):
         raise InputError(f"{name}: is an array {states.shape}, expected {default.shape} or {(runs, *default.shape)}")
     return np.broadcast_to(states, (runs, *default.shape))
-
-
-class _Writer:
-    """The text of an emitted rollout, rewritten for lanes.
-
-    A vector `v` is that of the lane at hand; `lanes_v` holds it for all lanes.
-    """
-
-    def __init__(self, rollout: ast.FunctionDef, lanes: int, parameters: np.ndarray, varied: np.ndarray):
-        self._lanes, self._parameters, self._varied = lanes, parameters, varied
-        self._sizes: dict[str, int] = {}  # of vectors
-        self._views: dict[str, str] = {}  # parameters that are one float, or a table -> where they lie
-        body = rollout.body[1:]
-        ticks = next(i for i, s in enumerate(body) if isinstance(s, ast.For) and ast.unparse(s.target) == "k")
-        head, loop, tail = body[:ticks], body[ticks].body, body[ticks + 1 :]
-        filled = [statement for statement in head if isinstance(statement, ast.For)]
-        self._constants = {name: values for name, values in map(self._filled, filled) if values is not None}
-        for statement in head:
-            if isinstance(statement, ast.Assign):
-                self._declare(statement)
-        self._begun = [loop for loop in filled if {"x", "d"} & _names(loop)]
-        vectors = {self._filled(loop)[0] for loop in filled if "p" in _names(loop)} - set(self._constants)
-        floats = {name for name, view in self._views.items() if "[" in view}
-        self._varying = {name for name in vectors | floats if not name.endswith("_noise_stream")}
-        self._own = self._of_one_group(loop, filled)
-        start = [line for loop in filled if not set(self._constants) & _names(loop) for line in self._copy(loop)]
-        store = [line for statement in tail if isinstance(statement, ast.For) for line in self._copy(statement)]
-        inner = self._block(loop)
-        logs = "".join(f", {a.arg}" for a in rollout.args.args if a.arg.startswith("log_"))
-        vectors = [line for v, size in self._sizes.items() for line in self._made(v, size)]
-        for name, values in self._constants.items():
-            vectors += [f"{name} = local({len(values)})", *(f"{name}[{i}] = {_text(v)}" for i, v in enumerate(values))]
-        lines = [
-            f"def rollout(first, last, x, d, p, rows, recorded, reached{logs}):",
-            '    """One more index on every array, the lane; rows: the parameters lane by lane."""',
-            *_indented([*vectors, "empty = local(0)", *start, "for k in range(first, last + 1):", *_indented(inner)]),
-            *_indented(store),
-        ]
-        self.text = "\n".join([*lines, ""])
-
-    def _made(self, vector, size):
-        if vector in self._own:
-            return [f"{vector} = local({size})"]
-        if size * self._lanes <= _LARGEST:
-            return [f"{vector} = local({size})", f"lanes_{vector} = matrix({size}, {self._lanes})"]
-        return [f"{vector} = np.zeros({size})", f"lanes_{vector} = np.zeros(({size}, {self._lanes}))"]
-
-    def _filled(self, loop: ast.For) -> tuple[str, np.ndarray | None]:
-        """The vector that a loop fills, and its values if they are parameters that do not vary."""
-        (assignment,) = loop.body
-        name, source = assignment.targets[0].value.id, assignment.value
-        if source.value.id != "p":
-            return name, None
-        start = source.slice.left.value if isinstance(source.slice, ast.BinOp) else 0
-        part = slice(start, start + loop.iter.args[0].value)
-        return name, None if self._varied[part].any() else self._parameters[part]
-
-    def _declare(self, statement):
-        name, value = statement.targets[0].id, statement.value
-        if isinstance(value, ast.Subscript):  # p[7]
-            place = value.slice.value
-            self._views[name] = f"p[{place}, lane]" if self._varied[place] else _text(self._parameters[place])
-        elif isinstance(value, ast.Call) and ast.unparse(value.func) == "part":  # part(p, start, size)
-            self._views[name] = f"part(rows[lane], {', '.join(map(ast.unparse, value.args[1:]))})"
-        elif isinstance(value, ast.Call) and name != "empty" and name not in self._constants:  # local(size)
-            self._sizes[name] = value.args[0].value
-
-    def _of_one_group(self, loop, filled) -> set[str]:
-        """Vectors that are written and read within one group only: no lane has to remember them."""
-        states = {name for statement in filled for name in _names(statement)}
-        seen, own = Counter(), set()
-        for group in self._groups(loop):
-            written: set[str] = set()
-            for statement in group:
-                for name in _names(statement) - written - set(_written(statement)):
-                    own.discard(name)  # read before it is written here
-                    seen[name] += 1
-                written |= set(_written(statement))
-            for name in written:
-                seen[name] += 1
-                own.add(name)
-        return {name for name in own if seen[name] == 1 and name in self._sizes and name not in states}
-
-    def _groups(self, statements) -> list[list[ast.stmt]]:
-        """The kernels and copies of each loop over the lanes, those within decisions too."""
-        groups: list[list[ast.stmt]] = [[]]
-        for statement in statements:
-            if isinstance(statement, ast.If):
-                groups += [*([] if "finite" in _names(statement) else self._groups(statement.body)), []]
-            elif isinstance(statement, ast.Expr) and self._stands_alone(statement):
-                groups += [[statement], []]
-            elif isinstance(statement, ast.Expr | ast.For):
-                groups[-1].append(statement)
-        return groups
-
-    def _block(self, statements: Sequence[ast.stmt]) -> list[str]:
-        """Statements, those between two decisions in one loop over the lanes."""
-        lines, group = [], []
-        for statement in statements:
-            if isinstance(statement, ast.Assign):  # the length of a step
-                lines.append(ast.unparse(statement))
-            elif isinstance(statement, ast.If):
-                lines += self._group(group) + self._decision(statement)
-                group = []
-            elif self._stands_alone(statement):
-                lines += self._group(group) + self._group([statement])
-                group = []
-            else:
-                group.append(statement)
-        return lines + self._group(group)
-
-    def _stands_alone(self, statement) -> bool:
-        """Whether a kernel reads parameters that vary: it is long, and LLVM gives up on loops that are too long."""
-        return isinstance(statement, ast.Expr) and not self._varying.isdisjoint(_names(statement))
-
-    def _decision(self, statement: ast.If) -> list[str]:
-        if "finite" in _names(statement):
-            return self._watch(statement)
-        inner = ["break"] if isinstance(statement.body[0], ast.Break) else self._block(statement.body)
-        return [f"if {ast.unparse(statement.test)}:", *_indented(inner)]
-
-    def _group(self, group: Sequence[ast.stmt]) -> list[str]:
-        """Kernels and copies for one lane after the other, on vectors that are loaded before and stored after them."""
-        if not group:
-            return []
-        used = list(dict.fromkeys(name for statement in group for name in _names_in_order(statement)))
-        lines = [f"{name} = {self._views[name]}" for name in used if name in self._views]
-        kept = [name for name in used if name in self._sizes and name not in self._own]
-        for name in kept:
-            lines += [f"for i in range({self._sizes[name]}):", f"    {name}[i] = lanes_{name}[i, lane]"]
-        for statement in group:
-            lines += self._elements(statement, {}) if isinstance(statement, ast.For) else [ast.unparse(statement)]
-        for name in dict.fromkeys(name for statement in group for name in _written(statement)):
-            if name in kept:
-                lines += [f"for i in range({self._sizes[name]}):", f"    lanes_{name}[i, lane] = {name}[i]"]
-        return self._looped(lines)
-
-    def _copy(self, loop: ast.For) -> list[str]:
-        """An element-wise copy between what is laid out in lanes."""
-        return self._looped(self._elements(loop, self._sizes))
-
-    def _elements(self, loop: ast.For, laid_out: Mapping[str, int]) -> list[str]:
-        """An element-wise copy of one lane; laid_out: vectors that are taken from all lanes."""
-        body = [ast.unparse(_Laned(laid_out).visit(copy.deepcopy(inner))) for inner in loop.body]
-        return [f"for i in {ast.unparse(loop.iter)}:", *_indented(body)]
-
-    def _watch(self, statement: ast.If) -> list[str]:
-        """Note the tick at which a single run would stop; the lane begins anew, so that no index is made of a NaN."""
-        looks = [inner for inner in statement.body if isinstance(inner, ast.For)]
-        again = [line for loop in self._begun for line in self._elements(loop, self._sizes)]
-        lines = [
-            "finite = True", *(line for loop in looks for line in self._elements(loop, self._sizes)),
-            "if not finite:", *_indented(["reached[lane] = min(reached[lane], k)", *again]),
-        ]
-        return [f"if {ast.unparse(statement.test)}:", *_indented(self._looped(lines))]
-
-    def _looped(self, lines: Sequence[str]) -> list[str]:
-        return [f"for lane in range({self._lanes}):", *_indented(lines)]
-
-
-class _Laned(ast.NodeTransformer):
-    """Appends the lane to the index of the arrays that hold all lanes: those of the caller, and `vectors`."""
-
-    def __init__(self, vectors: Mapping[str, int]):
-        self._vectors = vectors
-
-    def visit_Subscript(self, node):
-        name = node.value.id
-        if name in self._vectors:
-            node.value.id = f"lanes_{name}"
-        elif name not in ("x", "d", "p", "recorded") and not name.startswith("log_"):
-            return node
-        inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        node.slice = ast.Tuple([*inner, ast.Name("lane", ast.Load())], ast.Load())
-        return node
-
-
-def _names(node) -> set[str]:
-    return set(_names_in_order(node))
-
-
-def _names_in_order(statement) -> list[str]:
-    return [inner.id for inner in ast.walk(statement) if isinstance(inner, ast.Name)]
-
-
-def _written(statement) -> list[str]:
-    """The vectors that a statement writes: targets, and the last argument of a kernel."""
-    if isinstance(statement, ast.Expr):
-        return [statement.value.args[-1].id]
-    return [target.value.id for inner in statement.body for target in inner.targets]
-
-
-def _text(value) -> str:
-    return repr(float(value)).replace("inf", "np.inf")
-
-
-def _indented(lines: Sequence[str]) -> list[str]:
-    return [f"    {line}" for text in lines for line in text.split("\n")]
