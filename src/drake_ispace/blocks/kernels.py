@@ -132,6 +132,11 @@ def _global_names(code: types.CodeType) -> Iterator[str]:
             yield from _global_names(constant)
 
 
+def is_small(function: Callable) -> bool:
+    """Return whether a function is so short that it most likely only copies."""
+    return len(function.__code__.co_code) < _SMALL_BYTES
+
+
 def jit_options(function: Callable) -> dict:
     """Return the numba options for a kernel, which becomes part of every compiled rollout that uses it.
 
@@ -139,7 +144,7 @@ def jit_options(function: Callable) -> dict:
     becomes a vectorised loop with checks for overlap, and inlining cannot undo that later. Large kernels are left to
     LLVM, because inlining them in numba takes too long.
     """
-    inline = "always" if len(function.__code__.co_code) < _SMALL_BYTES else "never"
+    inline = "always" if is_small(function) else "never"
     return {"error_model": "numpy", "forceinline": True, "inline": inline}
 
 

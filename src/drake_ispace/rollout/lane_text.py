@@ -3,19 +3,22 @@
 import ast
 import copy
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 _LARGEST = 4096  # floats of a matrix on the stack; a larger one, a long queue, lies on the heap
 
 
-def text_for_lanes(source: str, lanes: int, parameters: np.ndarray, varied: np.ndarray) -> str:
+def text_for_lanes(
+    source: str, lanes: int, parameters: np.ndarray, varied: np.ndarray, long_kernels: Collection[str]
+) -> str:
     """Return the text of the function for `lanes` runs.
 
     source: of the function for a single run. parameters: its values; varied: which of them may differ between runs.
+    long_kernels: names of those that do more than copy.
     """
-    return _Writer(ast.parse(source).body[0], lanes, parameters, varied).text
+    return _Writer(ast.parse(source).body[0], lanes, parameters, varied, long_kernels).text
 
 
 class _Writer:
@@ -24,8 +27,8 @@ class _Writer:
     A vector `v` is that of the lane at hand; `lanes_v` holds it for all lanes.
     """
 
-    def __init__(self, rollout: ast.FunctionDef, lanes: int, parameters: np.ndarray, varied: np.ndarray):
-        self._lanes, self._parameters, self._varied = lanes, parameters, varied
+    def __init__(self, rollout: ast.FunctionDef, lanes, parameters, varied, long_kernels):
+        self._lanes, self._parameters, self._varied, self._long = lanes, parameters, varied, long_kernels
         self._sizes: dict[str, int] = {}  # of vectors
         self._views: dict[str, str] = {}  # parameters that are one float, or a table -> where they lie
         body = rollout.body[1:]
@@ -128,8 +131,10 @@ class _Writer:
         return lines + self._group(group)
 
     def _stands_alone(self, statement) -> bool:
-        """Whether a kernel reads parameters that vary: it is long, and LLVM gives up on loops that are too long."""
-        return isinstance(statement, ast.Expr) and not self._varying.isdisjoint(_names(statement))
+        """Whether it is a long kernel with parameters that vary: LLVM gives up on loops that are too long."""
+        if not isinstance(statement, ast.Expr) or statement.value.func.id not in self._long:
+            return False
+        return not self._varying.isdisjoint(_names(statement))
 
     def _decision(self, statement: ast.If) -> list[str]:
         if "finite" in _names(statement):

@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.kernels import is_small
 from drake_ispace.rollout import views
 from drake_ispace.rollout.compile import Rollout, check_ticks, compile_diagram, machine_code, rows_in
 from drake_ispace.rollout.lane_text import text_for_lanes
@@ -121,7 +122,8 @@ def lanes_of(single: Rollout, lanes: int = LANES, varied: Iterable[str] | None =
     may_vary = np.array([varied is None or ".noise_stream[" in name for name in names], dtype=bool)
     for name in varied or ():
         may_vary[single.index(name)] = True
-    text = text_for_lanes(single.source, lanes, single.parameters, may_vary)
+    long = {name for name, kernel in single.kernels.items() if not is_small(kernel.py_func)}
+    text = text_for_lanes(single.source, lanes, single.parameters, may_vary, long)
     functions = {"local": views.local, "matrix": views.matrix, "part": views.part, **single.kernels}
     rows, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     arguments = (numba.int64, numba.int64, rows, rows, rows, rows, cube, numba.int64[::1])
