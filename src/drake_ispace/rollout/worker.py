@@ -103,7 +103,8 @@ def _reduced(scenario, logs):
     return row
 
 
-def column(robot, name, robots):
+def column(robot: str, name: str, robots: Sequence[str]) -> str:
+    """The name of a metric's column: with the robot's before it where there are several."""
     return name if len(robots) == 1 else f"{robot}.{name}"
 
 
@@ -142,7 +143,8 @@ def _in_lanes(scenario_text, keys):
 
 
 @lru_cache(maxsize=64)
-def scenario_of(text):
+def scenario_of(text: str) -> Scenario:
+    """The Scenario that a text describes, read once."""
     return read(Scenario(), json.loads(text), "campaign")
 
 
@@ -156,5 +158,6 @@ def _distributions(plan_text) -> dict[str, Distribution]:
     return {key: parse_distribution(text, key) for key, text in _plan(plan_text).vary.items()}
 
 
-def text_of(data):
+def text_of(data: dict) -> str:
+    """The text under which a scenario's data are sent and remembered."""
     return json.dumps(data, sort_keys=True)
