@@ -265,10 +265,9 @@ def _lanes(single, varied, repetitions, size):
     started = time.thread_time()
     lanes = lanes_of(single, varied=varied)
     compile_s, runs, ticks = time.thread_time() - started, lanes.lanes, 2 * _TICKS[size]
-    values = np.array([single.with_seed(seed) for seed in range(runs)])
-    parameters = values * (1.0 + 0.01 * lanes.varied * np.random.default_rng(0).standard_normal(values.shape))
-    if varied is not None:
-        parameters = values
+    parameters = np.array([single.with_seed(seed) for seed in range(runs)])
+    if varied is None:
+        parameters *= 1.0 + 0.01 * np.random.default_rng(0).standard_normal(parameters.shape)
     one_by_one = lambda: [single.run(ticks, row) for row in parameters]  # noqa: E731
     taken = in_turns(repetitions, {
         "lanes": lambda: on_this_core(lambda: lanes.run(ticks, parameters)), "runs": lambda: on_this_core(one_by_one),

@@ -90,7 +90,7 @@ def test_every_lane_equals_a_single_run_bit_for_bit(drakes_hold):
 _NOISY = ["slip.ratio=[0.1,0.1,0.1]", "slip.noise_std=[0.1,0.1,0.1]"]
 
 
-def same_as_alone(name, overrides=(), ticks=200, runs=3):
+def assert_same_as_alone(name, overrides=(), ticks=200, runs=3):
     diagram = build_diagram(load_scenario(name, list(overrides)))
     rollout = compile_lanes(diagram, lanes=8, varied=())
     parameters = np.array([rollout.single.with_seed(seed) for seed in range(runs)])
@@ -103,7 +103,7 @@ def same_as_alone(name, overrides=(), ticks=200, runs=3):
 
 def test_the_omni_robot_with_camera_slip_and_noise_runs_in_lanes(monkeypatch):
     monkeypatch.setattr("drake_ispace.rollout.compile.cache_folder", lambda part: None)  # to look at the code
-    rollout = same_as_alone("omni_multirate", [f"omni.plant.{one}" for one in _NOISY], ticks=60)
+    rollout = assert_same_as_alone("omni_multirate", [f"omni.plant.{one}" for one in _NOISY], ticks=60)
     (text,) = rollout._function.inspect_llvm().values()
     single, vector = (len(re.findall(rf"fmul {kind}", text)) for kind in ("double", r"<\d+ x double>"))
     assert vector > 4 * single  # what is left: the search in the path's table, and the wrapper for Python
@@ -113,7 +113,7 @@ def test_the_omni_robot_with_camera_slip_and_noise_runs_in_lanes(monkeypatch):
 @pytest.mark.parametrize("name", CATALOG)
 def test_every_diagram_runs_in_lanes(name):
     robots = [robot for robot in CATALOG[name].robots if robot in ("omni", "pendulum")]
-    same_as_alone(name, [f"{robot}.plant.{one}" for robot in robots for one in _NOISY])
+    assert_same_as_alone(name, [f"{robot}.plant.{one}" for robot in robots for one in _NOISY])
 
 
 def test_a_lane_that_leaves_the_numbers_ends_as_a_single_run_does():

@@ -140,9 +140,9 @@ def is_small(function: Callable) -> bool:
 def jit_options(function: Callable) -> dict:
     """Return the numba options for a kernel, which becomes part of every compiled rollout that uses it.
 
-    Small kernels, most of which only copy, are inlined before LLVM sees them. Compiled on its own, a copying loop
-    becomes a vectorised loop with checks for overlap, and inlining cannot undo that later. Large kernels are left to
-    LLVM, because inlining them in numba takes too long.
+    Small functions, most of which only copy, are inlined before LLVM sees them. Compiled on its own, a copying loop
+    becomes a vectorised loop with checks for overlap, and inlining cannot undo that later. Large ones are left to
+    LLVM, because inlining them in numba takes too long; it gets them as linking.py keeps them.
     """
     inline = "always" if is_small(function) else "never"
     return {"error_model": "numpy", "forceinline": True, "inline": inline}

@@ -30,7 +30,7 @@ from drake_ispace.rollout.score import own_names
 from drake_ispace.rollout.table import Rows, campaign_folder
 from drake_ispace.rollout.worker import METRICS, Plan, column, rollout_for, rollout_of, run_rows, scenario_of, text_of
 from drake_ispace.scenario import Scenario, difference, named_scenarios
-from drake_ispace.wiring.catalog import CATALOG
+from drake_ispace.wiring.catalog import CATALOG, entry_of
 
 _CLUSTER_S = 10.0  # to wait for a scheduler, and for its first worker
 _MOST_RUNS = 1_000_000
@@ -130,7 +130,7 @@ def make_plan(
     rollouts = {name: rollout_of(text_of(scenario)) for name, scenario in data.items()}
 
     def known(key, where):
-        found = [find_parameter(key, own_names(rollout.parameter_names), where) for rollout in rollouts.values()]
+        found = [find_parameter(key, _variable(named[name], rollout), where) for name, rollout in rollouts.items()]
         return found[0]
 
     drawn = {
@@ -158,7 +158,7 @@ def parameters_of(scenario: Scenario) -> dict[str, float]:
     """
     rollout = rollout_of(text_of(_plain(scenario)))
     values = dict(zip(rollout.parameter_names, map(float, rollout.parameters), strict=True))
-    return {name: values[name] for name in variable(own_names(rollout.parameter_names))}
+    return {name: values[name] for name in variable(_variable(scenario, rollout))}
 
 
 # -- where the work is done ----------------------------------------------------------------------------------------
@@ -234,6 +234,11 @@ def _plain(scenario):
 
 
 # -- the columns -----------------------------------------------------------------------------------------------------
+
+
+def _variable(scenario, rollout):
+    """Parameters of the scenario's own blocks."""
+    return own_names(rollout.parameter_names, entry_of(scenario).robots)
 
 
 def _robots(plan):

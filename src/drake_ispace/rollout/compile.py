@@ -61,9 +61,10 @@ class Rollout:
             inputs: name of an exported input -> (ticks, size), held from its tick on.
 
         Returns:
-            name -> (ticks // divisor + 1, size): row r is the value before the updates of tick r * divisor, as in a
-            log of Drake's Simulator. A run ends at most 256 ticks after an element of the continuous state is no
-            number; its later rows are NaN. Without a continuous state it never ends early.
+            name -> (ticks // divisor + 1, size), or (1, size) where only the last tick is logged: row r is the value
+            before the updates of tick r * divisor, as in a log of Drake's Simulator. A run ends at most 256 ticks after
+            an element of the continuous state is no number; its later rows are NaN. Without a continuous state it never
+            ends early.
 
         Raises:
             InputError: ticks, parameters, states or inputs of a wrong number, or inputs that are missing.

@@ -19,9 +19,9 @@ from drake_ispace.rollout.network import Network, Port
 _CHECK_TICKS = 256  # between looks for a state that is no number
 _LONGEST_COPY = 64  # floats; a longer parameter, a path's table, is read where it lies
 _LARGEST_LOCAL = 1024  # floats; LLVM takes minutes over a longer vector on the stack
-#: What the text says itself. Names that begin with "log_" are those of logs, with "lanes_" those of lanes.py.
+#: What the text says itself. Names that begin with "log_" are those of logs, with "lanes_" those of lane_text.py.
 _RESERVED = frozenset(
-    "np local part matrix empty k i h h6 x d p first last reached finite recorded range rollout lane".split()
+    "np local part matrix empty k i h h6 x d p first last reached finite recorded range rollout lane rows min".split()
 )
 
 

@@ -35,14 +35,15 @@ class _Writer:
         ticks = next(i for i, s in enumerate(body) if isinstance(s, ast.For) and ast.unparse(s.target) == "k")
         head, loop, tail = body[:ticks], body[ticks].body, body[ticks + 1 :]
         filled = [statement for statement in head if isinstance(statement, ast.For)]
-        self._constants = {name: values for name, values in map(self._filled, filled) if values is not None}
+        parameters_of = dict(self._filled(loop) for loop in filled if "p" in _names(loop))
+        self._constants = {name: values for name, values in parameters_of.items() if values is not None}
         for statement in head:
             if isinstance(statement, ast.Assign):
                 self._declare(statement)
         self._begun = [loop for loop in filled if {"x", "d"} & _names(loop)]
-        vectors = {self._filled(loop)[0] for loop in filled if "p" in _names(loop)} - set(self._constants)
         floats = {name for name, view in self._views.items() if "[" in view}
-        self._varying = {name for name in vectors | floats if not name.endswith("_noise_stream")}
+        varying = parameters_of.keys() - self._constants.keys() | floats
+        self._varying = {name for name in varying if not name.endswith("_noise_stream")}
         self._own = self._of_one_group(loop, filled)
         start = [line for loop in filled if not set(self._constants) & _names(loop) for line in self._copy(loop)]
         store = [line for statement in tail if isinstance(statement, ast.For) for line in self._copy(statement)]
@@ -67,11 +68,9 @@ class _Writer:
         return [f"{vector} = np.zeros({size})", f"lanes_{vector} = np.zeros(({size}, {self._lanes}))"]
 
     def _filled(self, loop: ast.For) -> tuple[str, np.ndarray | None]:
-        """The vector that a loop fills, and its values if they are parameters that do not vary."""
+        """The vector that a loop fills with parameters, and their values if they do not vary."""
         (assignment,) = loop.body
         name, source = assignment.targets[0].value.id, assignment.value
-        if source.value.id != "p":
-            return name, None
         start = source.slice.left.value if isinstance(source.slice, ast.BinOp) else 0
         part = slice(start, start + loop.iter.args[0].value)
         return name, None if self._varied[part].any() else self._parameters[part]
@@ -89,46 +88,49 @@ class _Writer:
     def _of_one_group(self, loop, filled) -> set[str]:
         """Vectors that are written and read within one group only: no lane has to remember them."""
         states = {name for statement in filled for name in _names(statement)}
-        seen, own = Counter(), set()
+        seen, made = Counter(), set()
         for group in self._groups(loop):
             written: set[str] = set()
             for statement in group:
-                for name in _names(statement) - written - set(_written(statement)):
-                    own.discard(name)  # read before it is written here
-                    seen[name] += 1
+                seen.update(_names(statement) - written - set(_written(statement)))  # read before it is written here
                 written |= set(_written(statement))
-            for name in written:
-                seen[name] += 1
-                own.add(name)
-        return {name for name in own if seen[name] == 1 and name in self._sizes and name not in states}
+            seen.update(written)
+            made |= written
+        return {name for name in made if seen[name] == 1 and name in self._sizes and name not in states}
 
-    def _groups(self, statements) -> list[list[ast.stmt]]:
-        """The kernels and copies of each loop over the lanes, those within decisions too."""
-        groups: list[list[ast.stmt]] = [[]]
+    def _parts(self, statements: Sequence[ast.stmt]) -> list[list[ast.stmt] | ast.stmt]:
+        """Decisions about the tick, the length of a step, and between them groups: each one loop over the lanes."""
+        parts: list[list[ast.stmt] | ast.stmt] = [[]]
         for statement in statements:
             if isinstance(statement, ast.If):
-                groups += [*([] if "finite" in _names(statement) else self._groups(statement.body)), []]
-            elif isinstance(statement, ast.Expr) and self._stands_alone(statement):
-                groups += [[statement], []]
-            elif isinstance(statement, ast.Expr | ast.For):
-                groups[-1].append(statement)
+                parts += [statement, []]
+            elif isinstance(statement, ast.Assign):
+                parts.insert(-1, statement)
+            elif self._stands_alone(statement):
+                parts += [[statement], []]
+            else:
+                parts[-1].append(statement)
+        return parts
+
+    def _groups(self, statements: Sequence[ast.stmt]) -> list[list[ast.stmt]]:
+        """All groups, those within decisions too."""
+        groups = []
+        for part in self._parts(statements):
+            if isinstance(part, list):
+                groups.append(part)
+            elif isinstance(part, ast.If) and not _ends(part) and not _looks(part):
+                groups += self._groups(part.body)
         return groups
 
     def _block(self, statements: Sequence[ast.stmt]) -> list[str]:
-        """Statements, those between two decisions in one loop over the lanes."""
-        lines, group = [], []
-        for statement in statements:
-            if isinstance(statement, ast.Assign):  # the length of a step
-                lines.append(ast.unparse(statement))
-            elif isinstance(statement, ast.If):
-                lines += self._group(group) + self._decision(statement)
-                group = []
-            elif self._stands_alone(statement):
-                lines += self._group(group) + self._group([statement])
-                group = []
+        """The lines of statements at one level."""
+        lines = []
+        for part in self._parts(statements):
+            if isinstance(part, list):
+                lines += self._group(part)
             else:
-                group.append(statement)
-        return lines + self._group(group)
+                lines += self._decision(part) if isinstance(part, ast.If) else [ast.unparse(part)]
+        return lines
 
     def _stands_alone(self, statement) -> bool:
         """Whether it is a long kernel with parameters that vary: LLVM gives up on loops that are too long."""
@@ -137,9 +139,9 @@ class _Writer:
         return not self._varying.isdisjoint(_names(statement))
 
     def _decision(self, statement: ast.If) -> list[str]:
-        if "finite" in _names(statement):
+        if _looks(statement):
             return self._watch(statement)
-        inner = ["break"] if isinstance(statement.body[0], ast.Break) else self._block(statement.body)
+        inner = ["break"] if _ends(statement) else self._block(statement.body)
         return [f"if {ast.unparse(statement.test)}:", *_indented(inner)]
 
     def _group(self, group: Sequence[ast.stmt]) -> list[str]:
@@ -196,6 +198,16 @@ class _Laned(ast.NodeTransformer):
         inner = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         node.slice = ast.Tuple([*inner, ast.Name("lane", ast.Load())], ast.Load())
         return node
+
+
+def _ends(decision: ast.If) -> bool:
+    """Whether it ends the rollout at the last tick."""
+    return isinstance(decision.body[0], ast.Break)
+
+
+def _looks(decision: ast.If) -> bool:
+    """Whether it looks for a state that is no number."""
+    return "finite" in _names(decision)
 
 
 def _names(node) -> set[str]:

@@ -51,7 +51,7 @@ class LaneRollout:
             inputs: name of an exported input -> (ticks, size) for all runs, or (runs, ticks, size).
 
         Returns:
-            name -> (runs, ticks // divisor + 1, size), run by run what `single.run` gives.
+            name -> (runs, rows, size), run by run what `single.run` gives.
 
         Raises:
             InputError: a number of ticks that no clock holds, rows, states or inputs of a wrong shape or missing,
@@ -99,7 +99,8 @@ class LaneRollout:
 
 
 def compile_lanes(
-    diagram: Diagram, log: Mapping[str, int] | None = None, lanes: int = LANES, varied: Iterable[str] | None = None,
+    diagram: Diagram, log: Mapping[str, int | None] | None = None, lanes: int = LANES,
+    varied: Iterable[str] | None = None,
 ) -> LaneRollout:
     """Compile `diagram` for `lanes` runs at once; log: as of `compile_diagram`, varied: as of `lanes_of`.
 

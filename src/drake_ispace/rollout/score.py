@@ -12,7 +12,7 @@ from drake_ispace.blocks.block import Output, Phase, Spec, Update
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.messages import POSE, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, ticks_in
-from drake_ispace.control.guide.paths import ROW, build_path
+from drake_ispace.control.guide.paths import ROW, build_path, to_edge
 from drake_ispace.scenario import Scenario
 from drake_ispace.simulation import FALLEN_RAD, SPINNING_RAD_S
 
@@ -64,12 +64,9 @@ def add_cross_track(tick, xd, pose, way_point, start_tick, table, out):
         dx, dy = x - table[ROW.x], y - table[ROW.y]
         squared = across * across / length if length > 0.0 else dx * dx + dy * dy
     for edge in range(table.shape[0] // len(ROW) - 1):
-        a = len(ROW) * edge
-        ax, ay = table[a + ROW.x], table[a + ROW.y]
-        ex, ey = table[a + len(ROW) + ROW.x] - ax, table[a + len(ROW) + ROW.y] - ay
-        along = min(max(((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30), 0.0), 1.0)
-        dx, dy = ax + along * ex - x, ay + along * ey - y
-        squared = min(squared, dx * dx + dy * dy)
+        a, b = len(ROW) * edge, len(ROW) * (edge + 1)
+        gap, _ = to_edge(table[a + ROW.x], table[a + ROW.y], table[b + ROW.x], table[b + ROW.y], x, y)
+        squared = min(squared, gap)
     out[0] = xd[0] + (squared if _weight(tick, way_point, start_tick) > 0.0 else 0.0)
 
 
@@ -126,10 +123,10 @@ def logs_of(blocks: Added) -> dict[str, int | None]:
     return {f"{name}.sums": 1 if name.endswith("_watch") else None for name in blocks}
 
 
-def own_names(names: Iterable[str]) -> list[str]:
-    """Return the parameters among `names` that are not of added blocks."""
-    added = tuple(f"_{block}" for block in BLOCKS)
-    return [name for name in names if not name.partition(".")[0].endswith(added)]
+def own_names(names: Iterable[str], robots: Iterable[str]) -> list[str]:
+    """Return the parameters among `names` that are not of blocks added for `robots`."""
+    added = {f"{robot}_{block}" for robot in robots for block in BLOCKS}
+    return [name for name in names if name.partition(".")[0] not in added]
 
 
 def lost_at(logs: Mapping[str, np.ndarray]) -> int | None:

@@ -99,14 +99,22 @@ class Path:
 
 
 @kernel
-def _project(table, edge, x, y):
-    """Return the squared distance [m^2] from (x, y) to an edge and the arc length [m] of the nearest place on it."""
-    ax, ay = table[edge, ROW.x], table[edge, ROW.y]
-    ex, ey = table[edge + 1, ROW.x] - ax, table[edge + 1, ROW.y] - ay
+def to_edge(ax, ay, bx, by, x, y):
+    """Return the squared distance [m^2] from (x, y) to the edge from a to b, and the share of it to the nearest place.
+    """
+    ex, ey = bx - ax, by - ay
     along = ((x - ax) * ex + (y - ay) * ey) / max(ex * ex + ey * ey, 1e-30)
     along = min(max(along, 0.0), 1.0)
     gap_x, gap_y = ax + along * ex - x, ay + along * ey - y
-    return gap_x * gap_x + gap_y * gap_y, table[edge, ROW.s] + along * (table[edge + 1, ROW.s] - table[edge, ROW.s])
+    return gap_x * gap_x + gap_y * gap_y, along
+
+
+@kernel
+def _project(table, edge, x, y):
+    """Return the squared distance [m^2] from (x, y) to an edge and the arc length [m] of the nearest place on it."""
+    ax, ay, bx, by = table[edge, ROW.x], table[edge, ROW.y], table[edge + 1, ROW.x], table[edge + 1, ROW.y]
+    squared, along = to_edge(ax, ay, bx, by, x, y)
+    return squared, table[edge, ROW.s] + along * (table[edge + 1, ROW.s] - table[edge, ROW.s])
 
 
 @kernel(nogil=True)
