@@ -17,17 +17,16 @@ from drake_ispace.explain.decide.survey.survey import survey, with_memory_margin
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 
-NO_NUISANCES = SimpleNamespace(marginalised=lambda vectors: vectors)
-
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
-    """A Screen of whitened changes (rows,) by the parameters `at` of one candidate."""
+    """A Screen of whitened changes (rows,) by the parameters `at` of one candidate, and the products with `w`."""
     at, one_sided = at or [0] * len(changes), one_sided or [False] * len(changes)
     found = [
         Signature(candidate, [1.0] * len(candidate.parameters), i, only, change)
         for change, i, only in zip(changes, at, one_sided, strict=True)
     ]
-    return Screen(NO_NUISANCES, found, np.array(changes))
+    changes = np.array(changes)
+    return Screen(found, changes @ changes.T), lambda *w: changes @ np.array(w)
 
 
 def two_parameters():
@@ -39,31 +38,31 @@ def two_parameters():
 
 
 def test_two_parameters_that_are_both_there_say_more_together():
-    screen = screen_of(two_parameters(), [3.0, 0.0], [0.0, 3.0], at=[0, 1])
-    both = screen.minus_log10_p(np.array([5.0, 5.0]))
+    screen, products = screen_of(two_parameters(), [3.0, 0.0], [0.0, 3.0], at=[0, 1])
+    both = screen.minus_log10_p(products(5.0, 5.0))
     assert both == pytest.approx([-chi2.logsf(50.0, 2) / np.log(10.0)])
-    one = screen.minus_log10_p(np.array([5.0, 0.0]))
+    one = screen.minus_log10_p(products(5.0, 0.0))
     assert one == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
 
 
 def test_two_probes_of_one_parameter_are_no_two_parameters():
     (candidate,) = made("slip")
-    screen = screen_of(candidate, [3.0, 0.0], [0.0, 3.0])
-    assert screen.minus_log10_p(np.array([5.0, 5.0])) == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
+    screen, products = screen_of(candidate, [3.0, 0.0], [0.0, 3.0])
+    assert screen.minus_log10_p(products(5.0, 5.0)) == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
 
 
 def test_a_signature_that_the_runs_do_not_show_gains_nothing():
     (candidate,) = made("slip")
-    screen = screen_of(candidate, [0.5, 0.0], [0.0, 2.0])
-    assert list(screen.gains(np.array([5.0, 5.0]))) == [0.0, 25.0]
-    amounts, changes = screen.use_of(candidate.effect, np.array([5.0, 5.0]))
+    screen, products = screen_of(candidate, [0.5, 0.0], [0.0, 2.0])
+    assert list(screen.gains(products(5.0, 5.0))) == [0.0, 25.0]
+    amounts, changes = screen.use_of(candidate.effect, products(5.0, 5.0))
     assert amounts == pytest.approx([2.5]) and changes == [screen.signatures[1].change]
 
 
 def test_neither_does_one_of_the_impossible_sign():
     (candidate,) = made("slip")
-    screen = screen_of(candidate, [2.0, 0.0], [0.5, 0.0], [0.0, 2.0], one_sided=[True, True, True])
-    assert list(screen.gains(np.array([-5.0, 5.0]))) == [0.0, 0.0, 25.0]
+    screen, products = screen_of(candidate, [2.0, 0.0], [0.5, 0.0], [0.0, 2.0], one_sided=[True, True, True])
+    assert list(screen.gains(products(-5.0, 5.0))) == [0.0, 0.0, 25.0]
 
 
 # -- Changes around a point

@@ -23,9 +23,10 @@ from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.survey.generic import Generic
-from drake_ispace.explain.decide.survey.view import FORM_SHARE, without
+from drake_ispace.explain.decide.survey.view import FORM_SHARE
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
+from drake_ispace.explain.fit.changes import without
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
 from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_interval
@@ -118,7 +119,7 @@ def _explained(decision) -> Residuals:
         return start.likelihood.raw(decision.named.point)
     if decision.unknown is None:
         return start.residuals
-    return without(start.residuals, *start.screen.use_of(decision.unknown[0], start.w))
+    return without(start.residuals, *start.screen.use_of(decision.unknown[0], start.products))
 
 
 def _named(case, decision, candidate: Candidate) -> NamedEffect:

@@ -46,14 +46,14 @@ def decide(
     """
     survey_at = partial(survey, prediction, candidates=candidates, pool=pool, generics=generics)
     tell("looking at every effect")
-    start = current = survey_at({})
+    current = survey_at({})
     decision, doubt = None, None
     while True:
-        largest = trials(current.screen, current.noise, current.instants, seed)
+        largest = trials(current.screen, current.by_instant, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
         proposals, disagreements = proposals_of(current), believed(current)
         detection = _detection(current, [*proposals, *disagreements], largest, seed)
-        decision = decision or Decision(detection, start, start)
+        decision = decision or Decision(detection, current, current)
         leader = max(proposals, key=lambda proposal: proposal.penalised_gain, default=None)
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
@@ -64,6 +64,7 @@ def decide(
         if doubt is None:
             point = _best_near(current, proposals, leader).point
             tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
+            decision, current = decision.light(), None  # two surveys at once would take twice the memory
             current = survey_at(point, near=True)
             best = fit(current.likelihood, point)
             current = current.moved(best)
@@ -112,7 +113,7 @@ def _detection(
     again = with_memory_marginalised(current)
     minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
     held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
-    return detect(held, trials(again.screen, again.noise, again.instants, seed))
+    return detect(held, trials(again.screen, again.by_instant, seed))
 
 
 def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal) -> Fit:

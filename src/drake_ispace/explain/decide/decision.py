@@ -68,6 +68,10 @@ class Decision:
         """The Decision for these named effects, `end` being the survey with them in the model."""
         return replace(self, end=end, named=named, total_gain=end.gain_of(named.point))
 
+    def light(self) -> "Decision":
+        """The Decision with surveys that only say what was found."""
+        return replace(self, start=self.start.light(), end=self.end.light())
+
     def without_effects(self) -> "Decision":
         """The Decision that nothing is named."""
         return Decision(self.detection, self.start, self.start)

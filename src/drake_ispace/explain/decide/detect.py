@@ -44,20 +44,18 @@ class Detection:
         return self.minus_log10_p < CLEAR_MINUS_LOG10_P
 
 
-def trials(screen: Screen, noise: np.ndarray, instants: np.ndarray, seed: int) -> np.ndarray:
+def trials(screen: Screen, by_instant: np.ndarray, seed: int) -> np.ndarray:
     """(400,) the largest -log10 p over all effects, in that many draws of noise.
 
     Args:
-        screen: tests of the effects. noise: (rows,) whitened residuals that no effect explains. instants: (rows,)
-            which instant of which run each row belongs to, ascending; rows of one instant share their sign.
+        screen: tests of the effects. by_instant: (k, instants) products of each signature with whitened residuals that
+            no effect explains, summed over the numbers of one instant; these share their sign.
     """
     generator = np.random.default_rng([seed, 1])
-    starts = np.flatnonzero(np.diff(instants, prepend=-1))
-    products = np.add.reduceat(screen.marginalised * noise, starts, axis=1)
     largest = []
     for _ in range(0, _REPLICATES, _BATCH):
-        signs = 2.0 * generator.integers(0, 2, size=(len(starts), _BATCH), dtype=np.int8) - 1.0
-        largest.append(screen.minus_log10_p_of(products @ signs).max(axis=0))
+        signs = 2.0 * generator.integers(0, 2, size=(by_instant.shape[1], _BATCH), dtype=np.int8) - 1.0
+        largest.append(screen.minus_log10_p(by_instant @ signs).max(axis=0))
     return np.concatenate(largest)
 
 

@@ -24,6 +24,6 @@ def left_over(
     clearest = max([*proposals, *generic_proposals(end)], key=lambda p: p.minus_log10_p, default=None)
     if clearest is None or clearest.gain < LEAST_FURTHER:
         return None
-    largest = trials(end.screen, end.noise, end.instants, seed) if largest is None else largest
+    largest = trials(end.screen, end.by_instant, seed) if largest is None else largest
     detection = detect(clearest.minus_log10_p, largest)
     return LeftOver(clearest.candidate, clearest.gain, detection.p_value) if detection.found else None

@@ -44,18 +44,19 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     for candidate, minus_log10_p in clearest_effects(survey)[:SHORTLIST]:
         if minus_log10_p < LEAST_MINUS_LOG10_P:
             break
-        fitted = fit(likelihood, {**survey.point, candidate: screen.start(candidate, survey.w)})
+        fitted = fit(likelihood, {**survey.point, candidate: screen.start(candidate, survey.products)})
         drop = max(base - fitted.deviance, 0.0)
         gain = drop / screen.overdispersion_of(candidate)
         clear = min(minus_log10_p, minus_log10_p_of_gain(gain, len(candidate.parameters)))
-        penalised_drop = min(drop, screen.joint_drop(candidate, survey.w)) - penalty(candidate)
+        penalised_drop = min(drop, screen.joint_drop(candidate, survey.products)) - penalty(candidate)
         proposals.append(Proposal(candidate, fitted, gain, penalised_drop, clear))
     return proposals
 
 
 def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
     """(effect of the library, -log10 p of its score test), the largest first."""
-    ranked = [(survey.screen.candidates[i], survey.minus_log10_p[i]) for i in np.argsort(-survey.minus_log10_p)]
+    found = survey.minus_log10_p
+    ranked = [(survey.screen.candidates[i], found[i]) for i in np.argsort(-found)]
     return [(candidate, value) for candidate, value in ranked if not isinstance(candidate.effect, Generic)]
 
 

@@ -78,7 +78,7 @@ def _one_for_all(decision) -> Point | None:
     """
     start, likelihood = decision.start, decision.end.likelihood
     fits = [
-        fit(likelihood, {candidate: start.screen.start(candidate, start.w)}, iterations=6)
+        fit(likelihood, {candidate: start.screen.start(candidate, start.products)}, iterations=6)
         for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]
     ]
     best = min(fits, key=lambda single: single.deviance)

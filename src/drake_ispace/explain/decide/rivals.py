@@ -26,7 +26,7 @@ def _rivals(decision, effect) -> list[Rival]:
             continue
         if not screen.knows(effect) or screen.alike(effect, other) < _LEAST_LIKENESS:
             continue
-        fitted = fit(decision.end.likelihood, {**rest, other: screen.start(other, start.w)}, iterations=6)
+        fitted = fit(decision.end.likelihood, {**rest, other: screen.start(other, start.products)}, iterations=6)
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
         if behind < margin and all(rival.candidate.name != other.name for rival in rivals):
             rivals.append(Rival(other, behind))

@@ -53,7 +53,7 @@ def generic_proposals(survey: Survey) -> list[GenericProposal]:
     proposals = []
     for candidate, minus_log10_p in zip(screen.candidates, survey.minus_log10_p, strict=True):
         if isinstance(candidate.effect, Generic):
-            drop = screen.joint_drop(candidate, survey.w)
+            drop = screen.joint_drop(candidate, survey.products)
             gain = drop / screen.overdispersion_of(candidate)
             penalised_drop = drop - 2.0 * candidate.effect.columns
             proposals.append(GenericProposal(candidate, gain, penalised_drop, minus_log10_p))

@@ -38,6 +38,12 @@ class Directions:
             at += len(part)
         return total
 
+    def part(self, start: int, end: int) -> "Directions":
+        """The vectors between two numbers, as long as that; vectors of other runs are zero there."""
+        none = lambda part: np.zeros((len(part), 0))  # noqa: E731
+        own = [(a - start, part) if start <= a < end else (0, none(part)) for a, part in self.own]
+        return Directions(self.everywhere[:, start:end], own)
+
     def gram(self) -> np.ndarray:
         """(k + q, k + q) scalar products of the vectors with each other."""
         at, products = len(self.everywhere), np.zeros((len(self), len(self)))
@@ -53,9 +59,16 @@ class Directions:
 
     def least_squares(self, y: np.ndarray) -> np.ndarray:
         """(k + q,) amounts whose sum comes nearest to `y` (n,); vectors that nearly coincide share theirs."""
-        gram = self.gram()
-        lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
-        values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
-        kept = values > _LEAST_EIGENVALUE * values[-1]
-        values, vectors = values[kept], vectors[:, kept]
-        return vectors @ ((vectors.T @ (self.dot(y) / lengths)) / values) / lengths
+        return amounts_of(self.gram(), self.dot(y))
+
+
+def amounts_of(gram: np.ndarray, products: np.ndarray) -> np.ndarray:
+    """(k,) amounts of k vectors whose sum comes nearest to y; vectors that nearly coincide share theirs.
+
+    gram: (k, k) scalar products of the vectors with each other. products: (k,) with y.
+    """
+    lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
+    values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
+    kept = values > _LEAST_EIGENVALUE * values[-1]
+    values, vectors = values[kept], vectors[:, kept]
+    return vectors @ ((vectors.T @ (products / lengths)) / values) / lengths

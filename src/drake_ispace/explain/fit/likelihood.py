@@ -43,6 +43,7 @@ class Likelihood:
         sizes: candidate -> a natural size of each of its coordinates.
         pool: threads for predictions; None: none.
         memory: of the noise model, to be removed; empty: it is not removed.
+        inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for their priors.
     """
 
     prediction: Prediction
@@ -51,10 +52,10 @@ class Likelihood:
     sizes: Mapping[Candidate, Sequence[float]]
     pool: ThreadPoolExecutor | None = None
     memory: Sequence[Memory] = ()
-    _inner: np.ndarray = field(init=False, repr=False)
+    inner: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self):
-        self._inner = np.linalg.inv(gram(self.memory, self.offsets) + np.eye(len(self.offsets)))
+        self.inner = np.linalg.inv(gram(self.memory, self.offsets) + np.eye(len(self.offsets)))
 
     def raw(self, point: Point) -> Residuals:
         """The residuals at `point`, not whitened."""
@@ -71,7 +72,7 @@ class Likelihood:
         """
         remainder = np.array(vectors, ndmin=2)
         self._remove_memory(remainder)
-        remainder -= self.offsets.combined(self.offsets.dot(remainder) @ self._inner)
+        remainder -= self.offsets.combined(self.offsets.dot(remainder) @ self.inner)
         self._remove_memory(remainder)
         return remainder.reshape(vectors.shape)
 
@@ -79,7 +80,7 @@ class Likelihood:
         """(q,) the best amount of every offset in whitened residuals (rows,), in prior standard deviations."""
         remainder = w[None].copy()
         self._remove_memory(remainder)
-        return self.offsets.dot(remainder[0]) @ self._inner
+        return self.offsets.dot(remainder[0]) @ self.inner
 
     def _remove_memory(self, vectors):
         for memory in self.memory:

@@ -22,28 +22,41 @@ class Memory:
     places: Sequence[tuple[int, int]]
     bases: Sequence[np.ndarray]
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(p, q), of the amounts of one vector."""
+        return self.channels, self.bases[0].shape[1]
+
     def amounts(self, vectors: np.ndarray, start: int = 0) -> np.ndarray:
         """(m, p, q) amounts of the basis in each channel of vectors (m, n) that begin at `start`, zero elsewhere."""
-        total = np.zeros((len(vectors), self.channels, self.bases[0].shape[1]))
+        total = np.zeros((len(vectors), *self.shape))
         for (a, b), basis in zip(self.places, self.bases, strict=True):
             if start <= a and b <= start + vectors.shape[1]:
                 part = vectors[:, a - start : b - start].reshape(len(vectors), len(basis), self.channels)
                 total += np.tensordot(part, basis, axes=(1, 0))
         return total
 
+    def amounts_in(self, directions: Directions) -> np.ndarray:
+        """(k + q, p, q) amounts of the basis in directions."""
+        groups = [(0, directions.everywhere), *directions.own]
+        return np.concatenate([self.amounts(part, start) for start, part in groups])
+
     def remove_from(self, vectors: np.ndarray) -> None:
         """Subtract from vectors (m, n), in place, all that the basis could explain of them."""
-        amounts = self.amounts(vectors)
+        self.subtract(self.amounts(vectors), vectors)
+
+    def subtract(self, amounts: np.ndarray, vectors: np.ndarray, start: int = 0) -> None:
+        """Subtract amounts (m, p, q) of the basis, in place, from vectors (m, n) that begin at `start`."""
         for (a, b), basis in zip(self.places, self.bases, strict=True):
-            part = np.tensordot(amounts, basis, axes=(2, 1)).transpose(0, 2, 1)
-            vectors[:, a:b] -= part.reshape(len(vectors), -1)
+            if start <= a and b <= start + vectors.shape[1]:
+                part = np.tensordot(amounts, basis, axes=(2, 1)).transpose(0, 2, 1)
+                vectors[:, a - start : b - start] -= part.reshape(len(vectors), -1)
 
 
 def gram(memories: Sequence[Memory], directions: Directions) -> np.ndarray:
     """(k + q, k + q) scalar products of directions from which every memory is removed."""
     products = directions.gram()
     for memory in memories:
-        groups = [(0, directions.everywhere), *directions.own]
-        amounts = np.concatenate([memory.amounts(part, start) for start, part in groups])
+        amounts = memory.amounts_in(directions)
         products -= np.tensordot(amounts, amounts, axes=((1, 2), (1, 2)))
     return products

@@ -61,6 +61,26 @@ class Noise:
             whiten(several, classes, a, 1.0 / self.sizes, self.unit, rates, out)
         return out if y.ndim == 3 else out[0]
 
+    def transposed(self, z: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
+        """(rows, p) the transpose of `whiten` times `z` (rows - lags, p): its products with any y are those of z with
+        y whitened."""
+        rows, p = len(z) + self.lags, z.shape[1]
+        y = np.zeros((rows, p))
+        if not len(z):
+            return y
+        classes = np.zeros(rows, int) if classes is None else classes
+        e = y[self.lags :]
+        e += (z @ self.unit) / self.sizes[classes[self.lags :]]
+        into_past = -e @ self.a.T if len(self.a) else np.empty((len(z), 0))
+        into_lags, into_means = np.split(into_past, [p * self.lags], axis=1)
+        for k in range(self.lags):
+            y[self.lags - 1 - k : rows - 1 - k] += into_lags[:, k * p : (k + 1) * p]
+        for m, rate in enumerate(self.means):
+            later = np.zeros((rows, p))
+            later[self.lags :] = into_means[:, m * p : (m + 1) * p]
+            y += lfilter([0.0, rate], [1.0, rate - 1.0], later[::-1], axis=0)[::-1]
+        return y
+
     def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows - lags, p (lags + means)) regressors of `whiten`, each row over the size of the noise in it."""
         before = past(y, self.lags, self.means)
@@ -209,10 +229,23 @@ class Whitening:
 
     def several(self, i: int, runs: Sequence[dict[str, np.ndarray]]) -> np.ndarray:
         """(k, n_i) the same of several residuals of run `i`."""
+        stacked = {name: np.stack([run[name] for run in runs], dtype=float) for name in self.noise}
         return np.hstack([
-            noise.whiten(np.stack([run[name] for run in runs]), self.classes[i].get(name)).reshape(len(runs), -1)
+            noise.whiten(stacked[name], self.classes[i].get(name)).reshape(len(runs), -1)
             for name, noise in self.noise.items()
         ])
+
+    def transposed(self, w: np.ndarray, residuals: Residuals) -> Residuals:
+        """The transpose of the whitening times `w` (n,); residuals: of all runs, only their sizes are used."""
+        found, at = [], 0
+        for run, classes in zip(residuals, self.classes, strict=True):
+            found.append({})
+            for name, noise in self.noise.items():
+                rows, p = noise.rows(run[name]), run[name].shape[1]
+                z = w[at : at + rows * p].reshape(rows, p)
+                found[-1][name] = noise.transposed(z, classes.get(name)) if rows else np.zeros(run[name].shape)
+                at += rows * p
+        return found
 
     def directions(
         self, residuals: Residuals, changes: Sequence[Residuals],

@@ -131,7 +131,8 @@ class Prediction:
 
         def one(job):
             i, moved = job
-            return i, {name: rows - at[i][name] for name, rows in self._of_run(i, moved(), numbers, share).items()}
+            moved_rows = self._of_run(i, moved(), numbers, share)
+            return i, {name: (rows - at[i][name]).astype(np.float32) for name, rows in moved_rows.items()}
 
         return list((pool.map if pool else map)(one, jobs))
 

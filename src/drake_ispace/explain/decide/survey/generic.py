@@ -77,16 +77,12 @@ def generic_signatures(
         candidate = Candidate(generic, (), generic.parameters)
         amplitudes += [(candidate, at, predict, column) for at, column in enumerate(columns)]
 
-    def residuals(amplitude):
-        *_, predict, column = amplitude
-        return predict(column, values)
-
-    changed = (pool.map if pool else map)(residuals, amplitudes)
-    collected = []
-    for (candidate, at, *_), after in zip(amplitudes, changed, strict=True):
+    def signature(amplitude):
+        candidate, at, predict, column = amplitude
         z = [float(i == at) for i in range(candidate.effect.columns)]
-        collected.append(Signature(candidate, z, at, False, difference(base, after)))
-    return collected
+        return Signature(candidate, z, at, False, difference(base, predict(column, values)))
+
+    return list((pool.map if pool else map)(signature, amplitudes))
 
 
 @dataclass(frozen=True)

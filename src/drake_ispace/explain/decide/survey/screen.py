@@ -8,7 +8,6 @@ from scipy.stats import chi2
 
 from drake_ispace.explain.decide.survey.signatures import Signature
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Likelihood
 from drake_ispace.explain.predict.prediction import Residuals
 
 _LEAST = 1.0  # squared length of a signature below which the runs say nothing about the effect at that size
@@ -18,55 +17,51 @@ _FAR = 500.0  # half a gain, beyond which the tail of chi square is taken by its
 class Screen:
     """Score tests of many effects at once.
 
+    They take products (k,) of what is left of each signature, nuisances marginalised, with whitened residuals.
+
     Args:
-        likelihood: noise and nuisances of the runs. signatures: k of them, at the point at which the residuals were
-            taken. changes: (k, rows) whitened change by each signature.
+        signatures: k of them, at the point at which the residuals were taken. inner: (k, k) products of the whitened
+            signatures with what nuisances leave of them.
 
     Attributes:
-        signatures, changes: the arguments. candidates: the effects that have a signature, each once.
-        marginalised: (k, rows) changes less what nuisances can explain of them. inner: (k, k) products of `changes`
-            with `marginalised`. length: (k,) the diagonal of `inner`, which is the squared length of each signature.
-        overdispersion: (k,) at least 1, see `calibrate`. one_sided: (k,) whether only sizes of one sign are possible.
+        signatures, inner: the arguments. candidates: the effects that have a signature, each once. length: (k,) the
+            diagonal of `inner`, which is the squared length of each signature. overdispersion: (k,) at least 1, see
+            `calibrate`. one_sided: (k,) whether only sizes of one sign are possible.
     """
 
-    def __init__(self, likelihood: Likelihood, signatures: Sequence[Signature], changes: np.ndarray):
+    def __init__(self, signatures: Sequence[Signature], inner: np.ndarray):
         self.signatures = list(signatures)
-        self.changes = changes
-        self.marginalised = likelihood.marginalised(changes)
-        self.inner = changes @ self.marginalised.T
+        self.inner = inner
         self.length = np.diag(self.inner).copy()
         self.overdispersion = np.ones(len(signatures))
         self.one_sided = np.array([s.one_sided for s in signatures])
         self.candidates = list(dict.fromkeys(s.candidate for s in signatures))
         self._of = {c: [i for i, s in enumerate(signatures) if s.candidate is c] for c in self.candidates}
 
-    def calibrate(self, noise: np.ndarray, blocks: np.ndarray) -> None:
+    def with_signatures(self, signatures: Sequence[Signature]) -> "Screen":
+        """The same tests, of the same signatures in another form."""
+        other = Screen(signatures, self.inner)
+        other.overdispersion = self.overdispersion
+        return other
+
+    def calibrate(self, sums: np.ndarray) -> None:
         """Learn the overdispersion: how much more noise adds up along each signature than independent numbers would.
 
         A noise model may forget too early; what it leaves is still correlated within a second. Products with a
         signature are therefore summed over blocks, and the sums are taken as independent.
 
-        Args:
-            noise: (rows,) whitened residuals that nothing explains. blocks: (rows,) ascending numbers of the blocks.
+        sums: (k, blocks) of products with whitened residuals that nothing explains.
         """
-        starts = np.flatnonzero(np.diff(blocks, prepend=-1))
-        sums = np.add.reduceat(self.marginalised * noise, starts, axis=1)
         self.overdispersion = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
 
     def overdispersion_of(self, candidate: Candidate) -> float:
         """The largest overdispersion over the signatures of a candidate; 1 if it has none."""
         return float(self.overdispersion[self._of[candidate]].max()) if candidate in self._of else 1.0
 
-    def minus_log10_p(self, w: np.ndarray) -> np.ndarray:
-        """(candidates,) -log10 p of the best use of each candidate in `w` (rows,), not corrected for trying many."""
-        return self.minus_log10_p_of(self.marginalised @ w)
-
-    def minus_log10_p_of(self, products: np.ndarray) -> np.ndarray:
-        """(candidates,) or (candidates, trials) -log10 p of the best use of each candidate.
-
-        products: (k,) or (k, trials) of `marginalised` with whitened residuals.
-        """
-        gains = self._gains(products)
+    def minus_log10_p(self, products: np.ndarray) -> np.ndarray:
+        """(candidates,) or (candidates, trials) -log10 p of the best use of each candidate, not corrected for trying
+        many; products: (k,) or (k, trials)."""
+        gains = self.gains(products)
         best = []
         for candidate in self.candidates:
             indices = self._of[candidate]
@@ -75,27 +70,24 @@ class Screen:
             best.append(np.maximum(single, self._minus_log10_p_of_all(indices, products)) if several else single)
         return np.array(best)
 
-    def start(self, candidate: Candidate, w: np.ndarray) -> list[float]:
-        """Coordinates at which a fit of the candidate to `w` (rows,) should begin: its best probe, scaled to fit."""
+    def start(self, candidate: Candidate, products: np.ndarray) -> list[float]:
+        """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit; products: (k,)."""
         indices = self._of[candidate]
-        gains = self.gains(w)
+        gains = self.gains(products)
         best = indices[int(np.argmax(gains[indices]))]
         signature = self.signatures[best]
-        amount = float(self.marginalised[best] @ w / max(self.length[best], _LEAST))
+        amount = float(products[best] / max(self.length[best], _LEAST))
         share = min(max(amount, -3.0), 3.0)
         return [
             min(max(neutral + share * (z - neutral), low), high)
             for z, neutral, (low, high) in zip(signature.z, candidate.neutral, candidate.bounds, strict=True)
         ]
 
-    def gains(self, w: np.ndarray) -> np.ndarray:
-        """(k,) drop in the deviance of `w` (rows,) over the overdispersion, each signature fitted by itself.
+    def gains(self, products: np.ndarray) -> np.ndarray:
+        """(k,) or (k, trials) drop in deviance over the overdispersion, each signature fitted by itself.
 
         It is zero where the best size has an impossible sign, and where the runs say nothing about the effect.
         """
-        return self._gains(self.marginalised @ w)
-
-    def _gains(self, products):
         shape = (-1,) + (1,) * (products.ndim - 1)
         gains = products**2 / (np.maximum(self.length, _LEAST) * self.overdispersion).reshape(shape)
         impossible = (self.one_sided.reshape(shape) & (products < 0.0)) | (self.length < _LEAST).reshape(shape)
@@ -115,20 +107,20 @@ class Screen:
         gain = gain / self.overdispersion[firsts].max()
         return minus_log10_p_of_gain(gain, len(firsts))
 
-    def joint_drop(self, candidate: Candidate, w: np.ndarray) -> float:
-        """Drop in the deviance of `w` (rows,), all signatures of a candidate fitted together."""
+    def joint_drop(self, candidate: Candidate, products: np.ndarray) -> float:
+        """Drop in deviance, all signatures of a candidate fitted together; products: (k,)."""
         indices = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        return float(self.marginalised[indices] @ w @ self._amounts(indices, w))
+        return float(products[indices] @ self._amounts(indices, products))
 
-    def use_of(self, effect, w: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
-        """The best amount of each signature of an effect in `w` (rows,), fitted together, and their changes."""
+    def use_of(self, effect, products: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
+        """The best amount of each signature of an effect, fitted together, and their changes; products: (k,)."""
         shown = self.length >= _LEAST
         indices = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and shown[i]]
-        return self._amounts(indices, w), [self.signatures[i].change for i in indices]
+        return self._amounts(indices, products), [self.signatures[i].change for i in indices]
 
-    def _amounts(self, indices, w):
-        """(len(indices),) how much of each of these signatures, fitted together, explains most of `w`."""
-        return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) @ (self.marginalised[indices] @ w)
+    def _amounts(self, indices, products):
+        """(len(indices),) how much of each of these signatures, fitted together, explains most."""
+        return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) @ products[indices]
 
     def knows(self, candidate: Candidate) -> bool:
         """Whether the candidate has a signature."""

@@ -53,8 +53,11 @@ def signatures(
 
 
 def difference(before: Residuals, after: Residuals) -> Residuals:
-    """Residuals before minus residuals after, by run and stream."""
-    return [{name: run[name] - other[name] for name in run} for run, other in zip(before, after, strict=True)]
+    """Residuals before minus residuals after, by run and stream, in single precision: hundreds of them are kept."""
+    return [
+        {name: (run[name] - other[name]).astype(np.float32) for name in run}
+        for run, other in zip(before, after, strict=True)
+    ]
 
 
 def is_finite(residuals: Residuals) -> bool:

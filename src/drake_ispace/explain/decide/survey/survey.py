@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.generic import Generics, generic_signatu
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.view import View, view_from
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.directions import Directions
+from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
@@ -26,9 +26,10 @@ class Survey:
 
     Attributes:
         point: effects in the model. view: changes of the residuals. residuals: of the model; w: (rows,) the residuals
-            whitened. likelihood: of the runs, with the noise at this point. screen: tests of every candidate.
-        minus_log10_p: (candidates,) of each of them in w. noise: (rows,) what none of them explains of w.
-        instants: (rows,) which instant of which run each row belongs to, ascending.
+            whitened. likelihood: of the runs, with the noise at this point. changes: of the residuals by the
+            signatures, None where they were let go. screen: tests of every candidate. products: (k,) of w with what is
+            left of each signature.
+        noise: (rows,) what no candidate explains of w. by_instant: (k, instants) products with the noise.
     """
 
     point: Point
@@ -36,10 +37,16 @@ class Survey:
     residuals: Residuals
     w: np.ndarray
     likelihood: Likelihood
+    changes: Changes | None
     screen: Screen
-    minus_log10_p: np.ndarray
+    products: np.ndarray
     noise: np.ndarray
-    instants: np.ndarray
+    by_instant: np.ndarray
+
+    @property
+    def minus_log10_p(self) -> np.ndarray:
+        """(candidates,) of the score test of each candidate of the screen in w."""
+        return self.screen.minus_log10_p(self.products)
 
     @property
     def channels(self) -> np.ndarray:
@@ -59,7 +66,15 @@ class Survey:
 
     def moved(self, best: Fit) -> "Survey":
         """The Survey at a fit nearby, under the same noise and with the same signatures."""
-        return replace(self, point=best.point, w=best.w, minus_log10_p=self.screen.minus_log10_p(best.w))
+        products = self.changes.dot(self.likelihood.marginalised(best.w))
+        return replace(self, point=best.point, w=best.w, products=products)
+
+    def light(self) -> "Survey":
+        """The Survey without the changes of the residuals: nothing can be surveyed or moved from it any more."""
+        signatures = [replace(signature, change=[]) for signature in self.screen.signatures]
+        view = replace(self.view, signatures=signatures, changes=[], offsets=[], tolerated=[])
+        screen, nothing = self.screen.with_signatures(signatures), np.empty((len(signatures), 0))
+        return replace(self, view=view, changes=None, screen=screen, by_instant=nothing)
 
     def gain_of(self, point: Point) -> float:
         """Drop in deviance by the effects of `point` against a model without any, under the noise of this survey."""
@@ -93,20 +108,22 @@ def with_memory_marginalised(survey: Survey) -> Survey:
 def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
-    changes = whitening.directions(residuals, [s.change for s in view.signatures], pool=view.pool).everywhere
-    screen = Screen(likelihood, view.signatures, changes)
-    noise = _unexplained(likelihood, screen, w)
-    screen.calibrate(noise, whitening.instants(residuals, BLOCK_ROWS))
+    changes = Changes(whitening, residuals, [s.change for s in view.signatures], view.pool)
+    marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.inner)
+    screen, noise = Screen(view.signatures, marginal.inner), _unexplained(marginal, w)
     instants = whitening.instants(residuals)
-    return Survey(point, view, residuals, w, likelihood, screen, screen.minus_log10_p(w), noise, instants)
+    by_instant = marginal.by_instant(noise, instants).astype(np.float32)
+    first = np.flatnonzero(np.diff(instants, prepend=-1))
+    blocks = np.flatnonzero(np.diff(whitening.instants(residuals, BLOCK_ROWS)[first], prepend=-1))
+    screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
+    products = changes.dot(likelihood.marginalised(w))
+    return Survey(point, view, residuals, w, likelihood, changes, screen, products, noise, by_instant)
 
 
-def _unexplained(likelihood, screen, w):
+def _unexplained(marginal, w):
     """(rows,) what no signature and no offset explains of `w`, scaled to unit variance again."""
-    offsets = likelihood.offsets
-    every = Directions(np.vstack([screen.changes, offsets.everywhere]), offsets.own)
-    rest = w - every.combined(every.least_squares(w))
-    return rest * np.sqrt(len(w) / max(len(w) - len(every), 1))
+    rest = w - marginal.combined(marginal.least_squares(w))
+    return rest * np.sqrt(len(w) / max(len(w) - len(marginal.gram), 1))
 
 
 def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:

@@ -9,7 +9,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
-from drake_ispace.explain.fit.directions import Directions
+from drake_ispace.explain.fit.changes import Changes, Marginal, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
@@ -39,7 +39,8 @@ class View:
 
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
-        return Regression(whitening, whitening.directions(residuals, self.changes, self.offsets, self.pool))
+        changes = Changes(whitening, residuals, self.changes, self.pool)
+        return Regression(whitening, Marginal(changes, whitening.directions(residuals, [], self.offsets, self.pool)))
 
     def likelihood(self, residuals: Residuals, near: bool, start: "Regression | None" = None) -> Likelihood:
         """The Likelihood of the runs with the noise of these residuals.
@@ -66,15 +67,15 @@ class Regression:
     """Least squares by changes of the residuals under a noise, the same for all sizes of the effects.
 
     Attributes:
-        whitening: the noise. directions: the changes, whitened.
+        whitening: the noise. marginal: products of the changes and offsets.
     """
 
     whitening: Whitening
-    directions: Directions
+    marginal: Marginal
 
     def amounts(self, residuals: Residuals) -> np.ndarray:
         """How much of every change is in the residuals."""
-        return self.directions.least_squares(self.whitening(residuals))
+        return self.marginal.least_squares(self.whitening(residuals))
 
 
 def view_from(
@@ -178,23 +179,3 @@ def noise_of(view: View, residuals: Residuals, start: Regression | None = None) 
         amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
         whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts))
     return whitening
-
-
-def without(
-    residuals: Residuals, amounts: np.ndarray, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
-) -> Residuals:
-    """Residuals less so much of every change, and of every offset.
-
-    Args:
-        amounts: (changes + offsets,), those of the changes first. offsets: (run, change of that run by stream).
-    """
-    remaining = [{name: rows.copy() for name, rows in run.items()} for run in residuals]
-    for amount, change in zip(amounts, changes, strict=False):
-        for run, part in zip(remaining, change, strict=True):
-            for name in run:
-                run[name] -= amount * part[name]
-    for amount, (i, change) in zip(amounts[len(changes) :], offsets, strict=True):
-        for name in remaining[i]:
-            remaining[i][name] -= amount * change[name]
-    return remaining
