@@ -42,6 +42,9 @@ class Update:
     update (direct feed-through from the inputs of the update), and the update stores that same state. The outputs are
     evaluated again after the update has been stored. The kernel must therefore leave x_d unchanged when the tick of
     its sample is the one stored in x_d, or a sample would act twice.
+
+    With `in_place`, the kernel gives the same numbers where x_d and what it writes are one vector: a long memory of
+    which little changes need not be copied. It does not go with `through`.
     """
 
     kernel: Callable
@@ -49,6 +52,7 @@ class Update:
     period_ticks: int = 1
     offset_ticks: int = 0
     through: bool = False
+    in_place: bool = False
 
 
 @dataclass(frozen=True)

@@ -107,11 +107,13 @@ class BlockEffect(Effect):
     Attributes:
         output: the kernel that writes the wire's signal with the effect in it.
         update: the kernel that writes the block's memory x_d in the sensing phase of every tick; None: no memory.
+        in_place: whether that kernel may write into x_d itself, as blocks.block.Update has it.
     """
 
     wire: str
     output: Callable
     update: Callable | None = None
+    in_place = False
 
     def applies_to(self, body: Body) -> bool:
         return self.wire in body.robot.offers and super().applies_to(body)
@@ -138,7 +140,8 @@ class BlockEffect(Effect):
         )
         if update is None:
             return spec
-        return replace(spec, discrete_state=np.zeros(self.memory_size(body)), updates=(Update(update, Phase.SENSE),))
+        kept = Update(update, Phase.SENSE, in_place=self.in_place)
+        return replace(spec, discrete_state=np.zeros(self.memory_size(body)), updates=(kept,))
 
 
 class PlantEffect(Effect, abc.ABC):

@@ -109,7 +109,8 @@ class Emitter:
                     code.add(_made(self._vector(name, vector), size))
                 code.copy(size, f"x[{_at(self.layout.continuous[name].start)}]", f"{self._vector(name, 'x')}[i]")
             if size := len(leaf.discrete_state):
-                for vector in ("d", "next", *(["held"] if self._has_several(name) else [])):
+                before = [] if self._is_in_place(name) else ["next"]
+                for vector in ("d", *before, *(["held"] if self._has_several(name) else [])):
                     code.add(_made(self._vector(name, vector), size))
                 code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{self._vector(name, 'd')}[i]")
             start = self.layout.parameters[name].start
@@ -170,13 +171,19 @@ class Emitter:
         code.add(f"# {phase.value}")
         for name in sorted({name for _, group in ordered for name, _ in group}):
             self._copy_memory(code, name, "d", "next")
+        late: list[tuple] = []
         for condition, group in groups:
             with code.inside(condition) as inner:
                 for name, update in group:
-                    self._write_update(inner, name, update)
+                    if self._is_in_place(name):
+                        late.append((name, update, self._arguments(inner, name, update.kernel, "k")))
+                    else:
+                        self._write_update(inner, name, update)
+        for name, update, values in late:  # nothing reads the memory of before any more
+            self._call(code, update.kernel, values, self._vector(name, "d"))
         for condition, group in groups:
             with code.inside(condition) as inner:
-                for name in dict.fromkeys(name for name, _ in group):
+                for name in dict.fromkeys(name for name, _ in group if not self._is_in_place(name)):
                     self._copy_memory(inner, name, "next", "d")
         changed = {("d", name) for _, group in groups for name, _ in group}
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
@@ -187,6 +194,11 @@ class Emitter:
 
     def _has_several(self, name):
         return len(self._network.leaves[name].spec.updates) > 1
+
+    def _is_in_place(self, name):
+        """Whether the only update of a leaf is due at every tick and may write into the memory itself."""
+        (update, *others) = self._network.leaves[name].spec.updates or [None]
+        return update is not None and update.in_place and not others and _condition(update) is None
 
     def _write_update(self, code: _Code, name: str, update: Update) -> None:
         if update.through:

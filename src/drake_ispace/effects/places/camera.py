@@ -126,7 +126,7 @@ class CameraLatency(PoseEffect):
         "from clock_offset of the same size it differs in the delay of feedback alone",
     )
     parameters = (Parameter("latency_s", "s", 0.0, 0.0, _LONGEST_S, (0.02, 0.08), tolerance=1e-3),)
-    output, update = delayed, remember_pose
+    output, update, in_place = delayed, remember_pose, True
 
     def memory_size(self, body):
         return 3 * _RING

@@ -40,14 +40,16 @@ def shift(xd, held, delay_ticks, out):
 def keep(xd, held, out):
     """x_d = the commands held on the last ticks, the newest (n) first."""
     n = held.shape[0]
+    for i in range(out.shape[0] - 1, n - 1, -1):  # the oldest first, or one would overwrite the next in place
+        out[i] = xd[i - n]
     for i in range(n):
         out[i] = held[i]
-    for i in range(n, out.shape[0]):
-        out[i] = xd[i - n]
 
 
 class Delay(BlockEffect):
     """A delay of the held command by its one parameter, `delay_s`: `output` calls `shift`, `update` calls `keep`."""
+
+    in_place = True
 
     def memory_size(self, body):
         (delay,) = self.parameters

@@ -96,5 +96,5 @@ class RoomView(Block):
             inputs={"pose": len(POSE), "sighting": len(SIGHTING)},
             outputs={"innovation": Output(len(POSE), innovation)},
             parameters={"gain": np.array(_GAIN), "offset_s": 0.0},
-            discrete_state=np.zeros(_INNOVATION + len(POSE)), updates=(Update(look, Phase.SENSE),),
+            discrete_state=np.zeros(_INNOVATION + len(POSE)), updates=(Update(look, Phase.SENSE, in_place=True),),
         ))
