@@ -5,7 +5,7 @@ command (torque, or velocity of the body) drives the model and nothing corrects 
 measured motion up to the start of a window, and lets go there. Windows begin at measured poses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -174,46 +174,63 @@ class Simulation:
         return self._segments.run(start, min(start + length, self._last), state, self._free)
 
 
-def errors(prediction: Prediction, i: int, windows: Windows, values: Values) -> Errors:
-    """Errors of run `i` of the model with the effects of `values`; a measure without any window has no entry."""
+def errors(
+    prediction: Prediction, i: int, windows: Windows, values: Values, horizons: Collection[str] | None = None
+) -> Errors:
+    """Errors of run `i` of the model with the effects of `values`; a measure without any window has no entry.
+
+    horizons: names of those that are wanted, default all; of whole runs then by dead reckoning only.
+    """
     track, replay = prediction.tracks[i], prediction.replay
     driven, found = replay.body.robot.driven, {}
-    stops = [*windows.starts, *windows.dense, *([] if windows.first is None else [windows.first])]
+    wanted = lambda name: horizons is None or name in horizons  # noqa: E731
+    places = {name: rows for name, rows in windows.fixes.items() if wanted(name)}
+    sensed = [name for name in windows.lengths if wanted(name)]
+    first = windows.first if horizons is None else None
+    long = places or set(sensed) - {windows.shortest}
+    stops = [*(windows.starts if long else ()), *windows.dense, *([] if first is None else [first])]
     simulation = Simulation(replay, track, prediction.starts[i], values, stops)
     if {"encoder", "kinect"} <= replay.feeds and len(track.fix_t) > 1:
-        _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulation.reckoned))
+        if wanted(RUN):
+            _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulation.reckoned))
         for seconds in HORIZONS_S:
-            rows = pairs(track.fix_t, seconds, SPACING_S).T
-            modelled, measured = (tuple(poses[row] for row in rows) for poses in (simulation.reckoned[1:], track.poses))
-            _add_poses(found, RPE, _name(seconds), WHEELS, relative_errors(modelled, measured))
+            if wanted(_name(seconds)):
+                rows = pairs(track.fix_t, seconds, SPACING_S).T
+                modelled, measured = (tuple(p[row] for row in rows) for p in (simulation.reckoned[1:], track.poses))
+                _add_poses(found, RPE, _name(seconds), WHEELS, relative_errors(modelled, measured))
     if {"encoder", driven} <= replay.feeds:
-        _add_windows(found, prediction, track, windows, simulation)
-        if windows.first is not None:
-            logs = simulation.free(windows.first, track.ticks)
-            path = simulation.whole(track.fix_t, windows.first, logs)
+        _add_windows(found, prediction, track, windows, simulation, places, sensed)
+        if first is not None:
+            logs = simulation.free(first, track.ticks)
+            path = simulation.whole(track.fix_t, first, logs)
             _add_poses(found, ATE, RUN, driven, _whole(windows, track, path))
-    for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
-        innovations = simulation.innovations[_SETTLING_TICKS : track.ticks, column, None]
-        found[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
+    if wanted(STEP):
+        for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
+            innovations = simulation.innovations[_SETTLING_TICKS : track.ticks, column, None]
+            found[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
     return found
 
 
-def _add_windows(found, prediction, track, windows, simulation):
-    """Add errors at the end of every window: of places where there are fixes, and of the sensors that are predicted."""
+def _add_windows(found, prediction, track, windows, simulation, fixes, horizons):
+    """Add errors at the end of every window: of places where there are fixes, and of the sensors that are predicted.
+
+    fixes: of the horizons of places, horizons: of the sensors that are wanted.
+    """
     driven = prediction.replay.body.robot.driven
-    longest = max(windows.lengths.values()) + LEAD_TICKS
-    places = {name: [] for name in windows.fixes}
-    sensed = {name: [] for name in windows.lengths}
+    lengths = {name: windows.lengths[name] for name in horizons}
+    places, sensed = {name: [] for name in fixes}, {name: [] for name in lengths}
     short = windows.lengths[windows.shortest]
-    for start in windows.dense.tolist():
+    for start in windows.dense.tolist() if windows.shortest in lengths else ():
         logs = simulation.free(start, short + 1)
         sensed[windows.shortest].append(logs["innovation"][start + short + 1, prediction.columns].copy())
-    for k, start in enumerate(windows.starts.tolist()):
-        logs = simulation.free(start, longest)
-        for name, length in windows.lengths.items():
+    longest = max([length for length in lengths.values() if length > short], default=0)
+    longest = max(longest, max(windows.lengths.values()) if fixes else 0)
+    for k, start in enumerate(windows.starts.tolist() if longest else ()):
+        logs = simulation.free(start, longest + LEAD_TICKS)
+        for name, length in lengths.items():
             if length > short and start + length < track.ticks:  # the innovation of a tick stands in the row after it
                 sensed[name].append(logs["innovation"][start + length + 1, prediction.columns].copy())
-        for name, rows in windows.fixes.items():
+        for name, rows in fixes.items():
             for _, a, b in rows[rows[:, 0] == k]:
                 ends = simulation.ends(track.fix_t[[a, b]], start, logs)
                 places[name].append(relative_errors((ends[:1], ends[1:]), (track.poses[[a]], track.poses[[b]])))

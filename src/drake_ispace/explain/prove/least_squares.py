@@ -85,7 +85,7 @@ def scaled_errors(
     horizons: set[str],
 ) -> np.ndarray:
     """(k,) errors of run `i` over these horizons in units of what noise leaves, every measure of the same weight."""
-    parts = errors(prediction, i, windows, values)
+    parts = errors(prediction, i, windows, values, horizons)
     return np.concatenate([np.empty(0), *(
         np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
         for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons
