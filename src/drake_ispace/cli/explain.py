@@ -33,6 +33,9 @@ def explain(
     trust_data: Annotated[
         bool, Parameter(negative="", help="go on although the recordings contradict each other")
     ] = False,
+    most_seconds: Annotated[
+        float, Parameter(help="of training runs under torque that are used, stretches of longer ones")
+    ] = 160.0,
     seed: Seed = None, set_: Sets = None, as_json: Json = False,
 ) -> None:
     """Find which physical effect a model lacks, from measured runs, and prove that adding it closes the gap."""
@@ -51,7 +54,7 @@ def explain(
         from drake_ispace.explain.explain import explain as explain_runs
 
         explanation = explain_runs(
-            scenario, recordings, held_out=held_out, seed=seed, tell=tell, trust_data=trust_data
+            scenario, recordings, held_out=held_out, seed=seed, tell=tell, trust_data=trust_data, most_s=most_seconds,
         )
         if out is not None:
             from drake_ispace.report.explain_page import write_explanation

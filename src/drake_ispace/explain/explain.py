@@ -31,6 +31,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
@@ -45,6 +46,7 @@ from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.scenario import Scenario, as_scenario
@@ -55,7 +57,7 @@ _THREADS = 2
 def explain(
     model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
     effects: Sequence[Effect] | None = None, seed: int = 0, tell: Callable[[str], None] = lambda text: None,
-    trust_data: bool = False,
+    trust_data: bool = False, most_s: float = MOST_S,
 ) -> Explanation:
     """Find what the model lacks.
 
@@ -64,11 +66,15 @@ def explain(
         runs: measured: one or several, or by name as `hide` returns them; a folder stands for the run in it.
         held_out: other runs, to prove the answer on; a mapping has kinds of runs, whose errors are reported apart.
         effects: to try, default the whole library. seed: of the bootstraps. tell: called with the name of each step.
-        trust_data: whether to go on although the recordings contradict each other.
+        trust_data: whether to go on although the recordings contradict each other. most_s: how much of the training
+            runs of a robot under torque is used [s], and half as much of each kind of held-out runs: of longer ones,
+            stretches from all over them. Where no run is held out, some of the other stretches are.
 
     Raises:
-        InputError: a run that the model cannot predict.
+        InputError: a run that the model cannot predict; `most_s` that is no positive number.
     """
+    if not most_s > 0.0:
+        raise InputError(f"most_s: {shown(most_s)}, expected a positive number of seconds")
     started = time.perf_counter()
 
     # 0 check
@@ -80,7 +86,7 @@ def explain(
 
     # 1 predict
     tell("preparing the predictions")
-    case = prepare(model, runs, held_out, effects)
+    case = prepare(model, runs, held_out, effects, most_s)
 
     with ThreadPoolExecutor(_THREADS) as pool, solvable():
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
@@ -101,6 +107,8 @@ def explain(
             if without.verdict == "none":
                 add_trace(without, answer)
                 answer = without
+    if case.shortened:
+        answer.warnings.append(case.shortened)
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")

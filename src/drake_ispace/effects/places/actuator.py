@@ -188,9 +188,9 @@ def sagged_in_time(xd, torque, rate_per_s, out):
 
 
 @kernel
-def remember_time(tick, out):
-    """x_d = [time of the tick (1)] [s], the same over the whole tick."""
-    out[0] = tick * TICK_S
+def remember_time(tick, since_s, out):
+    """x_d = [time of the tick (1)] [s], the same over the whole tick; since_s: of tick 0."""
+    out[0] = since_s + tick * TICK_S
 
 
 class BatterySagTime(TorqueEffect):
@@ -208,6 +208,9 @@ class BatterySagTime(TorqueEffect):
 
     def memory_size(self, body):
         return 1
+
+    def block_parameters(self, body, values):
+        return super().block_parameters(body, values) | {"since_s": 0.0}
 
 
 @kernel

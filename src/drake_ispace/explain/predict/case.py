@@ -1,5 +1,7 @@
 """The case to be explained: a model, runs of one robot, checked, and the prediction Diagram compiled for them."""
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +16,7 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
+from drake_ispace.explain.predict.stretches import stretches_of
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
@@ -29,6 +32,7 @@ class Case:
         scenario: the model; None for a plant of the user's own. robot: its name. runs: the training runs as recorded.
         replay: the compiled prediction Diagram. prediction: of the training runs. held_out: of the held-out runs, None
             without any. kinds: kind of held-out runs -> which of them are of that kind, in the order of `held_out`.
+        shortened: a sentence if long runs are represented by stretches of them, else "".
     """
 
     scenario: Scenario | None
@@ -38,6 +42,7 @@ class Case:
     prediction: Prediction
     held_out: Prediction | None
     kinds: Mapping[str, slice]
+    shortened: str = ""
 
     @property
     def is_filtered(self) -> bool:
@@ -61,14 +66,15 @@ class Case:
 
 def prepare(
     model: Scenario | OwnModel | str | Path, runs: Runs, held_out: Runs | Mapping[str, Runs] = (),
-    effects: Sequence[Effect] | None = None,
+    effects: Sequence[Effect] | None = None, most_s: float = math.inf,
 ) -> Case:
     """Load and check runs, and compile the model with every effect in it at its neutral value.
 
     Args:
         model: a Scenario, the name or file of one, or a plant of the user's own. runs: to train on, one or several, or
             by name; a folder stands for the run in it. held_out: other runs; a mapping has runs by kind. effects: to
-            try, default the whole library.
+            try, default the whole library. most_s: how much of the training runs is used, and half as much of each
+            kind of held-out runs [s]; longer ones are represented by stretches of them.
 
     Raises:
         InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
@@ -78,6 +84,7 @@ def prepare(
     if not training:
         raise InputError("explain: there is no run, expected at least one")
     n, others = len(training), {kind: listed(some) for kind, some in kinds.items()}
+    shortened = ""
     loaded = [
         (name_of(run, i), run if isinstance(run, Recording) else load(run))
         for i, run in enumerate([*training, *(run for some in others.values() for run in some)])
@@ -89,13 +96,44 @@ def prepare(
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
         replay = replay_of(scenario, known, channels, effects)
+        if known.driven == TORQUE:
+            tracks, n, others, shortened = _shortened(tracks, n, others, most_s, replay)
     case = Case(
-        scenario, robot, [recording for _, recording in loaded[:n]], replay, predict(replay, tracks[:n]),
-        predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others),
+        scenario, robot, [recording for _, recording in loaded[: len(training)]], replay, predict(replay, tracks[:n]),
+        predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), shortened,
     )
     if scenario is not None:
         _check_comparable(case)
     return case
+
+
+def _shortened(tracks, n, kinds, most_s, replay):
+    """The tracks, how many of them are training runs, the held-out ones by kind, and what was done in a sentence.
+
+    n: the number of training runs, which come first. kinds: kind of held-out runs -> those of it, in their order.
+    """
+    how = replay.body.wheels, replay.settling_ticks
+    training, spare = stretches_of(tracks[:n], most_s, *how)
+    rest = iter(tracks[n:])
+    found = {
+        kind: stretches_of(list(itertools.islice(rest, len(runs))), 0.5 * most_s, *how)[0]
+        for kind, runs in kinds.items()
+    }
+    if spare and not any(found.values()):
+        found = {UNNAMED: spare}
+    held_out = list(itertools.chain.from_iterable(found.values()))
+    said = [
+        f"of {_seconds(before):.0f} s of {name} {len(after)} stretches, {_seconds(after):.0f} s, were used"
+        for name, before, after in (
+            ("training runs", tracks[:n], training), ("held-out runs", tracks[n:], held_out),
+        ) if before and _seconds(after) < _seconds(before)
+    ]
+    return [*training, *held_out], len(training), found, "; ".join(said)
+
+
+def _seconds(tracks):
+    """How long they last altogether [s]."""
+    return sum(track.ticks - track.lead_ticks for track in tracks) * TICK_S
 
 
 def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:

@@ -39,6 +39,13 @@ class Filter:
     feedback: np.ndarray
     weight: np.ndarray
 
+    @property
+    def settling_ticks(self) -> int:
+        """Ticks after which a thousandth is left of an error of the model's state, however it began."""
+        loops = self.a - self.b @ self.feedback, self.a - self.a @ self.gain @ self.c  # of the model, of the estimate
+        slowest = max(np.abs(np.linalg.eigvals(loop)).max() for loop in loops)
+        return int(np.ceil(np.log(1e-3) / np.log(slowest))) if slowest < 1.0 else 0
+
 
 def design(a, b, c, d, process, sensors, feedback, weight) -> Filter:
     """The steady-state filter of dx/dt = a dx - b u + w, e = c dx + d u + v.

@@ -26,7 +26,6 @@ from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
-_SETTLING_TICKS = 60  # of the filter, which are not scored
 _SPEED_TICKS = 20  # over which the speed of a wheel is averaged
 _CLASS_EDGES = (0.02, 0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
 RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
@@ -210,12 +209,12 @@ class Prediction:
         wheels, by_run = self.replay.body.wheels, []
         speeds_of_runs = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
-        for speeds in speeds_of_runs:
+        for track, speeds in zip(self.tracks, speeds_of_runs, strict=True):
             classes = np.searchsorted(edges, speeds.min(axis=1))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
-            by_run.append({"motion": classes[_SETTLING_TICKS:]})
+            by_run.append({"motion": classes[track.settled :]})
         return by_run
 
     def modulations(self) -> list[Residuals]:
@@ -236,7 +235,7 @@ class Prediction:
         """Stream -> the tick of each row of run `i`, as far as these streams have an instant."""
         track = self.tracks[i]
         room = np.minimum(track.fix_ticks[1:], track.ticks - 1)
-        return {"motion": np.arange(_SETTLING_TICKS, track.ticks), "room": room}
+        return {"motion": np.arange(track.settled, track.ticks), "room": room}
 
     def _dropouts(self, values):
         """The share of captures that these effects leave without a fix."""
@@ -248,7 +247,7 @@ class Prediction:
         motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {
-            "motion": motion[_SETTLING_TICKS:], "room": room[1:], "start": first,
+            "motion": motion[track.settled :], "room": room[1:], "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
 
@@ -267,7 +266,7 @@ def _load(body, track):
 
 
 def _time(body, track):
-    return np.arange(track.ticks) * TICK_S
+    return track.since_s + np.arange(track.ticks) * TICK_S
 
 
 def _place_x(body, track):

@@ -43,6 +43,7 @@ class Replay:
         feeds: the channels that every run has.
         others: filters under other assumptions about noise.
         filter: plant -> the follower's parameters that depend on it; None: none does.
+        settling_ticks: of the filter, where a run begins while the robot moves.
     """
 
     body: Body
@@ -52,6 +53,7 @@ class Replay:
     feeds: frozenset[str]
     others: list[Filter]
     filter: Callable[[object], dict[str, np.ndarray]] | None = None
+    settling_ticks: int = 0
 
     def combined(self, values: Values) -> dict[str, dict[str, float]]:
         """Values of these effects and of the known ones; those of a known effect are added to what the model has."""
@@ -104,9 +106,17 @@ class Replay:
 
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
-        state = self.state(start)
+        state, numbers = self.state(start), self.since(run, numbers)
         logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=self.inputs(run))
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
+
+    def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
+        """The run-time numbers for a run that is a later part of a recording: some effects grow with time."""
+        if run.since_s == 0.0:
+            return numbers
+        numbers = numbers.copy()
+        numbers[[name.endswith(".since_s") for name in self.rollout.parameter_names]] = run.since_s
+        return numbers
 
     def state(self, start: np.ndarray) -> np.ndarray:
         """The rollout's continuous state at rest; start: (3 + n,) pose and wheel angles."""
@@ -172,7 +182,8 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     others = other_filters(scenario, robot, has)
-    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant))
+    settling_ticks = filter_of(scenario, robot, has).settling_ticks
+    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant), settling_ticks)
 
 
 def replay_diagram(

@@ -17,6 +17,7 @@ IMU = 6  # columns of the channel
 #: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
 _FAST_FIXES_S, _THINNED_S = 0.08, 1.0
 SHORTEST_S = 1.0  # of a run
+_SETTLING_TICKS = 60  # of the filter, which are not scored
 _LONGEST_S = 3600.0
 
 
@@ -39,6 +40,8 @@ class Track:
         has: names of the recorded channels that are used.
         aim: (3,) pose [m, m, rad] of the first way point; None: no reference.
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
+        since_s: from the start of the recording to tick 0 [s].
+        lead_ticks: at the start, in which a moving robot's state is not known yet; they are not scored.
     """
 
     name: str
@@ -52,6 +55,13 @@ class Track:
     has: frozenset[str]
     aim: np.ndarray | None
     force: np.ndarray | None = None
+    since_s: float = 0.0
+    lead_ticks: int = 0
+
+    @property
+    def settled(self) -> int:
+        """The first tick that is scored."""
+        return max(_SETTLING_TICKS, self.lead_ticks)
 
     @property
     def fix_rows(self) -> np.ndarray:

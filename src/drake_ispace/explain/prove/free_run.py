@@ -29,7 +29,6 @@ from drake_ispace.rollout.segments import Segments, State
 
 ATE, RPE, PREDICTION = "ATE", "RPE", "prediction"
 RUN, STEP, WHEELS = "run", "step", "wheels"
-_SETTLING_TICKS = 60  # of the filter
 FIRST_S = 1.0  # of a run, from which its start pose is estimated
 SPACING_S, DENSE_S = 1.0, 0.2  # between the starts of windows
 HORIZONS_S = (1.0, 5.0)  # of places
@@ -90,8 +89,8 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
     """
     track, robot = prediction.tracks[i], prediction.replay.body.robot
     lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
-    end = track.ticks - min(lengths.values())
-    starts, dense = (np.arange(ticks_in(FIRST_S), end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
+    let_go, end = max(ticks_in(FIRST_S), track.settled), track.ticks - min(lengths.values())
+    starts, dense = (np.arange(let_go, end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
     if len(track.fix_t) < 2:
         return Windows(starts, dense, lengths, {}, prediction.starts[i][:3], None)
     reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned
@@ -100,13 +99,13 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
     if robot.own_dynamics:
         return Windows(starts, dense, lengths, {}, start, None)
     begins = pairs(track.fix_t, min(HORIZONS_S), SPACING_S)[:, 0]
-    begins = begins[track.fix_t[begins] >= FIRST_S]
+    begins = begins[track.fix_t[begins] >= let_go * TICK_S]
     fixes = {}
     for seconds in HORIZONS_S:
         ends = dict(pairs(track.fix_t, seconds, 0.0).tolist())
         rows = [(k, fix, ends[fix]) for k, fix in enumerate(begins.tolist()) if fix in ends]
         fixes[_name(seconds)] = np.array(rows, int).reshape(-1, 3)
-    return Windows(track.fix_ticks[begins], dense, lengths, fixes, start, ticks_in(FIRST_S))
+    return Windows(track.fix_ticks[begins], dense, lengths, fixes, start, let_go)
 
 
 def _name(seconds):
@@ -128,7 +127,7 @@ class Simulation:
     """
 
     def __init__(self, replay: Replay, track: Track, start: np.ndarray, values: Values, stops=()):
-        self._replay, self._held = replay, replay.parameters(values)
+        self._replay, self._held = replay, replay.since(track, replay.parameters(values))
         self._free = replay.freed(self._held)
         self._late_s = replay.clock_offset_s(self._held)
         self._last = track.ticks + LEAD_TICKS - 1
@@ -206,7 +205,7 @@ def errors(
             _add_poses(found, ATE, RUN, driven, _whole(windows, track, path))
     if wanted(STEP):
         for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
-            innovations = simulation.innovations[_SETTLING_TICKS : track.ticks, column, None]
+            innovations = simulation.innovations[track.settled : track.ticks, column, None]
             found[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
     return found
 

@@ -5,7 +5,6 @@ deviance is nearly quadratic, so that one Gauss-Newton step without the rows of 
 """
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.prediction import Prediction, predict
-from drake_ispace.explain.predict.room_view import LEAD_TICKS
-from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.predict.stretches import stretch
 
 _MOST_BLOCKS, _LEAST_S = 4, 5.0  # of a single run, and how long each is at least
 
@@ -68,24 +66,8 @@ def cut(prediction: Prediction, blocks: int) -> Prediction:
     """The model against equal blocks of the only run."""
     track = prediction.tracks[0]
     edges = np.linspace(0, track.ticks, blocks + 1).astype(int)
-    parts = [_part(track, first, last) for first, last in itertools.pairwise(edges)]
+    parts = [
+        stretch(track, first, last, prediction.replay.settling_ticks)
+        for first, last in itertools.pairwise(edges.tolist())
+    ]
     return predict(prediction.replay, parts, tune=False)
-
-
-def _part(track: Track, first: int, last: int) -> Track:
-    rows = slice(first, last + LEAD_TICKS)
-    kept = (track.fix_ticks >= first) & (track.fix_ticks < last)
-    return replace(
-        track, name=f"{track.name} from {first * TICK_S:.0f} s", ticks=last - first, command=track.command[rows],
-        measured=track.measured[rows], sightings=_seen(track, rows, kept, first),
-        fix_ticks=track.fix_ticks[kept] - first, fix_t=track.fix_t[kept] - first * TICK_S,
-        missed=np.empty(0), aim=track.aim if first == 0 else None,
-        force=None if track.force is None else track.force[rows],
-    )
-
-
-def _seen(track, rows, kept, first):
-    sightings = np.zeros_like(track.sightings[rows])
-    at = track.fix_rows[kept]
-    sightings[at - first] = track.sightings[at]
-    return sightings

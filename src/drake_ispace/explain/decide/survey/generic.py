@@ -107,13 +107,13 @@ def motion_of(prediction: Prediction, track: Track) -> Motion:
     angles = track.measured[:, : body.wheels]
     forward = body.plant.geometry.forward
     velocity = wheel_speeds(angles) @ forward.T
-    t = np.arange(len(angles)) * TICK_S
-    place = np.zeros((len(t), 3))
+    ticks_s = np.arange(len(angles)) * TICK_S
+    place = np.zeros((len(angles), 3))
     if len(track.fix_t) > 1:
         fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
-        place = np.column_stack([np.interp(t, track.fix_t, column) for column in fixes.T])
-    return Motion(velocity, place, t, angles, track.command)
+        place = np.column_stack([np.interp(ticks_s, track.fix_t, column) for column in fixes.T])
+    return Motion(velocity, place, track.since_s + ticks_s, angles, track.command)
 
 
 def _forces(prediction, motions) -> Iterator[_Shapes]:

@@ -1,0 +1,81 @@
+"""Long recordings: stretches of them stand for the whole.
+
+What a diagnosis costs grows with the ticks that it looks at, and what a run tells soon repeats itself. Recordings that
+last longer than is needed are therefore cut into stretches, and as many as are needed are taken from all over them. The
+others are unseen runs, on which an answer can be proved.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.room_view import LEAD_TICKS
+from drake_ispace.explain.predict.tracks import Track
+
+MOST_S = 160.0  # of training runs: twice as much as the four runs of 20 s that nearly every effect is found in
+_STRETCH_S = 20.0
+
+
+def stretches_of(
+    tracks: Sequence[Track], most_s: float, wheels: int, lead: int
+) -> tuple[list[Track], list[Track]]:
+    """Stretches of the tracks, `most_s` [s] altogether at most, and half as much of what is left.
+
+    Tracks that are no longer than that are returned as they are, and nothing is left. Stretches lie evenly along the
+    way that the wheels have turned: a robot at rest tells little.
+
+    wheels: the first columns of what was measured. lead: ticks, as `stretch` takes them.
+    """
+    if sum(track.ticks for track in tracks) * TICK_S <= most_s:
+        return list(tracks), []
+    parts = [part for track in tracks for part in _parts(track, lead)]
+    count = int(most_s * len(parts) / (sum(track.ticks for track in tracks) * TICK_S))
+    chosen = _evenly(parts, wheels, max(count, 1))
+    others = [part for i, part in enumerate(parts) if i not in chosen]
+    spare = _evenly(others, wheels, max(count // 2, 1)) if others else []
+    return [parts[i] for i in chosen], [others[i] for i in spare]
+
+
+def _evenly(parts, wheels, count) -> list[int]:
+    """Numbers of `count` parts that lie evenly along the way, those that turned most in the place of repeated ones."""
+    turned = np.array([
+        np.abs(np.diff(part.measured[part.lead_ticks : part.ticks, :wheels], axis=0)).sum() for part in parts
+    ])
+    turned = turned + 1e-9  # evenly in time where nothing turns
+    at = (np.arange(count) + 0.5) / count * turned.sum()
+    chosen = dict.fromkeys(np.searchsorted(np.cumsum(turned), at).tolist())
+    for i in np.argsort(-turned, kind="stable").tolist():
+        if len(chosen) < min(count, len(parts)):
+            chosen.setdefault(i)
+    return sorted(chosen)
+
+
+def _parts(track: Track, lead: int) -> list[Track]:
+    """Equal stretches of a track."""
+    edges = np.linspace(0, track.ticks, int(np.ceil(track.ticks * TICK_S / _STRETCH_S)) + 1).astype(int)
+    return [stretch(track, first, last, lead) for first, last in itertools.pairwise(edges.tolist())]
+
+
+def stretch(track: Track, first: int, last: int, lead: int) -> Track:
+    """The track between two ticks.
+
+    It begins up to `lead` ticks before, which are not scored: nobody knows the state of a robot that moves, and the
+    filter needs that long to find it.
+    """
+    if (first, last) == (0, track.ticks):
+        return track
+    begin = max(first - lead, 0)
+    rows = slice(begin, last + LEAD_TICKS)
+    kept = (track.fix_ticks >= begin) & (track.fix_ticks < last)
+    sightings, at = np.zeros_like(track.sightings[rows]), track.fix_rows[kept]
+    sightings[at - begin] = track.sightings[at]
+    return replace(
+        track, name=f"{track.name} from {track.since_s + first * TICK_S:.0f} s", ticks=last - begin,
+        command=track.command[rows], measured=track.measured[rows], sightings=sightings,
+        fix_ticks=track.fix_ticks[kept] - begin, fix_t=track.fix_t[kept] - begin * TICK_S, missed=np.empty(0),
+        aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
+        since_s=track.since_s + begin * TICK_S, lead_ticks=first - begin,
+    )

@@ -1,0 +1,113 @@
+"""Stretches that stand for long recordings: where they lie, what they know of the time before them."""
+
+import numpy as np
+import pytest
+
+import drake_ispace as di
+from drake_ispace.blocks.errors import InputError
+from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
+from drake_ispace.explain.predict.stretches import stretch, stretches_of
+from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.robots.library import robots
+from hidden.generator import generate
+
+
+def made(seconds, name="run", rests=()):
+    """A Track whose two wheels turn by 0.01 rad a tick, but rest in some spans [s]; a fix every 20 ticks at x = t."""
+    ticks = int(seconds * 200)
+    rows, t = ticks + LEAD_TICKS, np.arange(ticks + LEAD_TICKS) / 200.0
+    turns = np.full(rows, 0.01)
+    for begin, end in rests:
+        turns[(t >= begin) & (t < end)] = 0.0
+    sightings, fixes = np.zeros((rows, len(SIGHTING))), np.arange(0, ticks, 20)
+    sightings[fixes + LEAD_TICKS] = np.column_stack(
+        [np.ones(len(fixes)), t[fixes], np.zeros(len(fixes)), np.zeros(len(fixes)), np.zeros(len(fixes))]
+    )
+    wheels = np.repeat(np.cumsum(turns)[:, None], 2, axis=1)
+    has = frozenset({"torque", "encoder", "kinect"})
+    return Track(name, ticks, np.zeros((rows, 2)), wheels, sightings, fixes, t[fixes], np.zeros(3), has, np.zeros(3))
+
+
+def spans(tracks):
+    """(begin, end) of what is scored of each [s]."""
+    return [(one.since_s + one.lead_ticks / 200.0, one.since_s + one.ticks / 200.0) for one in tracks]
+
+
+def test_short_recordings_are_used_as_they_are():
+    tracks = [made(30.0), made(50.0)]
+    assert stretches_of(tracks, 80.0, 2, 100) == (tracks, [])
+
+
+def test_long_ones_are_represented_from_all_over_them():
+    used, spare = stretches_of([made(400.0)], 100.0, 2, 100)
+    found, others = spans(used), spans(spare)
+    assert [end - begin for begin, end in found] == [pytest.approx(20.0)] * 5 and len(others) == 2
+    assert not set(found) & set(others)
+    middles = np.mean(found, axis=1)
+    assert np.abs(middles - np.array([40.0, 120.0, 200.0, 280.0, 360.0])).max() < 20.0
+    assert used[0].name == f"run from {found[0][0]:.0f} s"
+
+
+def test_several_recordings_share_the_time():
+    used, _ = stretches_of([made(100.0, "a"), made(300.0, "b")], 80.0, 2, 100)
+    assert [one.name[0] for one in used] == ["a", "b", "b", "b"]
+
+
+def test_a_robot_at_rest_tells_little():
+    used, _ = stretches_of([made(400.0, rests=[(0.0, 300.0)])], 60.0, 2, 100)
+    assert min(begin for begin, _ in spans(used)) >= 280.0
+
+
+def test_the_seconds_before_a_stretch_are_for_the_filter():
+    one = stretch(made(60.0), 4000, 8000, 150)
+    assert (one.lead_ticks, one.settled, one.ticks, one.since_s) == (150, 150, 4150, pytest.approx(19.25))
+    assert one.poses[:, 0] == pytest.approx(one.fix_t + one.since_s)  # fixes are at x = t of the recording
+    assert np.array_equal(one.fix_ticks, np.round(one.fix_t * 200))
+    assert one.measured[0, 0] == pytest.approx(0.01 * 3851)
+    first = stretch(made(60.0), 0, 4000, 150)
+    assert first.lead_ticks == 0 and first.aim is not None and one.aim is None
+
+
+@pytest.mark.parametrize("robot", ["omni", "pendulum"])
+def test_after_the_lead_a_stretch_is_predicted_as_the_whole_run_is(robot):
+    prediction = prepare(f"{robot}_multirate", generate(robot, "eight", {}, 20.0, 1)).prediction
+    replay, whole, numbers = prediction.replay, prediction.tracks[0], prediction.replay.parameters({})
+    part = stretch(whole, 2600, whole.ticks, replay.settling_ticks)
+    start = np.concatenate([part.poses[0], part.measured[0, : replay.body.wheels]])
+    begin = whole.ticks - part.ticks
+    found, expected = replay.run(part, start, numbers)[0], replay.run(whole, prediction.starts[0], numbers)[0][begin:]
+    apart, size = np.abs(found - expected).max(axis=1), expected[60:].std()
+    late = apart[part.settled :]
+    assert apart[:20].max() > 5.0 * late.max()
+    assert late.max() < 3.0 * size  # where within its count a wheel is, no filter can know
+    assert 100 < replay.settling_ticks < 1500
+
+
+def test_what_grows_with_time_goes_on_in_a_later_stretch():
+    prediction = prepare("omni_multirate", generate("omni", "eight", {}, 10.0, 1)).prediction
+    replay, (run,), values = prediction.replay, prediction.tracks, {"battery_sag_time": {"rate_per_s": 0.01}}
+    numbers = replay.parameters(values)
+    later = replay.since(stretch(run, 1000, 2000, 200), numbers)
+    changed = np.flatnonzero(later != numbers)
+    assert [replay.rollout.parameter_names[i] for i in changed] == ["omni_battery_sag_time.since_s"]
+    assert later[changed] == pytest.approx([4.0]) and replay.since(run, numbers) is numbers
+
+
+def test_an_effect_is_found_in_stretches_and_proved_on_others():
+    runs = di.hide(
+        di.load_scenario("omni_multirate"), robots()["omni"].name, {"battery_sag_time": {"rate_per_s": 0.006}},
+        ["figure_eight"], 3, 100.0,
+    )
+    few = [di.effects()[name] for name in ("battery_sag_time", "torque_gain_error", "viscous_friction")]
+    found = di.explain("omni_multirate", runs, effects=few, most_s=50.0)
+    (effect,) = found.effects
+    low, high = effect.parameters["rate_per_s"].ci90
+    assert effect.name == "battery_sag_time" and low < 0.006 < high
+    assert len(found.runs) == 2 and len(found.held_out) == 1
+    assert "of 100 s of training runs 2 stretches, 40 s, were used" in found.warnings
+
+
+def test_no_time_at_all_is_refused():
+    with pytest.raises(InputError, match=r"most_s: 0\.0, expected a positive number of seconds"):
+        di.explain("omni_multirate", [], most_s=0.0)
