@@ -7,7 +7,18 @@ import pytest
 
 from drake_ispace.effects.library import library
 from drake_ispace.faults.library import FAULTS, same_as
-from drake_ispace.faults.repair import Clock, CutOut, Dropped, Evened, Mirrored, Mixed, Unwrapped, Without, parts
+from drake_ispace.faults.repair import (
+    Clock,
+    CutOut,
+    Dropped,
+    Evened,
+    Gridded,
+    Mirrored,
+    Mixed,
+    Unwrapped,
+    Without,
+    parts,
+)
 from drake_ispace.files.recording import Channel, Recording
 
 T = 0.1 * np.arange(10)
@@ -60,6 +71,14 @@ def test_rows_are_left_out_turned_round_and_spread(run):
     run.channels["encoder"] = Channel(T**2, ("theta_r", "theta_l"), np.zeros((10, 2)))
     assert np.allclose(np.diff(Evened("encoder").apply(run).channels["encoder"].t), 0.09)
     assert set(Without("kinect").apply(run).channels) == {"encoder"}
+
+
+def test_stamps_go_to_the_nearest_free_step(run):
+    t = np.array([0.02, 0.13, 0.14, 0.38, 0.52])
+    run.channels["encoder"] = Channel(t, ("theta_r", "theta_l"), np.zeros((5, 2)))
+    repair = Gridded("encoder", 0.1, 0.0)
+    assert repair.apply(run).channels["encoder"].t == pytest.approx([0.0, 0.1, 0.2, 0.4, 0.5])
+    assert str(repair) == "encoder: stamps at 0 s and multiples of 0.1 s after it"
 
 
 def test_a_run_is_cut_into_the_parts_that_are_long_enough(run):

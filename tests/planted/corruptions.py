@@ -203,10 +203,12 @@ def _gap(channel):
     return change
 
 
-def _jitter(folder, other):
-    table = folder.tables["encoder"][1]
-    step = np.median(np.diff(table[:, 0]))
-    table[:, 0] = np.sort(table[:, 0] + np.random.default_rng(1).uniform(-0.8, 0.8, len(table)) * step)
+def _jitter(channel, most):
+    def change(folder, other):
+        table = folder.tables[channel][1]
+        step = np.median(np.diff(table[:, 0]))
+        table[:, 0] = np.sort(table[:, 0] + np.random.default_rng(1).uniform(-most, most, len(table)) * step)
+    return change
 
 
 def _burst(folder, other):
@@ -219,7 +221,8 @@ def _burst(folder, other):
 for channel in ("encoder", "torque", "imu"):
     add(f"rows of {channel} twice", channel, {"rows_duplicated"}, _repeat(channel, 0.05), every=False)
     add(f"a gap in {channel}", channel, {"rows_missing"}, _gap(channel), every=False)
-add("uneven stamps", "encoder", {"stamp_jitter", "bursts"}, _jitter)
+add("uneven stamps", "encoder", {"stamp_jitter", "bursts"}, _jitter("encoder", 0.8))
+add("frames stamped when they arrive", "kinect", {"stamp_jitter"}, _jitter("kinect", 0.3))
 add("bursts", "encoder", {"bursts", "stamp_jitter"}, _burst)
 
 for channel in ("kinect", "imu", "torque", "encoder"):

@@ -117,6 +117,26 @@ class Evened:
 
 
 @dataclass(frozen=True)
+class Gridded:
+    """The samples of a channel at since_s and multiples of a step after it, of which some may be missing."""
+
+    channel: str
+    step_s: float
+    since_s: float
+
+    def __str__(self):
+        return f"{self.channel}: stamps at {self.since_s:.6g} s and multiples of {self.step_s:.6g} s after it"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with such stamps in the channel: the nearest ones that no earlier sample has."""
+        channel = recording.channels[self.channel]
+        order = np.arange(len(channel.t))
+        number = np.maximum.accumulate(np.rint((channel.t - self.since_s) / self.step_s) - order) + order
+        even = replace(channel, t=self.since_s + number * self.step_s, period_s=None)
+        return with_channel(recording, self.channel, even)
+
+
+@dataclass(frozen=True)
 class Dropped:
     """The samples of a channel from from_s to to_s left out."""
 
@@ -178,7 +198,7 @@ class CutOut:
         return f"all channels: from {self.from_s:.6g} s to {self.to_s:.6g} s cut out"
 
 
-Repair = Mixed | Unwrapped | Clock | Evened | Dropped | Mirrored | Without | CutOut
+Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Dropped | Mirrored | Without | CutOut
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

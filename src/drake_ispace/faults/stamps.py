@@ -27,8 +27,10 @@ FAULTS = (
     ),
     Fault(
         "stamp_jitter", "uneven stamps",
-        "steps between samples vary by more than a quarter", "samples are stamped when they arrive",
-        "the steps themselves", "stamps at even steps", same=("bursts",), harmless=True,
+        "steps between samples vary by more than a quarter, or frames were not taken when their stamps say",
+        "samples are stamped when they arrive",
+        "the steps themselves; of a camera the wheels, which agree with even steps", "stamps at even steps",
+        same=("bursts",), harmless=True,
     ),
     Fault(
         "bursts", "samples that come in bursts",

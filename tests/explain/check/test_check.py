@@ -8,6 +8,7 @@ import pytest
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.repaired import save_repaired
+from drake_ispace.faults.repair import rows
 from drake_ispace.files.recording import load
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
@@ -79,6 +80,22 @@ def test_gravity_that_was_taken_off(sound):
 def test_clocks_of_the_camera(sound, stamps, fault):
     (finding,) = found([changed(run, "kinect", stamps=stamps) for run in sound["omni"]], "omni")
     assert (finding.fault, finding.channel) == (fault, "kinect")
+
+
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("lost", [0.0, 0.2])
+def test_frames_that_are_stamped_when_they_arrive(sound, robot, lost):
+    run, rng = sound[robot][1], np.random.default_rng(0)
+    kinect = run.channels["kinect"]
+    kept = rng.random(len(kinect.t)) >= lost
+    fewer = replace(run, channels=run.channels | {"kinect": rows(kinect, kept)})
+    jittered = changed(fewer, "kinect", stamps=lambda t: np.sort(t + 0.02 * rng.standard_normal(len(t))))
+    (finding,) = found([jittered], robot)
+    assert (finding.fault, finding.channel) == ("stamp_jitter", "kinect")
+    (repair,) = finding.repairs
+    off = repair.apply(jittered).channels["kinect"].t - kinect.t[kept]
+    assert np.mean(np.abs(off - np.median(off)) < 0.01) > 0.95
+    assert found([fewer], robot) == []
 
 
 def test_an_offset_of_a_clock_has_an_interval(sound):
@@ -206,3 +223,16 @@ def test_wheels_may_be_named_in_any_order(commanded):
     order, names = [1, 0, 3, 2], ("theta_front_right", "theta_front_left", "theta_rear_right", "theta_rear_left")
     named = replace(encoder, columns=names, values=encoder.values[:, order], units={})
     assert check(model, [replace(runs[0], channels=runs[0].channels | {"encoder": named}), runs[1]]).findings == []
+
+
+def test_a_steady_circle_hardly_says_whose_torque_it_is():
+    """Its push towards the middle is constant, and what is left of the torque is noise."""
+    run = hide("omni_multirate", "omni", {}, ["circle"], 3, 100.0)["circle"]
+    assert found([run], "omni") == []
+
+
+def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
+    square, eight = sound["omni"]
+    swapped = replace(square, channels=square.channels | {"torque": eight.channels["torque"]})
+    faults = {(finding.fault, finding.channel) for finding in found([swapped], "omni")}
+    assert ("channel_of_another_run", "torque") in faults

@@ -11,6 +11,7 @@ from pathlib import Path
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
+from drake_ispace.explain.check.compare.frames import frame_findings
 from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -56,8 +57,9 @@ class Checked:
         return [finding for finding in self.findings if finding.limited]
 
     def masked(self, runs: Sequence[Recording]) -> list[list[Recording]]:
-        """The runs without what is limited in time, each as the parts that remain of it; whole runs as they are."""
-        return [self._parts(i, self._repaired(i, run, self.limited), self.limited) for i, run in enumerate(runs)]
+        """The runs after the repairs of all that is not serious, each as the parts that remain of it."""
+        bearable = [finding for finding in self.findings if finding not in self.serious]
+        return [self._parts(i, self._repaired(i, run, bearable), self.limited) for i, run in enumerate(runs)]
 
     def repaired_parts(self) -> list[list[Recording]]:
         """The runs after all repairs, each as the parts that remain of it."""
@@ -133,6 +135,7 @@ class _Search:
         tell("comparing wheels and camera")
         self._encoder_clock()
         self._agreed("kinect", wheels_or_camera)
+        self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)

@@ -7,7 +7,7 @@ import numpy as np
 from drake_ispace.explain.check.compare.agreement import RELATED, following
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
-from drake_ispace.explain.check.compare.regression import most, scores
+from drake_ispace.explain.check.compare.regression import most, residuals, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
@@ -79,8 +79,10 @@ def _at_lag(link, base, lag_s):
     found = []
     for group in map(list, link.groups):
         x, y, noise = predicted[:, group], link.measured[kept][:, group], link.noise[group]
-        if moving(y, noise, _CLEARLY) and moving(x, noise, _CLEARLY):
-            z = None if besides is None else besides[:, group]
+        z = None if besides is None else besides[:, group]
+        # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
+        own = (x, y) if z is None else [residuals(0.0 * x, motion, z) for motion in (x, y)]
+        if all(moving(motion, noise, _CLEARLY) for motion in own):
             both = np.stack([x, 0.0 * x]), np.stack([y, y])
             given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z,
                                       link.slack)

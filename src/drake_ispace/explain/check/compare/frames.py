@@ -1,0 +1,55 @@
+"""Stamps of the camera against even ones: frames are taken at even steps, but may be stamped when they arrive."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.links import LATENCY_S, Base
+from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.repair import Evened, Gridded
+from drake_ispace.files.recording import Channel, Recording
+
+_FEWEST = 40  # fixes
+_LAGS_S = np.arange(-LATENCY_S, LATENCY_S + 1e-9, 0.01)
+
+
+def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Stamps of a camera without which most of what it and the wheels disagree on, from frame to frame, is gone."""
+    if base is None or not has_motion(run) or len(run.channels["kinect"].t) < _FEWEST:
+        return
+    kinect = run.channels["kinect"]
+    given, best = _disagreement(kinect, base), None
+    for repair in (Evened("kinect"), _grid(kinect.t)):
+        even = repair.apply(run).channels["kinect"]
+        left, off_s = _disagreement(even, base), float(np.std(kinect.t - even.t))
+        if 2.0 * left**2 < given**2 and (best is None or left < best[0]):
+            best = left, repair, off_s
+    if best is not None:
+        left, repair, off_s = best
+        what = f"stamps are {1e3 * off_s:.2g} ms off the even steps of the frames"
+        gained = len(kinect.t) * float(np.log((given / left) ** 2))
+        yield Finding("stamp_jitter", what, "", (number,), "kinect", drop_in_deviance=gained, repairs=(repair,))
+
+
+def _grid(t: np.ndarray) -> Gridded:
+    """The even steps that stamps (n,) lie nearest to."""
+    usual = float(np.median(np.diff(t)))
+    rates = np.arange(0.8, 1.2, 0.25 * usual / (t[-1] - t[0])) / usual  # so fine that no phase is lost from end to end
+    sums = np.exp(2j * np.pi * rates[:, None] * (t - t[0])).sum(axis=1)
+    best = int(np.argmax(np.abs(sums)))
+    return Gridded("kinect", float(1.0 / rates[best]), float(t[0] + np.angle(sums[best]) / (2.0 * np.pi * rates[best])))
+
+
+def _disagreement(kinect: Channel, base: Base) -> float:
+    """Median distance [m] between the motions from fix to fix that camera and wheels tell of, at the best latency."""
+    first = np.arange(len(kinect.t) - 1)
+    since, until = kinect.t[:-1], kinect.t[1:]
+    moved = seen(kinect, Windows(since, until, first, first + 1))[:, :2]
+    inside = (since - LATENCY_S >= base.encoder.t[0]) & (until + LATENCY_S <= base.encoder.t[-1])
+    if inside.sum() < _FEWEST // 2:
+        return 0.0
+    return min(
+        float(np.median(np.linalg.norm((moved - base.moved(since + lag, until + lag)[:, :2])[inside], axis=1)))
+        for lag in _LAGS_S
+    )
