@@ -18,8 +18,8 @@ from pathlib import Path
 from _runs import options, print_json, print_table
 
 import drake_ispace as di
-from drake_ispace.rollout.campaign import Campaign
-from drake_ispace.rollout.table import read_campaign
+from drake_ispace.rollout.many.campaign import Campaign
+from drake_ispace.rollout.many.table import read_campaign
 
 VARY = {"omni_plant.mass_kg": "normal(7.31, 0.4)", "omni_plant.slip.ratio_x": "uniform(0, 0.2)"}
 SECONDS, TINY_S = 20.0, 0.5

@@ -22,8 +22,8 @@ if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.hiding import hide
     from drake_ispace.report.drawing import draw
     from drake_ispace.robots.recordings import load
-    from drake_ispace.rollout.campaign import montecarlo
     from drake_ispace.rollout.compile import compile_diagram
+    from drake_ispace.rollout.many.campaign import montecarlo
     from drake_ispace.scenario import load_scenario
     from drake_ispace.simulation import simulate
     from drake_ispace.wiring.catalog import build_diagram
@@ -45,7 +45,7 @@ _BEHIND = {
     "hide": "hiding:hide",
     "load": "robots.recordings:load",
     "load_scenario": "scenario:load_scenario",
-    "montecarlo": "rollout.campaign:montecarlo",
+    "montecarlo": "rollout.many.campaign:montecarlo",
     "simulate": "simulation:simulate",
 }
 

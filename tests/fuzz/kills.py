@@ -27,8 +27,8 @@ from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.hiding import save_hidden
 from drake_ispace.report.explain_page import write_explanation
 from drake_ispace.robots.recordings import load
-from drake_ispace.rollout.campaign import montecarlo
-from drake_ispace.rollout.table import read_campaign
+from drake_ispace.rollout.many.campaign import montecarlo
+from drake_ispace.rollout.many.table import read_campaign
 from drake_ispace.scenario import load_scenario
 
 _ROWS = 400

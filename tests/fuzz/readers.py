@@ -17,8 +17,8 @@ from drake_ispace.cli.explain import _read_effect
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.recording_tables import read_table
 from drake_ispace.robots.recordings import load
-from drake_ispace.rollout.campaign import montecarlo
-from drake_ispace.rollout.draws import parse_distribution, split_vary
+from drake_ispace.rollout.many.campaign import montecarlo
+from drake_ispace.rollout.many.draws import parse_distribution, split_vary
 from drake_ispace.scenario import load_scenario
 from drake_ispace.vision.footage.frames import frames
 from drake_ispace.vision.footage.learn import read_pointed

@@ -7,11 +7,11 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.metrics import measure
-from drake_ispace.rollout.campaign import CampaignStopped, make_plan, montecarlo
-from drake_ispace.rollout.draws import find_parameter, noise_seed, parse_distribution, split_vary
 from drake_ispace.rollout.engine import simulate_compiled
-from drake_ispace.rollout.table import read_campaign, spread
-from drake_ispace.rollout.worker import METRICS
+from drake_ispace.rollout.many.campaign import CampaignStopped, make_plan, montecarlo
+from drake_ispace.rollout.many.draws import find_parameter, noise_seed, parse_distribution, split_vary
+from drake_ispace.rollout.many.table import read_campaign, spread
+from drake_ispace.rollout.many.worker import METRICS
 from drake_ispace.scenario import load_scenario, with_option
 
 MASS, SLIP = "omni_plant.mass_kg", "omni_plant.slip.ratio_x"
@@ -134,7 +134,7 @@ def test_a_row_holds_the_metrics_of_its_run(scenario, whole):
 
 
 def test_lanes_do_not_change_the_table(scenario, whole, monkeypatch):
-    monkeypatch.setattr("drake_ispace.rollout.worker._LANES_PAY_TICKS", 0)
+    monkeypatch.setattr("drake_ispace.rollout.many.worker._LANES_PAY_TICKS", 0)
     assert montecarlo(scenario, 150, vary=VARY).table.equals(whole)
 
 

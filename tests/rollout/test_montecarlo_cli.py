@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from drake_ispace.rollout.table import read_campaign
+from drake_ispace.rollout.many.table import read_campaign
 
 SHORT = ["omni_multirate", "--seconds", "1"]
 VARY = ["--vary", "omni.plant.mass_kg=normal(7.3,0.3)"]

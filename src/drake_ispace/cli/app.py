@@ -268,10 +268,10 @@ def montecarlo(
     """Run a scenario many times with varied parameters and noise: the spread of its tracking error."""
     scenario = _scenario(name, seconds, set_, seed)
     _diagram(name, scenario)
-    from drake_ispace.rollout.campaign import montecarlo as run_all
-    from drake_ispace.rollout.campaign import parameters_of
-    from drake_ispace.rollout.draws import split_vary
-    from drake_ispace.rollout.table import spread
+    from drake_ispace.rollout.many.campaign import montecarlo as run_all
+    from drake_ispace.rollout.many.campaign import parameters_of
+    from drake_ispace.rollout.many.draws import split_vary
+    from drake_ispace.rollout.many.table import spread
 
     if parameters:
         values = parameters_of(scenario)

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.compute as compute
 
 from drake_ispace.report.plots import plt, save
-from drake_ispace.rollout.campaign import Campaign
+from drake_ispace.rollout.many.campaign import Campaign
 
 _ERROR = "rms_position_error_m"
 _MOST_PARAMETERS = 11

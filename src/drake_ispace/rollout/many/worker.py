@@ -12,9 +12,9 @@ import numpy as np
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.files.typed_tree import read
 from drake_ispace.rollout.compile import Rollout, compile_diagram
-from drake_ispace.rollout.draws import Distribution, noise_seed, parse_distribution
 from drake_ispace.rollout.lanes import LaneRollout, lanes_of
-from drake_ispace.rollout.score import added_blocks, logs_of, lost_at, metrics_of
+from drake_ispace.rollout.many.draws import Distribution, noise_seed, parse_distribution
+from drake_ispace.rollout.many.score import added_blocks, logs_of, lost_at, metrics_of
 from drake_ispace.scenario import Scenario, blaming
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 

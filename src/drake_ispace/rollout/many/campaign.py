@@ -25,10 +25,19 @@ from drake_ispace.blocks.rates import ticks_in
 from drake_ispace.control.guide.paths import build_path
 from drake_ispace.files.typed_tree import read
 from drake_ispace.robots.library import robots
-from drake_ispace.rollout.draws import find_parameter, parse_distribution, variable
-from drake_ispace.rollout.score import own_names
-from drake_ispace.rollout.table import Rows, campaign_folder
-from drake_ispace.rollout.worker import METRICS, Plan, column, rollout_for, rollout_of, run_rows, scenario_of, text_of
+from drake_ispace.rollout.many.draws import find_parameter, parse_distribution, variable
+from drake_ispace.rollout.many.score import own_names
+from drake_ispace.rollout.many.table import Rows, campaign_folder
+from drake_ispace.rollout.many.worker import (
+    METRICS,
+    Plan,
+    column,
+    rollout_for,
+    rollout_of,
+    run_rows,
+    scenario_of,
+    text_of,
+)
 from drake_ispace.scenario import Scenario, difference, named_scenarios
 from drake_ispace.wiring.catalog import CATALOG, entry_of
 
