@@ -1,5 +1,7 @@
 """Stretches that stand for long recordings: where they lie, what they know of the time before them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,9 @@ import drake_ispace as di
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.explain.predict.stretches import stretch, stretches_of
+from drake_ispace.explain.predict.stretches import begun, stretch, stretches_of
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.faults.repair import rows
 from drake_ispace.robots.library import robots
 from hidden.generator import generate
 
@@ -82,6 +85,24 @@ def test_after_the_lead_a_stretch_is_predicted_as_the_whole_run_is(robot):
     assert apart[:20].max() > 5.0 * late.max()
     assert late.max() < 3.0 * size  # where within its count a wheel is, no filter can know
     assert 100 < replay.settling_ticks < 1500
+
+
+def test_a_log_that_begins_while_the_robot_moves_is_scored_later():
+    moving, resting = made(30.0), made(30.0, rests=[(0.0, 1.0)])
+    assert begun(moving, 2, 500).settled == 500 and begun(resting, 2, 500) is resting
+    assert begun(made(4.0), 2, 500).settled == 400
+    later = stretch(begun(moving, 2, 500), 0, 4000, 500)
+    assert later.lead_ticks == 500 and stretch(begun(moving, 2, 500), 4000, 6000, 500).lead_ticks == 500
+
+
+def test_a_sound_pendulum_lacks_nothing_in_a_log_that_begins_late():
+    def late(run):
+        channels = {name: channel for name, channel in run.channels.items() if name not in ("reference", "truth")}
+        return replace(run, channels={name: rows(c, c.t >= 8.03) for name, c in channels.items()})
+
+    runs = [late(generate("pendulum", motion, {}, 22.0, 5 + i)) for i, motion in enumerate(("square", "eight"))]
+    few = [di.effects()[name] for name in ("viscous_friction", "mass_error", "accelerometer_bias")]
+    assert di.explain("pendulum_multirate", runs, effects=few).verdict == "none"
 
 
 def test_what_grows_with_time_goes_on_in_a_later_stretch():

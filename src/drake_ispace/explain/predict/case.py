@@ -16,7 +16,7 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
-from drake_ispace.explain.predict.stretches import stretches_of
+from drake_ispace.explain.predict.stretches import begun, stretches_of
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
@@ -96,6 +96,7 @@ def prepare(
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
         replay = replay_of(scenario, known, channels, effects)
+        tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
         if known.driven == TORQUE:
             tracks, n, others, shortened = _shortened(tracks, n, others, most_s, replay)
     case = Case(

@@ -43,7 +43,8 @@ class Replay:
         feeds: the channels that every run has.
         others: filters under other assumptions about noise.
         filter: plant -> the follower's parameters that depend on it; None: none does.
-        settling_ticks: of the filter, where a run begins while the robot moves.
+        settling_ticks: of the filter, where a run begins while the robot moves; 0 where velocity is commanded, which
+            leaves no state to be found.
     """
 
     body: Body
@@ -182,7 +183,7 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
     others = other_filters(scenario, robot, has)
-    settling_ticks = filter_of(scenario, robot, has).settling_ticks
+    settling_ticks = filter_of(scenario, robot, has).settling_ticks if robot.driven == TORQUE else 0
     return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant), settling_ticks)
 
 

@@ -17,6 +17,8 @@ from drake_ispace.explain.predict.tracks import Track
 
 MOST_S = 160.0  # of training runs: twice as much as the four runs of 20 s that nearly every effect is found in
 _STRETCH_S = 20.0
+_FIRST_TICKS = 4
+_MOVING = 0.2  # of the root mean square speed of all wheels: faster, a robot was not at rest
 
 
 def stretches_of(
@@ -77,5 +79,12 @@ def stretch(track: Track, first: int, last: int, lead: int) -> Track:
         command=track.command[rows], measured=track.measured[rows], sightings=sightings,
         fix_ticks=track.fix_ticks[kept] - begin, fix_t=track.fix_t[kept] - begin * TICK_S, missed=np.empty(0),
         aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
-        since_s=track.since_s + begin * TICK_S, lead_ticks=first - begin,
+        since_s=track.since_s + begin * TICK_S, lead_ticks=max(first, track.lead_ticks) - begin,
     )
+
+
+def begun(track: Track, wheels: int, lead: int) -> Track:
+    """The track; if it begins while the robot moves, its first `lead` ticks are not scored, or half of it at most."""
+    turned = np.abs(track.measured[_FIRST_TICKS, :wheels] - track.measured[0, :wheels]).max() / _FIRST_TICKS
+    usual = np.sqrt(np.mean(np.diff(track.measured[: track.ticks, :wheels], axis=0) ** 2))
+    return replace(track, lead_ticks=min(lead, track.ticks // 2)) if turned > _MOVING * usual else track
