@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.explain.fit.changes import Changes, Marginal
+from drake_ispace.explain.fit.changes import Changes, Marginal, directions
 from drake_ispace.explain.fit.likelihood import Likelihood
 from drake_ispace.explain.fit.whitening import Whitening
 
@@ -23,8 +23,8 @@ MEASURED = residuals()
 CLASSES = [{"motion": RNG.integers(1, 5, n)} for n in ROWS]  # class 1 is not scored
 WHITENING = Whitening(MEASURED, CLASSES)
 FOUND = [residuals(0.1) for _ in range(5)]
-OFFSETS = WHITENING.directions(
-    MEASURED, [residuals(0.2) for _ in range(3)], [(i, residuals()[i]) for i in (0, 0, 1)]
+OFFSETS = directions(
+    WHITENING, MEASURED, [residuals(0.2) for _ in range(3)], [(i, residuals()[i]) for i in (0, 0, 1)]
 )
 CHANGES = Changes(WHITENING, MEASURED, FOUND)
 X = np.array([WHITENING(change) for change in FOUND])

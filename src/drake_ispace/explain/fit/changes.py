@@ -3,6 +3,7 @@
 There are hundreds of them, each as long as all runs together. Only their scalar products are kept.
 """
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -68,6 +69,21 @@ class Changes:
         """(n,) sum of the whitened changes, each times its amount (k,)."""
         nothing = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in self._residuals]
         return self._whitening(without(nothing, -amounts, self._changes))
+
+
+def directions(
+    whitening: Whitening, residuals: Residuals, changes: Sequence[Residuals],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (), pool: ThreadPoolExecutor | None = None,
+) -> Directions:
+    """Whitened changes of all residuals, kept, and whitened offsets.
+
+    offsets: (run, change of its residuals) of each, in the order of the runs. Others: as of Changes.
+    """
+    whole = Changes(whitening, residuals, changes, pool)
+    everywhere = np.hstack([whole.of_run(i) for i in range(len(residuals))])
+    grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
+    parts = (pool.map if pool else map)(lambda group: whitening.several(*group), grouped)
+    return Directions(everywhere, [(int(whole.starts[i]), part) for (i, _), part in zip(grouped, parts, strict=True)])
 
 
 def without(

@@ -57,10 +57,6 @@ class Directions:
             at += len(part)
         return products
 
-    def least_squares(self, y: np.ndarray) -> np.ndarray:
-        """(k + q,) amounts whose sum comes nearest to `y` (n,); vectors that nearly coincide share theirs."""
-        return amounts_of(self.gram(), self.dot(y))
-
 
 def amounts_of(gram: np.ndarray, products: np.ndarray) -> np.ndarray:
     """(k,) amounts of k vectors whose sum comes nearest to y; vectors that nearly coincide share theirs.

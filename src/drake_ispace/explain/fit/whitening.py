@@ -1,20 +1,16 @@
 """The noise of residuals, per stream a vector autoregression with a long memory; it whitens the residuals."""
 
-import itertools
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
 
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.memory import Memory
 from drake_ispace.explain.predict.prediction import RESTING, Residuals
 
 _ROWS_AT_ONCE = 256  # that are whitened at once
-_BATCH = 32  # changes to a job
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
 #: Least standard deviations of streams whose rows are independent: of placing the robot together with one fix
@@ -246,27 +242,6 @@ class Whitening:
                 found[-1][name] = noise.transposed(z, classes.get(name)) if rows else np.zeros(run[name].shape)
                 at += rows * p
         return found
-
-    def directions(
-        self, residuals: Residuals, changes: Sequence[Residuals],
-        offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (), pool: ThreadPoolExecutor | None = None,
-    ) -> Directions:
-        """Whitened changes of all residuals, and whitened offsets.
-
-        offsets: (run, change of its residuals) of each, in the order of the runs.
-        """
-        starts = self.starts(residuals)
-        everywhere = np.empty((len(changes), starts[-1]))
-
-        def of_run(i, first):
-            some = slice(first, first + _BATCH)
-            everywhere[some, starts[i] : starts[i + 1]] = self.several(i, [change[i] for change in changes[some]])
-
-        jobs = [(i, first) for i in range(len(residuals)) for first in range(0, len(changes), _BATCH)]
-        list((pool.map if pool else map)(lambda job: of_run(*job), jobs))
-        grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
-        parts = (pool.map if pool else map)(lambda group: self.several(*group), grouped)
-        return Directions(everywhere, [(starts[i], part) for (i, _), part in zip(grouped, parts, strict=True)])
 
     def memory(self, residuals: Residuals) -> list[Memory]:
         """The Memory of each stream whose noise has one: what slightly different coefficients could explain."""

@@ -9,7 +9,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
-from drake_ispace.explain.fit.changes import Changes, Marginal, without
+from drake_ispace.explain.fit.changes import Changes, Marginal, directions, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
@@ -40,7 +40,7 @@ class View:
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
         changes = Changes(whitening, residuals, self.changes, self.pool)
-        return Regression(whitening, Marginal(changes, whitening.directions(residuals, [], self.offsets, self.pool)))
+        return Regression(whitening, Marginal(changes, directions(whitening, residuals, [], self.offsets, self.pool)))
 
     def likelihood(self, residuals: Residuals, near: bool, start: "Regression | None" = None) -> Likelihood:
         """The Likelihood of the runs with the noise of these residuals.
@@ -57,7 +57,7 @@ class View:
         near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
             the memory is marginalised. flaws: further changes to be tolerated, one standard deviation each.
         """
-        offsets = whitening.directions(residuals, [*self.tolerated, *flaws], self.offsets, self.pool)
+        offsets = directions(whitening, residuals, [*self.tolerated, *flaws], self.offsets, self.pool)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
 
