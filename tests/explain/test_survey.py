@@ -12,7 +12,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
 from drake_ispace.explain.decide.survey.screen import Screen
-from drake_ispace.explain.decide.survey.signatures import Signature
+from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite
 from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
@@ -85,6 +85,13 @@ def test_a_size_is_changed_within_its_bounds(at, tried):
     base = streams(np.ones((RUNS, ROWS)))
     _changes_by_sizes(SimpleNamespace(residuals=residuals), {candidate: [at]}, {candidate: [1.0]}, base, None)
     assert asked == [pytest.approx(tried)]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [1e50, np.inf, np.nan])
+def test_a_model_that_runs_away_changes_nothing_that_could_be_tested(far):
+    base, away = streams(np.zeros((RUNS, ROWS))), streams(np.full((RUNS, ROWS), far))
+    assert not is_finite(difference(base, away)) and is_finite(difference(base, base))
 
 
 def test_the_memory_of_the_noise_is_marginalised_near_the_best_point():

@@ -42,24 +42,28 @@ def signatures(
     for candidate in candidates:
         neutral = candidate.neutral
         for z in probes(candidate, scales):
-            residuals = prediction.residuals(merged({**point, candidate: z}), pool)
-            if not is_finite(residuals):
+            change = difference(base, prediction.residuals(merged({**point, candidate: z}), pool))
+            if not is_finite(change):
                 continue
             at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
             low, high = candidate.bounds[at]
             one_sided = low >= neutral[at] or high <= neutral[at]
-            collected.append(Signature(candidate, z, at, one_sided, difference(base, residuals)))
+            collected.append(Signature(candidate, z, at, one_sided, change))
     return collected
 
 
 def difference(before: Residuals, after: Residuals) -> Residuals:
-    """Residuals before minus residuals after, by run and stream, in single precision: hundreds of them are kept."""
-    return [
-        {name: (run[name] - other[name]).astype(np.float32) for name in run}
-        for run, other in zip(before, after, strict=True)
-    ]
+    """Residuals before minus residuals after, by run and stream, in single precision: hundreds of them are kept.
+
+    Where a model runs away they are infinite, or no numbers.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return [
+            {name: (run[name] - other[name]).astype(np.float32) for name in run}
+            for run, other in zip(before, after, strict=True)
+        ]
 
 
-def is_finite(residuals: Residuals) -> bool:
-    """Whether all numbers are finite; a model that runs away leaves others."""
-    return all(np.isfinite(rows).all() for run in residuals for rows in run.values())
+def is_finite(change: Residuals) -> bool:
+    """Whether all numbers of a change are finite; a model that runs away leaves others."""
+    return all(np.isfinite(rows).all() for run in change for rows in run.values())

@@ -126,9 +126,9 @@ def _changes_by_sizes(prediction, point, sizes, base, pool):
         for i, (low, high) in enumerate(candidate.bounds):
             step = 0.2 * max(abs(z[i] - candidate.neutral[i]), sizes[candidate][i])
             moved = [*z[:i], z[i] + step if z[i] + step <= high else max(z[i] - step, low), *z[i + 1 :]]
-            residuals = prediction.residuals(merged({**point, candidate: moved}), pool)
-            if is_finite(residuals):
-                changes.append(difference(residuals, base))
+            change = difference(prediction.residuals(merged({**point, candidate: moved}), pool), base)
+            if is_finite(change):
+                changes.append(change)
     return changes
 
 
