@@ -43,9 +43,9 @@ def asked(monkeypatch):
     """`explain` replaced by an answer at once; what it was asked."""
     found = {}
 
-    def explain(model, runs, held_out=(), seed=0, tell=None, trust_data=False):
+    def explain(model, runs, held_out=(), seed=0, tell=None, trust_data=False, most_s=None):
         tell("looking")
-        found.update(model=model, runs=runs, held_out=held_out, seed=seed)
+        found.update(model=model, runs=runs, held_out=held_out, seed=seed, most_s=most_s)
         return answers.named(model)
 
     monkeypatch.setattr(explain_module, "explain", explain)
@@ -53,10 +53,11 @@ def asked(monkeypatch):
 
 
 def test_runs_model_and_seed_are_handed_on(asked, said):
-    said("explain", "a", "b", *MODEL, "--held-out", "c", "--seed", "7", "--set", "omni.plant.mass_kg=8")
+    options = ["--held-out", "c", "--seed", "7", "--set", "omni.plant.mass_kg=8", "--most-seconds", "40"]
+    said("explain", "a", "b", *MODEL, *options)
     assert [str(run.path) for run in asked["runs"]] == ["a", "b"]
     assert [str(run.path) for run in asked["held_out"]] == ["c"]
-    assert asked["seed"] == 7 and asked["model"].omni.plant.mass_kg == 8.0
+    assert (asked["seed"], asked["most_s"]) == (7, 40.0) and asked["model"].omni.plant.mass_kg == 8.0
 
 
 def test_several_runs_may_be_held_out_at_once(asked, said):

@@ -61,7 +61,7 @@ def test_whitened_residuals_are_white(surveyed):
 
 def test_the_largest_minus_log10_p_on_noise_is_that_of_some_independent_effects(surveyed):
     """The tail of the largest -log10 p falls tenfold per unit, and fewer effects are independent than there are."""
-    largest = trials(surveyed.screen, surveyed.noise, surveyed.instants, 0)
+    largest = trials(surveyed.screen, surveyed.by_instant, 0)
     tenth, half = np.quantile(largest, [0.9, 0.5])
     assert 0.5 < tenth - half < 1.5
     assert 10.0**tenth * -np.log(0.9) < 2.0 * len(surveyed.screen.candidates)
