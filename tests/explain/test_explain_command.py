@@ -1,5 +1,6 @@
 """`drake-ispace explain`: what it hands on, prints, writes and refuses. What it finds is tested elsewhere."""
 
+import inspect
 import json
 import os
 from dataclasses import replace
@@ -7,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 import answers
+from drake_ispace.cli import explain as cli_explain
 from drake_ispace.cli.app import main
 from drake_ispace.explain import explain as explain_module
 from drake_ispace.hiding import hide
@@ -125,3 +127,9 @@ def test_bad_arguments_are_refused(refused, folder, arguments, parts):
     for part in parts:
         assert part in message
     assert sorted(os.listdir(folder)) == ["a", "b", "blind", "c", "p"]
+
+
+def test_as_much_is_used_as_from_python():
+    signatures = map(inspect.signature, (cli_explain.explain, explain_module.explain))
+    command, function = (signature.parameters for signature in signatures)
+    assert command["most_seconds"].default == function["most_s"].default

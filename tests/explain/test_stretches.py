@@ -36,7 +36,7 @@ def made(seconds, name="run", rests=()):
 
 def spans(tracks):
     """(begin, end) of what is scored of each [s]."""
-    return [(one.since_s + one.lead_ticks / 200.0, one.since_s + one.ticks / 200.0) for one in tracks]
+    return [(one.since_s + one.unscored_ticks / 200.0, one.since_s + one.ticks / 200.0) for one in tracks]
 
 
 def test_short_recordings_are_used_as_they_are():
@@ -66,12 +66,12 @@ def test_a_robot_at_rest_tells_little():
 
 def test_the_seconds_before_a_stretch_are_for_the_filter():
     one = stretch(made(60.0), 4000, 8000, 150)
-    assert (one.lead_ticks, one.settled, one.ticks, one.since_s) == (150, 150, 4150, pytest.approx(19.25))
+    assert (one.unscored_ticks, one.settled, one.ticks, one.since_s) == (150, 150, 4150, pytest.approx(19.25))
     assert one.poses[:, 0] == pytest.approx(one.fix_t + one.since_s)  # fixes are at x = t of the recording
     assert np.array_equal(one.fix_ticks, np.round(one.fix_t * 200))
     assert one.measured[0, 0] == pytest.approx(0.01 * 3851)
     first = stretch(made(60.0), 0, 4000, 150)
-    assert first.lead_ticks == 0 and first.aim is not None and one.aim is None
+    assert first.unscored_ticks == 0 and first.aim is not None and one.aim is None
 
 
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
@@ -94,7 +94,7 @@ def test_a_log_that_begins_while_the_robot_moves_is_scored_later():
     assert begun(moving, 2, 500).settled == 500 and begun(resting, 2, 500) is resting
     assert begun(made(4.0), 2, 500).settled == 400
     later = stretch(begun(moving, 2, 500), 0, 4000, 500)
-    assert later.lead_ticks == 500 and stretch(begun(moving, 2, 500), 4000, 6000, 500).lead_ticks == 500
+    assert later.unscored_ticks == 500 and stretch(begun(moving, 2, 500), 4000, 6000, 500).unscored_ticks == 500
 
 
 def test_a_sound_pendulum_lacks_nothing_in_a_log_that_begins_late():

@@ -198,7 +198,9 @@ class Emitter:
     def _is_in_place(self, name):
         """Whether the only update of a leaf is due at every tick and may write into the memory itself."""
         (update, *others) = self._network.leaves[name].spec.updates or [None]
-        return update is not None and update.in_place and not others and _condition(update) is None
+        if update is None or others or update.through:
+            return False
+        return update.in_place and _condition(update) is None
 
     def _write_update(self, code: _Code, name: str, update: Update) -> None:
         if update.through:

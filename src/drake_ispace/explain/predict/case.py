@@ -134,7 +134,7 @@ def _shortened(tracks, n, kinds, most_s, replay):
 
 def _seconds(tracks):
     """How long they last altogether [s]."""
-    return sum(track.ticks - track.lead_ticks for track in tracks) * TICK_S
+    return sum(track.ticks - track.unscored_ticks for track in tracks) * TICK_S
 
 
 def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:

@@ -50,6 +50,15 @@ _TILT_S = 0.5  # over which the tilt, as gravity shows it, is averaged
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
 
 
+def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Residuals of a run, stream -> (rows, channels), less others of it, in single precision: hundreds are kept.
+
+    Where a model runs away they are infinite, or no numbers.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return {name: (one[name] - other[name]).astype(np.float32) for name in one}
+
+
 @dataclass(frozen=True)
 class Prediction:
     """A model against recorded runs: residuals with any effects in it, and their changes by nuisance parameters.
@@ -131,7 +140,7 @@ class Prediction:
         def one(job):
             i, moved = job
             moved_rows = self._of_run(i, moved(), numbers, share)
-            return i, {name: (rows - at[i][name]).astype(np.float32) for name, rows in moved_rows.items()}
+            return i, change(moved_rows, at[i])
 
         return list((pool.map if pool else map)(one, jobs))
 

@@ -22,18 +22,18 @@ _MOVING = 0.2  # of the root mean square speed of all wheels: faster, a robot wa
 
 
 def stretches_of(
-    tracks: Sequence[Track], most_s: float, wheels: int, lead: int
+    tracks: Sequence[Track], most_s: float, wheels: int, settling_ticks: int
 ) -> tuple[list[Track], list[Track]]:
     """Stretches of the tracks, `most_s` [s] altogether at most, and half as much of what is left.
 
     Tracks that are no longer than that are returned as they are, and nothing is left. Stretches lie evenly along the
     way that the wheels have turned: a robot at rest tells little.
 
-    wheels: the first columns of what was measured. lead: ticks, as `stretch` takes them.
+    wheels: the first columns of what was measured. settling_ticks: ticks, as `stretch` takes them.
     """
     if sum(track.ticks for track in tracks) * TICK_S <= most_s:
         return list(tracks), []
-    parts = [part for track in tracks for part in _parts(track, lead)]
+    parts = [part for track in tracks for part in _parts(track, settling_ticks)]
     count = int(most_s * len(parts) / (sum(track.ticks for track in tracks) * TICK_S))
     chosen = _evenly(parts, wheels, max(count, 1))
     others = [part for i, part in enumerate(parts) if i not in chosen]
@@ -44,7 +44,7 @@ def stretches_of(
 def _evenly(parts, wheels, count) -> list[int]:
     """Numbers of `count` parts that lie evenly along the way, those that turned most in the place of repeated ones."""
     turned = np.array([
-        np.abs(np.diff(part.measured[part.lead_ticks : part.ticks, :wheels], axis=0)).sum() for part in parts
+        np.abs(np.diff(part.measured[part.unscored_ticks : part.ticks, :wheels], axis=0)).sum() for part in parts
     ])
     turned = turned + 1e-9  # evenly in time where nothing turns
     at = (np.arange(count) + 0.5) / count * turned.sum()
@@ -55,21 +55,21 @@ def _evenly(parts, wheels, count) -> list[int]:
     return sorted(chosen)
 
 
-def _parts(track: Track, lead: int) -> list[Track]:
+def _parts(track: Track, settling_ticks: int) -> list[Track]:
     """Equal stretches of a track."""
     edges = np.linspace(0, track.ticks, int(np.ceil(track.ticks * TICK_S / _STRETCH_S)) + 1).astype(int)
-    return [stretch(track, first, last, lead) for first, last in itertools.pairwise(edges.tolist())]
+    return [stretch(track, first, last, settling_ticks) for first, last in itertools.pairwise(edges.tolist())]
 
 
-def stretch(track: Track, first: int, last: int, lead: int) -> Track:
+def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
     """The track between two ticks.
 
-    It begins up to `lead` ticks before, which are not scored: nobody knows the state of a robot that moves, and the
+    It begins up to `settling_ticks` before, which are not scored: nobody knows the state of a robot that moves, and the
     filter needs that long to find it.
     """
     if (first, last) == (0, track.ticks):
         return track
-    begin = max(first - lead, 0)
+    begin = max(first - settling_ticks, 0)
     rows = slice(begin, last + LEAD_TICKS)
     kept = (track.fix_ticks >= begin) & (track.fix_ticks < last)
     sightings, at = np.zeros_like(track.sightings[rows]), track.fix_rows[kept]
@@ -79,12 +79,13 @@ def stretch(track: Track, first: int, last: int, lead: int) -> Track:
         command=track.command[rows], measured=track.measured[rows], sightings=sightings,
         fix_ticks=track.fix_ticks[kept] - begin, fix_t=track.fix_t[kept] - begin * TICK_S, missed=np.empty(0),
         aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
-        since_s=track.since_s + begin * TICK_S, lead_ticks=max(first, track.lead_ticks) - begin,
+        since_s=track.since_s + begin * TICK_S, unscored_ticks=max(first, track.unscored_ticks) - begin,
     )
 
 
-def begun(track: Track, wheels: int, lead: int) -> Track:
-    """The track; if it begins while the robot moves, its first `lead` ticks are not scored, or half of it at most."""
+def begun(track: Track, wheels: int, settling_ticks: int) -> Track:
+    """The track; if it begins while the robot moves, its first `settling_ticks` are not scored, or half of it at most.
+    """
     turned = np.abs(track.measured[_FIRST_TICKS, :wheels] - track.measured[0, :wheels]).max() / _FIRST_TICKS
     usual = np.sqrt(np.mean(np.diff(track.measured[: track.ticks, :wheels], axis=0) ** 2))
-    return replace(track, lead_ticks=min(lead, track.ticks // 2)) if turned > _MOVING * usual else track
+    return replace(track, unscored_ticks=min(settling_ticks, track.ticks // 2)) if turned > _MOVING * usual else track

@@ -41,7 +41,7 @@ class Track:
         aim: (3,) pose [m, m, rad] of the first way point; None: no reference.
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
         since_s: from the start of the recording to tick 0 [s].
-        lead_ticks: at the start, in which a moving robot's state is not known yet; they are not scored.
+        unscored_ticks: at the start, in which the state of a moving robot is not known yet.
     """
 
     name: str
@@ -56,12 +56,12 @@ class Track:
     aim: np.ndarray | None
     force: np.ndarray | None = None
     since_s: float = 0.0
-    lead_ticks: int = 0
+    unscored_ticks: int = 0
 
     @property
     def settled(self) -> int:
         """The first tick that is scored."""
-        return max(_SETTLING_TICKS, self.lead_ticks)
+        return max(_SETTLING_TICKS, self.unscored_ticks)
 
     @property
     def fix_rows(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import LATENCY_S, Base
-from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen
+from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Channel, Recording
@@ -45,8 +45,9 @@ def _disagreement(kinect: Channel, base: Base) -> float:
     """Median distance [m] between the motions from fix to fix that camera and wheels tell of, at the best latency."""
     first = np.arange(len(kinect.t) - 1)
     since, until = kinect.t[:-1], kinect.t[1:]
-    moved = seen(kinect, Windows(since, until, first, first + 1))[:, :2]
-    inside = (since - LATENCY_S >= base.encoder.t[0]) & (until + LATENCY_S <= base.encoder.t[-1])
+    steps = Windows(since, until, first, first + 1)
+    moved = seen(kinect, steps)[:, :2]
+    inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
     if inside.sum() < _FEWEST // 2:
         return 0.0
     return min(

@@ -1,6 +1,7 @@
 """Score tests: how much of the whitened residuals each effect could explain beyond nuisances."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import gammaln
@@ -38,9 +39,9 @@ class Screen:
         self.candidates = list(dict.fromkeys(s.candidate for s in signatures))
         self._of = {c: [i for i, s in enumerate(signatures) if s.candidate is c] for c in self.candidates}
 
-    def with_signatures(self, signatures: Sequence[Signature]) -> "Screen":
-        """The same tests, of the same signatures in another form."""
-        other = Screen(signatures, self.inner)
+    def light(self) -> "Screen":
+        """The Screen with signatures that have no changes of residuals any more; all but `use_of` can be asked."""
+        other = Screen([replace(signature, change=[]) for signature in self.signatures], self.inner)
         other.overdispersion = self.overdispersion
         return other
 

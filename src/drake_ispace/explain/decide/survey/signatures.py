@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.prediction import Prediction, Residuals
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, change
 
 
 @dataclass(frozen=True)
@@ -42,28 +42,21 @@ def signatures(
     for candidate in candidates:
         neutral = candidate.neutral
         for z in probes(candidate, scales):
-            change = difference(base, prediction.residuals(merged({**point, candidate: z}), pool))
-            if not is_finite(change):
+            changes = difference(base, prediction.residuals(merged({**point, candidate: z}), pool))
+            if not is_finite(changes):
                 continue
             at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
             low, high = candidate.bounds[at]
             one_sided = low >= neutral[at] or high <= neutral[at]
-            collected.append(Signature(candidate, z, at, one_sided, change))
+            collected.append(Signature(candidate, z, at, one_sided, changes))
     return collected
 
 
 def difference(before: Residuals, after: Residuals) -> Residuals:
-    """Residuals before minus residuals after, by run and stream, in single precision: hundreds of them are kept.
-
-    Where a model runs away they are infinite, or no numbers.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        return [
-            {name: (run[name] - other[name]).astype(np.float32) for name in run}
-            for run, other in zip(before, after, strict=True)
-        ]
+    """Residuals before minus residuals after, run by run, as `change` makes them."""
+    return [change(run, other) for run, other in zip(before, after, strict=True)]
 
 
-def is_finite(change: Residuals) -> bool:
+def is_finite(changes: Residuals) -> bool:
     """Whether all numbers of a change are finite; a model that runs away leaves others."""
-    return all(np.isfinite(rows).all() for run in change for rows in run.values())
+    return all(np.isfinite(rows).all() for run in changes for rows in run.values())

@@ -71,9 +71,9 @@ class Survey:
 
     def light(self) -> "Survey":
         """The Survey without the changes of the residuals: nothing can be surveyed or moved from it any more."""
-        signatures = [replace(signature, change=[]) for signature in self.screen.signatures]
-        view = replace(self.view, signatures=signatures, changes=[], offsets=[], tolerated=[])
-        screen, nothing = self.screen.with_signatures(signatures), np.empty((len(signatures), 0))
+        screen = self.screen.light()
+        view = replace(self.view, signatures=screen.signatures, changes=[], offsets=[], tolerated=[])
+        nothing = np.empty((len(screen.signatures), 0))
         return replace(self, view=view, changes=None, screen=screen, by_instant=nothing)
 
     def gain_of(self, point: Point) -> float:
