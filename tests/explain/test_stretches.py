@@ -97,6 +97,13 @@ def test_a_log_that_begins_while_the_robot_moves_is_scored_later():
     assert later.unscored_ticks == 500 and stretch(begun(moving, 2, 500), 4000, 6000, 500).unscored_ticks == 500
 
 
+def test_fixes_of_an_unknown_state_are_not_scored():
+    whole, part = made(60.0), stretch(made(60.0), 4000, 8000, 150)
+    assert len(whole.fix_ticks[whole.scored_fixes]) == len(whole.fix_ticks) - 1  # the pose comes from the first
+    scored = part.fix_ticks[part.scored_fixes]
+    assert scored[0] == 150 and len(scored) == 200
+
+
 def test_a_sound_pendulum_lacks_nothing_in_a_log_that_begins_late():
     def late(run):
         channels = {name: channel for name, channel in run.channels.items() if name != "reference"}

@@ -16,6 +16,7 @@ from drake_ispace.explain.decide.survey.signatures import Signature, difference,
 from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.predict.prediction import speeds_until
 
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
@@ -127,3 +128,12 @@ def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     assert not displaced[:, 1:].any()
     moves = np.diff(displaced[:, 0], prepend=0.0)
     assert moves == pytest.approx(-0.05 * 0.5 * TICK_S * cell, abs=1e-12)
+
+
+def test_the_speeds_that_forces_go_with_know_nothing_of_later_counts():
+    angles = np.cumsum(np.random.default_rng(3).normal(0.03, 0.01, (200, 2)), axis=0)
+    changed = angles.copy()
+    changed[101:] += 1.0
+    assert np.array_equal(speeds_until(angles)[:101], speeds_until(changed)[:101])
+    assert speeds_until(angles)[150] == pytest.approx((angles[150] - angles[130]) / (20 * TICK_S))
+    assert speeds_until(angles)[0] == pytest.approx(0.0)

@@ -243,7 +243,7 @@ class Prediction:
     def _ticks(self, i):
         """Stream -> the tick of each row of run `i`, as far as these streams have an instant."""
         track = self.tracks[i]
-        room = np.minimum(track.fix_ticks[1:], track.ticks - 1)
+        room = np.minimum(track.fix_ticks[track.scored_fixes], track.ticks - 1)
         return {"motion": np.arange(track.settled, track.ticks), "room": room}
 
     def _dropouts(self, values):
@@ -256,7 +256,7 @@ class Prediction:
         motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {
-            "motion": motion[track.settled :], "room": room[1:], "start": first,
+            "motion": motion[track.settled :], "room": room[track.scored_fixes], "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
 
@@ -330,7 +330,19 @@ def _start(track):
 
 def wheel_speeds(angles: np.ndarray) -> np.ndarray:
     """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over 20 ticks around each."""
-    half = _SPEED_TICKS // 2
+    at, half = np.arange(len(angles)), _SPEED_TICKS // 2
+    return _speeds_between(angles, np.maximum(at - half, 0), np.minimum(at + half, len(angles) - 1))
+
+
+def speeds_until(angles: np.ndarray) -> np.ndarray:
+    """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over the 20 ticks before each.
+
+    A force that is computed from them knows nothing of later counts. One that did would share their rounding with the
+    residuals, and explain it.
+    """
     at = np.arange(len(angles))
-    after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)
-    return (angles[after] - angles[before]) / ((after - before)[:, None] * TICK_S)
+    return _speeds_between(angles, np.maximum(at - _SPEED_TICKS, 0), at)
+
+
+def _speeds_between(angles, before, after):
+    return (angles[after] - angles[before]) / (np.maximum(after - before, 1)[:, None] * TICK_S)

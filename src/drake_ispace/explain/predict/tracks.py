@@ -64,6 +64,11 @@ class Track:
         return max(_SETTLING_TICKS, self.unscored_ticks)
 
     @property
+    def scored_fixes(self) -> slice:
+        """Which fixes are scored: not the first, from which the pose is taken, nor those of an unknown state."""
+        return slice(max(1, int(np.searchsorted(self.fix_ticks, self.unscored_ticks))), None)
+
+    @property
     def fix_rows(self) -> np.ndarray:
         """(k,) rows of `sightings` that hold a fix."""
         return self.fix_ticks + LEAD_TICKS
