@@ -16,7 +16,7 @@ from drake_ispace.explain.decide.survey.signatures import Signature, difference,
 from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.predict.prediction import speeds_until
+from drake_ispace.explain.predict.prediction import wheel_speeds
 
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
@@ -130,10 +130,13 @@ def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     assert moves == pytest.approx(-0.05 * 0.5 * TICK_S * cell, abs=1e-12)
 
 
-def test_the_speeds_that_forces_go_with_know_nothing_of_later_counts():
-    angles = np.cumsum(np.random.default_rng(3).normal(0.03, 0.01, (200, 2)), axis=0)
-    changed = angles.copy()
-    changed[101:] += 1.0
-    assert np.array_equal(speeds_until(angles)[:101], speeds_until(changed)[:101])
-    assert speeds_until(angles)[150] == pytest.approx((angles[150] - angles[130]) / (20 * TICK_S))
-    assert speeds_until(angles)[0] == pytest.approx(0.0)
+@pytest.mark.parametrize(("count", "ticks"), [(0.1, 20), (0.01, 8)])
+def test_speeds_know_nothing_of_later_counts(count, ticks):
+    turned = np.cumsum(np.full((200, 2), 0.025), axis=0) + np.array([0.0, 0.013])
+    angles = count * np.floor(turned / count)
+    later_steps = np.diff(angles, axis=0)[100:][::-1]
+    changed = np.vstack([angles[:101], angles[100] + np.cumsum(later_steps, axis=0)])
+    speeds = wheel_speeds(angles)
+    assert np.array_equal(speeds[:101], wheel_speeds(changed)[:101]) and not np.array_equal(changed, angles)
+    assert not speeds[0].any()
+    assert speeds[150] == pytest.approx((angles[150] - angles[150 - ticks]) / (ticks * TICK_S))

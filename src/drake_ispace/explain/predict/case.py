@@ -16,7 +16,7 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
-from drake_ispace.explain.predict.stretches import begun, stretches_of
+from drake_ispace.explain.predict.stretches import begun, in_stretches, stretches_of
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
@@ -115,6 +115,7 @@ def _shortened(tracks, n, kinds, most_s, replay):
     """
     how = replay.body.wheels, replay.settling_ticks
     training, spare = stretches_of(tracks[:n], most_s, *how)
+    training = in_stretches(training, replay.settling_ticks)
     rest = iter(tracks[n:])
     found = {
         kind: stretches_of(list(itertools.islice(rest, len(runs))), 0.5 * most_s, *how)[0]

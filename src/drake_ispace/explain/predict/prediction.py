@@ -26,7 +26,7 @@ from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
-_SPEED_TICKS = 20  # over which the speed of a wheel is averaged
+_SPEED_COUNTS, _SPEED_TICKS = 10, 20  # over which the speed of a wheel is averaged
 _CLASS_EDGES = (0.02, 0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
 RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
 _RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
@@ -196,7 +196,7 @@ class Prediction:
         rows, p = track.measured.shape
         wheels = self.replay.body.wheels
         steps = np.abs(np.diff(track.measured[: track.ticks, :wheels], axis=0))
-        count = np.min(steps, where=steps > 1e-9, initial=0.1)
+        count = _count(steps)
         starts = range(0, track.ticks, _SEGMENT_TICKS) if count > _COARSE_COUNT else [0]
         for column in range(wheels):
             for start in starts:
@@ -213,13 +213,18 @@ class Prediction:
     def classes(self) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
-        Noise differs between rest and motion. Classes below RESTING are not scored.
+        Noise differs between rest and motion. Classes below RESTING are not scored. Where counts are coarse, the class
+        does not depend on later ones, and a wheel that is coming to rest counts as resting.
         """
         wheels, by_run = self.replay.body.wheels, []
-        speeds_of_runs = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        angles_of_runs = [track.measured[: track.ticks, :wheels] for track in self.tracks]
+        speeds_of_runs = [np.abs(smooth_speeds(angles)) for angles in angles_of_runs]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
-        for track, speeds in zip(self.tracks, speeds_of_runs, strict=True):
+        for track, angles, speeds in zip(self.tracks, angles_of_runs, speeds_of_runs, strict=True):
             classes = np.searchsorted(edges, speeds.min(axis=1))
+            if _count(np.abs(np.diff(angles, axis=0))) > _COARSE_COUNT:
+                classes = np.searchsorted(edges, np.abs(wheel_speeds(angles)).min(axis=1))
+                classes[maximum_filter1d(classes < RESTING, _SPEED_TICKS + 1, origin=-(_SPEED_TICKS // 2))] = 0
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
@@ -263,11 +268,11 @@ class Prediction:
 
 def _forward(body, track):
     """(ticks,) mean speed of the wheels, signed."""
-    return wheel_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
+    return smooth_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
 
 
 def _speed(body, track):
-    return np.abs(wheel_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
+    return np.abs(smooth_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
 
 
 def _load(body, track):
@@ -329,20 +334,26 @@ def _start(track):
 
 
 def wheel_speeds(angles: np.ndarray) -> np.ndarray:
+    """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], each from the counts until then.
+
+    Later counts share their noise with the residuals: a force that went with them would go with that noise as well.
+    The speed is the mean over as many ticks as ten counts usually take, but over 20 at most.
+    """
+    steps = np.abs(np.diff(angles, axis=0))
+    usual = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0
+    ticks = int(min(np.ceil(_SPEED_COUNTS * _count(steps) / max(usual, 1e-12)), _SPEED_TICKS))
+    at = np.arange(len(angles))
+    before = np.maximum(at - ticks, 0)
+    return (angles - angles[before]) / (np.maximum(at - before, 1)[:, None] * TICK_S)
+
+
+def smooth_speeds(angles: np.ndarray) -> np.ndarray:
     """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over 20 ticks around each."""
     at, half = np.arange(len(angles)), _SPEED_TICKS // 2
-    return _speeds_between(angles, np.maximum(at - half, 0), np.minimum(at + half, len(angles) - 1))
+    after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)
+    return (angles[after] - angles[before]) / ((after - before)[:, None] * TICK_S)
 
 
-def speeds_until(angles: np.ndarray) -> np.ndarray:
-    """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over the 20 ticks before each.
-
-    A force that is computed from them knows nothing of later counts. One that did would share their rounding with the
-    residuals, and explain it.
-    """
-    at = np.arange(len(angles))
-    return _speeds_between(angles, np.maximum(at - _SPEED_TICKS, 0), at)
-
-
-def _speeds_between(angles, before, after):
-    return (angles[after] - angles[before]) / (np.maximum(after - before, 1)[:, None] * TICK_S)
+def _count(steps):
+    """The smallest of the steps [rad] that is one, which is a count; 0.1 where a wheel never turns."""
+    return float(np.min(steps, where=steps > 1e-9, initial=0.1))

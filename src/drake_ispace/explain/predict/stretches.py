@@ -41,6 +41,17 @@ def stretches_of(
     return [parts[i] for i in chosen], [others[i] for i in spare]
 
 
+def in_stretches(tracks: Sequence[Track], settling_ticks: int) -> list[Track]:
+    """All of the tracks, those that last longer than two stretches cut into stretches.
+
+    Whatever is known of a moment costs as much as its run is long; settling_ticks: ticks, as `stretch` takes them.
+    """
+    return [
+        part for track in tracks
+        for part in (_parts(track, settling_ticks) if track.ticks * TICK_S > 2.0 * _STRETCH_S else [track])
+    ]
+
+
 def _evenly(parts, wheels, count) -> list[int]:
     """Numbers of `count` parts that lie evenly along the way, those that turned most in the place of repeated ones."""
     turned = np.array([

@@ -15,7 +15,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, speeds_until
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.robots.robot import COMMAND
 
@@ -106,7 +106,7 @@ def motion_of(prediction: Prediction, track: Track) -> Motion:
     body = prediction.replay.body
     angles = track.measured[:, : body.wheels]
     forward = body.plant.geometry.forward
-    velocity = speeds_until(angles) @ forward.T
+    velocity = wheel_speeds(angles) @ forward.T
     ticks_s = np.arange(len(angles)) * TICK_S
     place = np.zeros((len(angles), 3))
     if len(track.fix_t) > 1:
