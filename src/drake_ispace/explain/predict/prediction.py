@@ -213,18 +213,13 @@ class Prediction:
     def classes(self) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
-        Noise differs between rest and motion. Classes below RESTING are not scored. Where counts are coarse, the class
-        does not depend on later ones, and a wheel that is coming to rest counts as resting.
+        Noise differs between rest and motion. Classes below RESTING are not scored.
         """
         wheels, by_run = self.replay.body.wheels, []
-        angles_of_runs = [track.measured[: track.ticks, :wheels] for track in self.tracks]
-        speeds_of_runs = [np.abs(smooth_speeds(angles)) for angles in angles_of_runs]
+        speeds_of_runs = [np.abs(smooth_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
-        for track, angles, speeds in zip(self.tracks, angles_of_runs, speeds_of_runs, strict=True):
+        for track, speeds in zip(self.tracks, speeds_of_runs, strict=True):
             classes = np.searchsorted(edges, speeds.min(axis=1))
-            if _count(np.abs(np.diff(angles, axis=0))) > _COARSE_COUNT:
-                classes = np.searchsorted(edges, np.abs(wheel_speeds(angles)).min(axis=1))
-                classes[maximum_filter1d(classes < RESTING, _SPEED_TICKS + 1, origin=-(_SPEED_TICKS // 2))] = 0
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0

@@ -15,7 +15,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, wheel_speeds
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, smooth_speeds, wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.robots.robot import COMMAND
 
@@ -65,7 +65,7 @@ def generic_signatures(
     Args:
         prediction: model and runs. point: effects that the model already has. base: residuals at `point`.
     """
-    motions = [motion_of(prediction, track) for track in prediction.tracks]
+    motions = [motion_of(prediction, track, wheel_speeds) for track in prediction.tracks]
     shapes = []  # each behind the method of the prediction that takes it
     if prediction.channels["motion"]:
         shapes += [(prediction.pushed, force) for force in _forces(prediction, motions)]
@@ -90,8 +90,8 @@ class Motion:
     """The motion of a run, at every tick of it and of the lead after it.
 
     Attributes:
-        body: (rows, 3) velocity of B over the 20 ticks before [m/s, m/s, rad/s]. place: (rows, 3) pose in W.
-        t: (rows,) [s]. angles: (rows, n) of the wheels. command: (rows, m).
+        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
+        angles: (rows, n) of the wheels. command: (rows, m).
     """
 
     body: np.ndarray
@@ -101,12 +101,15 @@ class Motion:
     command: np.ndarray
 
 
-def motion_of(prediction: Prediction, track: Track) -> Motion:
-    """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two)."""
+def motion_of(prediction: Prediction, track: Track, speeds: Callable = smooth_speeds) -> Motion:
+    """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two).
+
+    speeds: of the wheels from their angles.
+    """
     body = prediction.replay.body
     angles = track.measured[:, : body.wheels]
     forward = body.plant.geometry.forward
-    velocity = wheel_speeds(angles) @ forward.T
+    velocity = speeds(angles) @ forward.T
     ticks_s = np.arange(len(angles)) * TICK_S
     place = np.zeros((len(angles), 3))
     if len(track.fix_t) > 1:
