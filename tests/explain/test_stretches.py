@@ -9,7 +9,7 @@ import drake_ispace as di
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.explain.predict.stretches import begun, stretch, stretches_of
+from drake_ispace.explain.predict.stretches import begun, in_stretches, stretch, stretches_of
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.faults.repair import rows
 from drake_ispace.robots.library import robots
@@ -52,6 +52,12 @@ def test_long_ones_are_represented_from_all_over_them():
     middles = np.mean(found, axis=1)
     assert np.abs(middles - np.array([40.0, 120.0, 200.0, 280.0, 360.0])).max() < 20.0
     assert used[0].name == f"run from {found[0][0]:.0f} s"
+
+
+def test_a_long_run_is_used_in_stretches_and_a_short_one_as_it_is():
+    short, *parts = in_stretches([made(40.0, "short"), made(60.0, "long")], 100)
+    assert short.name == "short" and short.ticks == 8000
+    assert spans(parts) == [pytest.approx((begin, begin + 20.0)) for begin in (0.0, 20.0, 40.0)]
 
 
 def test_several_recordings_share_the_time():

@@ -44,7 +44,7 @@ def stretches_of(
 def in_stretches(tracks: Sequence[Track], settling_ticks: int) -> list[Track]:
     """All of the tracks, those that last longer than two stretches cut into stretches.
 
-    Whatever is known of a moment costs as much as its run is long; settling_ticks: ticks, as `stretch` takes them.
+    Whatever is unknown of a moment costs as much as its run is long. settling_ticks: ticks, as `stretch` takes them.
     """
     return [
         part for track in tracks
