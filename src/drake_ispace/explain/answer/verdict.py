@@ -20,9 +20,9 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
 def _judge(answer: Explanation) -> None:
     """Correct the verdict.
 
-    Effects that do not suffice make it "incomplete"; a model that lacks nothing known but leaves more than noise makes
-    it "unknown". An effect at a size that makes no sense, that is not the same in every run, or that makes a channel of
-    unseen runs worse, is not named.
+    Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, that is not the
+    same in every run, or that makes a channel of unseen runs worse. A model that lacks nothing known but leaves more
+    than noise makes it "unknown".
     """
     beyond = [
         f"{name} of {effect.name} is {p.estimate:.3g} {p.unit}, which is on a bound or beyond what makes sense"
