@@ -16,7 +16,7 @@ from drake_ispace.explain.decide.survey.signatures import Signature, difference,
 from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.predict.prediction import wheel_speeds
+from drake_ispace.explain.predict.prediction import past_speeds
 
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
@@ -136,7 +136,7 @@ def test_speeds_know_nothing_of_later_counts(count, ticks):
     angles = count * np.floor(turned / count)
     later_steps = np.diff(angles, axis=0)[100:][::-1]
     changed = np.vstack([angles[:101], angles[100] + np.cumsum(later_steps, axis=0)])
-    speeds = wheel_speeds(angles)
-    assert np.array_equal(speeds[:101], wheel_speeds(changed)[:101]) and not np.array_equal(changed, angles)
+    speeds = past_speeds(angles)
+    assert np.array_equal(speeds[:101], past_speeds(changed)[:101]) and not np.array_equal(changed, angles)
     assert not speeds[0].any()
     assert speeds[150] == pytest.approx((angles[150] - angles[150 - ticks]) / (ticks * TICK_S))

@@ -216,7 +216,7 @@ class Prediction:
         Noise differs between rest and motion. Classes below RESTING are not scored.
         """
         wheels, by_run = self.replay.body.wheels, []
-        speeds_of_runs = [np.abs(smooth_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        speeds_of_runs = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
         for track, speeds in zip(self.tracks, speeds_of_runs, strict=True):
             classes = np.searchsorted(edges, speeds.min(axis=1))
@@ -263,11 +263,11 @@ class Prediction:
 
 def _forward(body, track):
     """(ticks,) mean speed of the wheels, signed."""
-    return smooth_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
+    return wheel_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
 
 
 def _speed(body, track):
-    return np.abs(smooth_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
+    return np.abs(wheel_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
 
 
 def _load(body, track):
@@ -328,7 +328,7 @@ def _start(track):
     return track.aim, True
 
 
-def wheel_speeds(angles: np.ndarray) -> np.ndarray:
+def past_speeds(angles: np.ndarray) -> np.ndarray:
     """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], each from the counts until then.
 
     Later counts share their noise with the residuals: a force that went with them would go with that noise as well.
@@ -337,16 +337,19 @@ def wheel_speeds(angles: np.ndarray) -> np.ndarray:
     steps = np.abs(np.diff(angles, axis=0))
     usual = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0
     ticks = int(min(np.ceil(_SPEED_COUNTS * _count(steps) / max(usual, 1e-12)), _SPEED_TICKS))
-    at = np.arange(len(angles))
-    before = np.maximum(at - ticks, 0)
-    return (angles - angles[before]) / (np.maximum(at - before, 1)[:, None] * TICK_S)
+    return _mean_speeds(angles, ticks, 0)
 
 
-def smooth_speeds(angles: np.ndarray) -> np.ndarray:
+def wheel_speeds(angles: np.ndarray) -> np.ndarray:
     """(ticks, n) speeds of wheels [rad/s] at angles (ticks, n) [rad], averaged over 20 ticks around each."""
-    at, half = np.arange(len(angles)), _SPEED_TICKS // 2
-    after, before = np.minimum(at + half, len(angles) - 1), np.maximum(at - half, 0)
-    return (angles[after] - angles[before]) / ((after - before)[:, None] * TICK_S)
+    return _mean_speeds(angles, _SPEED_TICKS // 2, _SPEED_TICKS // 2)
+
+
+def _mean_speeds(angles, before, after):
+    """(ticks, n) speeds, averaged from `before` ticks before each to `after` ticks after it."""
+    at = np.arange(len(angles))
+    first, last = np.maximum(at - before, 0), np.minimum(at + after, len(angles) - 1)
+    return (angles[last] - angles[first]) / (np.maximum(last - first, 1)[:, None] * TICK_S)
 
 
 def _count(steps):

@@ -68,7 +68,12 @@ def _evenly(parts, wheels, count) -> list[int]:
 
 def _parts(track: Track, settling_ticks: int) -> list[Track]:
     """Equal stretches of a track."""
-    edges = np.linspace(0, track.ticks, int(np.ceil(track.ticks * TICK_S / _STRETCH_S)) + 1).astype(int)
+    return equal_parts(track, int(np.ceil(track.ticks * TICK_S / _STRETCH_S)), settling_ticks)
+
+
+def equal_parts(track: Track, count: int, settling_ticks: int) -> list[Track]:
+    """The track in `count` parts of the same length; settling_ticks: ticks, as `stretch` takes them."""
+    edges = np.linspace(0, track.ticks, count + 1).astype(int)
     return [stretch(track, first, last, settling_ticks) for first, last in itertools.pairwise(edges.tolist())]
 
 

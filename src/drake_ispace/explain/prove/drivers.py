@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_ispace.explain.decide.survey.generic import Motion
-from drake_ispace.explain.predict.prediction import smooth_speeds
+from drake_ispace.explain.predict.prediction import wheel_speeds
 
 CONSTANT = "nothing (constant)"
 
@@ -15,7 +15,7 @@ def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
         c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
         vx, vy, turning = m.body.T
         velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
-    wheels = smooth_speeds(m.angles)
+    wheels = wheel_speeds(m.angles)
     kernel = np.ones(41) / 41.0
     smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]
     return {

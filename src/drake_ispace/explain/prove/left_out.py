@@ -4,15 +4,13 @@ Each run is left out in turn. A single run is cut into blocks, which take the pl
 deviance is nearly quadratic, so that one Gauss-Newton step without the rows of a run gives the sizes without it.
 """
 
-import itertools
-
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.prediction import Prediction, predict
-from drake_ispace.explain.predict.stretches import stretch
+from drake_ispace.explain.predict.stretches import equal_parts
 
 _MOST_BLOCKS, _LEAST_S = 4, 5.0  # of a single run, and how long each is at least
 
@@ -64,10 +62,5 @@ def blocks_in(prediction: Prediction) -> int:
 
 def cut(prediction: Prediction, blocks: int) -> Prediction:
     """The model against equal blocks of the only run."""
-    track = prediction.tracks[0]
-    edges = np.linspace(0, track.ticks, blocks + 1).astype(int)
-    parts = [
-        stretch(track, first, last, prediction.replay.settling_ticks)
-        for first, last in itertools.pairwise(edges.tolist())
-    ]
+    parts = equal_parts(prediction.tracks[0], blocks, prediction.replay.settling_ticks)
     return predict(prediction.replay, parts, tune=False)

@@ -21,7 +21,7 @@ from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.filters import CORRELATION_S
-from drake_ispace.explain.predict.prediction import Prediction, smooth_speeds
+from drake_ispace.explain.predict.prediction import Prediction, wheel_speeds
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
@@ -136,7 +136,7 @@ def _resting_fix_noise(prediction):
     for track in prediction.tracks:
         if "encoder" not in track.has:
             continue
-        at_rest = np.abs(smooth_speeds(track.measured[: track.ticks + 1, :wheels])).max(axis=1) < _REST_RAD_S
+        at_rest = np.abs(wheel_speeds(track.measured[: track.ticks + 1, :wheels])).max(axis=1) < _REST_RAD_S
         seen = at_rest[np.minimum(track.fix_ticks, track.ticks)]
         for stretch in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen)) + 1):
             if len(stretch) > 2 and seen[stretch[0]]:
