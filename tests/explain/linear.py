@@ -73,7 +73,7 @@ class Linear:
     def modulations(self):
         return []
 
-    def classes(self):
+    def classes(self, speeds=None):
         return [{}] * RUNS
 
 

@@ -9,7 +9,7 @@ Residuals come in streams, each with its own clock and noise:
 - `looks`: captures of the camera without a fix.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -48,6 +48,7 @@ _UNITS = {
 _TILT_S = 0.5  # over which the tilt, as gravity shows it, is averaged
 
 Residuals = list[dict[str, np.ndarray]]  # per run: stream -> (rows, channels)
+Speeds = Callable[[np.ndarray], np.ndarray]  # (ticks, n) angles of wheels [rad] -> (ticks, n) their speeds [rad/s]
 
 
 def change(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -210,16 +211,18 @@ class Prediction:
                 offset[0, column] = size
                 yield offset
 
-    def classes(self) -> list[dict[str, np.ndarray]]:
+    def classes(self, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
         Noise differs between rest and motion. Classes below RESTING are not scored.
+
+        speeds: of the wheels from their angles, default `wheel_speeds`.
         """
-        wheels, by_run = self.replay.body.wheels, []
-        speeds_of_runs = [np.abs(wheel_speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        speeds, wheels, by_run = speeds or wheel_speeds, self.replay.body.wheels, []
+        speeds_of_runs = [np.abs(speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
-        for track, speeds in zip(self.tracks, speeds_of_runs, strict=True):
-            classes = np.searchsorted(edges, speeds.min(axis=1))
+        for track, moving in zip(self.tracks, speeds_of_runs, strict=True):
+            classes = np.searchsorted(edges, moving.min(axis=1))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0

@@ -15,7 +15,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds, wheel_speeds
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds, wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.robots.robot import COMMAND
 
@@ -101,7 +101,7 @@ class Motion:
     command: np.ndarray
 
 
-def motion_of(prediction: Prediction, track: Track, speeds: Callable = wheel_speeds) -> Motion:
+def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speeds) -> Motion:
     """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two).
 
     speeds: of the wheels from their angles.

@@ -8,12 +8,12 @@ import numpy as np
 
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
-from drake_ispace.explain.decide.survey.view import View, view_from
+from drake_ispace.explain.decide.survey.view import View, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, merged
 from drake_ispace.explain.fit.whitening import Whitening
-from drake_ispace.explain.predict.prediction import Prediction, Residuals
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
 BLOCK_ROWS = {"motion": 200, "room": 10}  # about a second, within which noise may still be correlated
 _MOST_TURNS = 8  # in which noise and sizes are fitted
@@ -99,9 +99,15 @@ def survey(
     return _survey(point, view, base, likelihood)
 
 
-def with_memory_marginalised(survey: Survey) -> Survey:
-    """The Survey at the same point and with the same noise, whose memory is marginalised."""
-    likelihood = survey.view.with_noise(survey.likelihood.whitening, survey.residuals, near=True)
+def stricter(survey: Survey) -> Survey:
+    """The Survey at the same point, without two ways in which noise can pass for an effect.
+
+    The noise's memory is marginalised. Speeds of the past choose the moments that are scored: speeds around a moment
+    contain later counts, whose rounding is in the residuals too. Moments at which a wheel has just come to rest are
+    then scored, so that sizes are not to be taken from this Survey.
+    """
+    whitening = noise_of(survey.view, survey.residuals, speeds=past_speeds)
+    likelihood = survey.view.with_noise(whitening, survey.residuals, near=True)
     return _survey(survey.point, survey.view, survey.residuals, likelihood)
 
 

@@ -12,7 +12,7 @@ from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.changes import Changes, Marginal, directions, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.whitening import Whitening
-from drake_ispace.explain.predict.prediction import Prediction, Residuals
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
 
 FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
 _ROUNDS = 2  # in which noise and what explains it are learned in turn
@@ -166,14 +166,16 @@ def flaws_of_form(view: View, point: Point) -> list[Residuals]:
     return changes
 
 
-def noise_of(view: View, residuals: Residuals, start: Regression | None = None) -> Whitening:
+def noise_of(
+    view: View, residuals: Residuals, start: Regression | None = None, speeds: Speeds | None = None
+) -> Whitening:
     """The noise of the residuals without what the changes and the offsets of `view` explain of them.
 
     start: from noise that is nearly right already. Otherwise noise and explanation are learned in turn. If plain least
     squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
-    physics.
+    physics. speeds: by which moments are scored, as in `Prediction.classes`.
     """
-    classes = view.prediction.classes()
+    classes = view.prediction.classes(speeds)
     whitening = start.whitening if start else Whitening(residuals, classes)
     for _ in range(1 if start else _ROUNDS):
         amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
