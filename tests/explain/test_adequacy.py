@@ -7,7 +7,7 @@ import pytest
 
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.adequacy import predicted_share
-from drake_ispace.explain.prove.free_run import errors, windows_of
+from drake_ispace.explain.prove.free_run import simulate, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.prove.repeats import repeated_share
@@ -24,9 +24,9 @@ def needed(robot, level):
     case = prepare(f"{robot}_multirate", runs)
     prediction = case.prediction
     windows = [windows_of(prediction, i, {}) for i in range(2)]
-    after = [errors(prediction, i, w, {}) for i, w in enumerate(windows)]
-    spreads = Spreads(prediction, windows, [{}, {}], after, sensor_noise(case.scenario, prediction), 0)
-    return process_noise(prediction, windows[0].shortest, after, spreads.of_sensors(), spreads.of_process())
+    simulated = [simulate(prediction, i, w, {}) for i, w in enumerate(windows)]
+    spreads = Spreads(prediction, windows, [{}, {}], simulated, sensor_noise(case.scenario, prediction), 0)
+    return process_noise(prediction, windows[0].shortest, spreads.errors, spreads.of_sensors(), spreads.of_process())
 
 
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])

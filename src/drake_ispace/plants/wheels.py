@@ -12,6 +12,7 @@ The equations of all wheels together are theta_dot = G v_B with v_B = [vx, vy, w
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import null_space
@@ -40,7 +41,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class WheelGeometry:
-    """A robot's wheels; `inverse` is G (n, 3), `forward` its left inverse (3, n).
+    """A robot's wheels; `inverse` is G (n, 3), `forward` its left inverse (3, n), both read-only.
 
     Raises:
         ValueError: there is no wheel, a radius is not positive, a roller lies along its wheel's axle, or a direction of
@@ -60,10 +61,10 @@ class WheelGeometry:
         if np.linalg.matrix_rank(np.vstack([self.inverse, self.sideways]), tol=1e-9) < 3:
             raise ValueError("these wheels leave a direction of motion unseen, expected three independent rows")
 
-    @property
+    @cached_property
     def inverse(self) -> np.ndarray:
         """G (n, 3): theta_dot [rad/s] = G v_B."""
-        return np.array([wheel.row() for wheel in self.wheels])
+        return _read_only(np.array([wheel.row() for wheel in self.wheels]))
 
     @property
     def sideways(self) -> np.ndarray:
@@ -74,11 +75,16 @@ class WheelGeometry:
         ]
         return np.array(rows).reshape(-1, 3)
 
-    @property
+    @cached_property
     def forward(self) -> np.ndarray:
         """J in frame B (3, n), (2.66): v_B = J theta_dot is the least-squares solution with `sideways` v_B = 0."""
         free = null_space(self.sideways) if len(self.sideways) else np.eye(3)
-        return free @ np.linalg.pinv(self.inverse @ free)
+        return _read_only(free @ np.linalg.pinv(self.inverse @ free))
+
+
+def _read_only(array):
+    array.flags.writeable = False
+    return array
 
 
 def omni4(radius_m: float, wheel_distance_m: float) -> WheelGeometry:
@@ -94,6 +100,7 @@ def omni3(radius_m: float, centre_distance_m: float, first_rad: float = np.pi / 
     return ring(3, radius_m, centre_distance_m, first_rad)
 
 
+@lru_cache
 def ring(count: int, radius_m: float, centre_distance_m: float, first_rad: float) -> WheelGeometry:
     """Return `count` tangential omni wheels, evenly spaced anticlockwise around the centre from `first_rad`."""
     angles = first_rad + 2.0 * np.pi * np.arange(count) / count
@@ -120,7 +127,9 @@ def rescaled(geometry: WheelGeometry, radius_shares: Sequence[float]) -> WheelGe
     Raises:
         ValueError: the number of shares is not that of the wheels, or a radius is no longer positive.
     """
-    pairs = zip(geometry.wheels, radius_shares, strict=True)
+    pairs = list(zip(geometry.wheels, radius_shares, strict=True))
+    if not any(radius_shares):
+        return geometry
     return WheelGeometry(tuple(replace(wheel, radius_m=wheel.radius_m * (1.0 + share)) for wheel, share in pairs))
 
 
@@ -130,10 +139,13 @@ def toed(geometry: WheelGeometry, angles_rad: Sequence[float]) -> WheelGeometry:
     Raises:
         ValueError: the number of angles is not that of the wheels, or a direction of motion is no longer seen.
     """
-    pairs = zip(geometry.wheels, angles_rad, strict=True)
+    pairs = list(zip(geometry.wheels, angles_rad, strict=True))
+    if not any(angles_rad):
+        return geometry
     return WheelGeometry(tuple(replace(wheel, drive_rad=wheel.drive_rad + angle) for wheel, angle in pairs))
 
 
+@lru_cache
 def differential(radius_m: float, half_track_m: float) -> WheelGeometry:
     """Return two plain wheels, right then left, `half_track_m` (b of (2.36)) from the centre line."""
     return WheelGeometry((

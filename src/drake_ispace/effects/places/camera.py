@@ -73,6 +73,9 @@ def stretched(pose, gain, out):
 @kernel
 def distorted(pose, per_m2, out):
     """Places times 1 + k |p|^2; the heading follows two markers close to each other."""
+    if per_m2 == 0.0:
+        copy(pose, out)
+        return
     x, y = pose[0], pose[1]
     stretch = 1.0 + per_m2 * (x * x + y * y)
     c, s = cos(pose[2]), sin(pose[2])
@@ -84,6 +87,9 @@ def distorted(pose, per_m2, out):
 @kernel
 def keystoned(pose, x_per_m, y_per_m, out):
     """Places over 1 - a x - b y; the heading follows two markers close to each other."""
+    if x_per_m == 0.0 and y_per_m == 0.0:
+        copy(pose, out)
+        return
     c, s = cos(pose[2]), sin(pose[2])
     gain = 1.0 / (1.0 - (x_per_m * pose[0] + y_per_m * pose[1]))
     more = gain * (x_per_m * c + y_per_m * s)

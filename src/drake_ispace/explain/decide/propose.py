@@ -8,7 +8,7 @@ from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, fit
+from drake_ispace.explain.fit.likelihood import Fit, fits
 
 SHORTLIST = 6  # effects that are fitted
 LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
@@ -40,11 +40,10 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
+    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
+    starts = [{**survey.point, candidate: screen.start(candidate, survey.products)} for candidate, _ in clearest]
     proposals = []
-    for candidate, minus_log10_p in clearest_effects(survey)[:SHORTLIST]:
-        if minus_log10_p < LEAST_MINUS_LOG10_P:
-            break
-        fitted = fit(likelihood, {**survey.point, candidate: screen.start(candidate, survey.products)})
+    for (candidate, minus_log10_p), fitted in zip(clearest, fits(likelihood, starts), strict=True):
         drop = max(base - fitted.deviance, 0.0)
         gain = drop / screen.overdispersion_of(candidate)
         clear = min(minus_log10_p, minus_log10_p_of_gain(gain, len(candidate.parameters)))

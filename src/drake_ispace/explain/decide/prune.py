@@ -9,7 +9,7 @@ from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.decide.survey.view import flaws_of_form
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, Point, fit
+from drake_ispace.explain.fit.likelihood import Fit, Point, fit, fits
 
 _LEAST_RISE = max(2.0 * MARGIN, LEAST_FURTHER)  # of the deviance, for which an effect is kept
 _LEAST_SHARE = 0.01  # of what all named effects explain of a sensor, below which an effect is next to nothing
@@ -77,11 +77,11 @@ def _one_for_all(decision) -> Point | None:
     Of two wheels, one that is larger can first be named as two effects: both are larger, and the other is smaller.
     """
     start, likelihood = decision.start, decision.end.likelihood
-    fits = [
-        fit(likelihood, {candidate: start.screen.start(candidate, start.products)}, iterations=6)
+    singles = [
+        {candidate: start.screen.start(candidate, start.products)}
         for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]
     ]
-    best = min(fits, key=lambda single: single.deviance)
+    best = min(fits(likelihood, singles, iterations=6), key=lambda single: single.deviance)
     return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
 
 
@@ -93,7 +93,5 @@ def _with_named(survey_at, decision, point) -> Decision:
 
 def without_each(survey: Survey, named: Fit) -> dict[Candidate, Fit]:
     """Each effect of `named` -> the fit of all others, under the noise of `survey`."""
-    return {
-        candidate: fit(survey.likelihood, {c: z for c, z in named.point.items() if c is not candidate})
-        for candidate in named.point
-    }
+    rests = [{c: z for c, z in named.point.items() if c is not candidate} for candidate in named.point]
+    return dict(zip(named.point, fits(survey.likelihood, rests), strict=True))

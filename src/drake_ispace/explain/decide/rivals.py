@@ -3,7 +3,7 @@
 from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
 from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import fit
+from drake_ispace.explain.fit.likelihood import fits
 
 _RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
@@ -20,13 +20,14 @@ def _rivals(decision, effect) -> list[Rival]:
     margin = max(MARGIN, _RELATIVE_MARGIN * decision.total_gain)
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
+    others = [
+        other for other, minus_log10_p in clearest_effects(start)
+        if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
+        and screen.knows(effect) and screen.alike(effect, other) >= _LEAST_LIKENESS
+    ]
+    starts = [{**rest, other: screen.start(other, start.products)} for other in others]
     rivals = []
-    for other, minus_log10_p in clearest_effects(start):
-        if other.name in taken or minus_log10_p < LEAST_MINUS_LOG10_P:
-            continue
-        if not screen.knows(effect) or screen.alike(effect, other) < _LEAST_LIKENESS:
-            continue
-        fitted = fit(decision.end.likelihood, {**rest, other: screen.start(other, start.products)}, iterations=6)
+    for other, fitted in zip(others, fits(decision.end.likelihood, starts, iterations=6), strict=True):
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
         if behind < margin and all(rival.candidate.name != other.name for rival in rivals):
             rivals.append(Rival(other, behind))

@@ -173,6 +173,24 @@ class Simulation:
         return self._segments.run(start, min(start + length, self._last), state, self._free)
 
 
+@dataclass(frozen=True)
+class Simulated:
+    """What the model does along one run, whatever the fixes say of the place.
+
+    Attributes:
+        reckoned: (1 + k, 3) dead-reckoned poses at t = 0 and at the fixes. ends: name of a horizon -> (m, 2, 3) poses
+            of free runs at the fixes at the begin and at the end of each of its windows. path: (1 + k, 3) poses of the
+            whole free run, as `reckoned`; None: there is none. sensed: errors of wheels and IMU. horizons: those that
+            are wanted, None: all.
+    """
+
+    reckoned: np.ndarray
+    ends: Mapping[str, np.ndarray]
+    path: np.ndarray | None
+    sensed: Errors
+    horizons: Collection[str] | None
+
+
 def errors(
     prediction: Prediction, i: int, windows: Windows, values: Values, horizons: Collection[str] | None = None
 ) -> Errors:
@@ -180,43 +198,42 @@ def errors(
 
     horizons: names of those that are wanted, default all; of whole runs then by dead reckoning only.
     """
+    simulated = simulate(prediction, i, windows, values, horizons)
+    return compare(prediction, prediction.tracks[i], windows, simulated)
+
+
+def simulate(
+    prediction: Prediction, i: int, windows: Windows, values: Values, horizons: Collection[str] | None = None
+) -> Simulated:
+    """Simulate run `i` as `errors` does."""
     track, replay = prediction.tracks[i], prediction.replay
-    driven, found = replay.body.robot.driven, {}
-    wanted = lambda name: horizons is None or name in horizons  # noqa: E731
-    places = {name: rows for name, rows in windows.fixes.items() if wanted(name)}
-    sensed = [name for name in windows.lengths if wanted(name)]
+    driven, sensed = replay.body.robot.driven, {}
+    places = {name: rows for name, rows in windows.fixes.items() if horizons is None or name in horizons}
+    lengths = {name: ticks for name, ticks in windows.lengths.items() if horizons is None or name in horizons}
     first = windows.first if horizons is None else None
-    long = places or set(sensed) - {windows.shortest}
+    long = places or set(lengths) - {windows.shortest}
     stops = [*(windows.starts if long else ()), *windows.dense, *([] if first is None else [first])]
     simulation = Simulation(replay, track, prediction.starts[i], values, stops)
-    if {"encoder", "kinect"} <= replay.feeds and len(track.fix_t) > 1:
-        if wanted(RUN):
-            _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulation.reckoned))
-        for seconds in HORIZONS_S:
-            if wanted(_name(seconds)):
-                rows = pairs(track.fix_t, seconds, SPACING_S).T
-                modelled, measured = (tuple(p[row] for row in rows) for p in (simulation.reckoned[1:], track.poses))
-                _add_poses(found, RPE, _name(seconds), WHEELS, relative_errors(modelled, measured))
+    ends, path = {}, None
     if {"encoder", driven} <= replay.feeds:
-        _add_windows(found, prediction, track, windows, simulation, places, sensed)
+        ends, measured = _windows(prediction, track, windows, simulation, places, lengths)
+        for name, rows in measured.items():
+            for column, channel in zip(rows.T, prediction.labels("motion"), strict=False):
+                sensed[Measure(PREDICTION, name, channel, prediction.unit(channel), driven)] = -column[:, None]
         if first is not None:
-            logs = simulation.free(first, track.ticks)
-            path = simulation.whole(track.fix_t, first, logs)
-            _add_poses(found, ATE, RUN, driven, _whole(windows, track, path))
-    if wanted(STEP):
+            path = simulation.whole(track.fix_t, first, simulation.free(first, track.ticks))
+    if horizons is None or STEP in horizons:
         for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
             innovations = simulation.innovations[track.settled : track.ticks, column, None]
-            found[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
-    return found
+            sensed[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
+    return Simulated(simulation.reckoned, ends, path, sensed, horizons)
 
 
-def _add_windows(found, prediction, track, windows, simulation, fixes, horizons):
-    """Add errors at the end of every window: of places where there are fixes, and of the sensors that are predicted.
+def _windows(prediction, track, windows, simulation, fixes, lengths):
+    """Poses at the ends of the windows, as of Simulated, and name of a horizon -> (m, p) innovations at their ends.
 
-    fixes: of the horizons of places, horizons: of the sensors that are wanted.
+    fixes, lengths: of the horizons of places and of sensors that are wanted.
     """
-    driven = prediction.replay.body.robot.driven
-    lengths = {name: windows.lengths[name] for name in horizons}
     places, sensed = {name: [] for name in fixes}, {name: [] for name in lengths}
     short = windows.lengths[windows.shortest]
     for start in windows.dense.tolist() if windows.shortest in lengths else ():
@@ -230,14 +247,29 @@ def _add_windows(found, prediction, track, windows, simulation, fixes, horizons)
             if length > short and start + length < track.ticks:  # the innovation of a tick stands in the row after it
                 sensed[name].append(logs["innovation"][start + length + 1, prediction.columns].copy())
         for name, rows in fixes.items():
-            for _, a, b in rows[rows[:, 0] == k]:
-                ends = simulation.ends(track.fix_t[[a, b]], start, logs)
-                places[name].append(relative_errors((ends[:1], ends[1:]), (track.poses[[a]], track.poses[[b]])))
-    for name, parts in places.items():
-        _add_poses(found, RPE, name, driven, np.vstack(parts) if parts else np.empty((0, 3)))
-    for name, parts in sensed.items():
-        for column, channel in zip(np.array(parts).T, prediction.labels("motion"), strict=False):
-            found[Measure(PREDICTION, name, channel, prediction.unit(channel), driven)] = -column[:, None]
+            places[name] += [simulation.ends(track.fix_t[[a, b]], start, logs) for _, a, b in rows[rows[:, 0] == k]]
+    ends = {name: np.array(parts).reshape(-1, 2, 3) for name, parts in places.items()}
+    return ends, {name: np.array(parts) for name, parts in sensed.items()}
+
+
+def compare(prediction: Prediction, track: Track, windows: Windows, simulated: Simulated) -> Errors:
+    """Errors of a simulation of `track`, or of the same run with other fixes at the same times."""
+    driven, feeds, found = prediction.replay.body.robot.driven, prediction.replay.feeds, {}
+    wanted = lambda name: simulated.horizons is None or name in simulated.horizons  # noqa: E731
+    measured = track.poses
+    if {"encoder", "kinect"} <= feeds and len(track.fix_t) > 1:
+        if wanted(RUN):
+            _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulated.reckoned))
+        for name, rows in ((_name(seconds), pairs(track.fix_t, seconds, SPACING_S).T) for seconds in HORIZONS_S):
+            if wanted(name):
+                of = lambda poses, rows=rows: tuple(poses[row] for row in rows)  # noqa: E731
+                _add_poses(found, RPE, name, WHEELS, relative_errors(of(simulated.reckoned[1:]), of(measured)))
+    for name, ends in simulated.ends.items():
+        rows = windows.fixes[name].T[1:]
+        _add_poses(found, RPE, name, driven, relative_errors(ends.transpose(1, 0, 2), measured[rows]))
+    if simulated.path is not None:
+        _add_poses(found, ATE, RUN, driven, _whole(windows, track, simulated.path))
+    return found | simulated.sensed
 
 
 def _whole(windows, track, path):

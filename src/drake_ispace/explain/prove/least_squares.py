@@ -45,26 +45,32 @@ def plain_fit(
             moved[candidate][i] = float(value)
         return moved
 
-    def by_run(z, horizons):
-        values = merged(at(z))
-        of_run = lambda i: scaled_errors(prediction, i, windows[i], values, floors, horizons[i])  # noqa: E731
-        return list((pool.map if pool else map)(of_run, range(len(windows))))
+    def by_run(zs, horizons):
+        """For each z the errors of each run."""
+        def one(job):
+            z, i = job
+            return scaled_errors(prediction, i, windows[i], merged(at(z)), floors, horizons[i])
 
-    def residuals(z, horizons):
-        return np.concatenate([np.empty(0), *by_run(z, horizons)])
+        jobs = [(z, i) for z in zs for i in range(len(windows))]
+        found, n = list((pool.map if pool else map)(one, jobs)), len(windows)
+        return [found[k : k + n] for k in range(0, len(found), n)]
+
+    def residuals(zs, horizons):
+        """(len(zs), rows)."""
+        return np.array([np.concatenate([np.empty(0), *parts]) for parts in by_run(zs, horizons)])
 
     # over long horizons a heading may be wrong by turns; from the sizes that suit short ones on it is not
     every, best = [fitted_horizons(w) for w in windows], None
     for horizons in ([{w.shortest} for w in windows], every) if start.size else ():
-        if residuals(start, horizons).size:
+        if residuals([start], horizons).size:
             best = least_squares(
-                residuals, start, bounds=(low, high), max_nfev=_MOST_TRIALS, args=(horizons,),
-                jac=lambda z, horizons: _slopes(lambda other: residuals(other, horizons), z, high),
+                lambda z, horizons: residuals([z], horizons)[0], start, bounds=(low, high), max_nfev=_MOST_TRIALS,
+                args=(horizons,), jac=lambda z, horizons: _slopes(lambda zs: residuals(zs, horizons), z, high),
             )
             start = best.x
     if best is None:
         return at(start), [at(start)] * len(windows)
-    ends = np.cumsum([len(part) for part in by_run(start, horizons)])[:-1]
+    ends = np.cumsum([len(part) for part in by_run([start], horizons)[0]])[:-1]
     return at(start), [at(np.clip(z, low, high)) for z in _without_each(start, best, ends)]
 
 
@@ -95,9 +101,6 @@ def scaled_errors(
 
 def _slopes(residuals, z, high):
     """(rows, k) slopes of the residuals, by differences that stay within the bounds."""
-    at, columns = residuals(z), []
-    for i in range(len(z)):
-        moved = z.copy()
-        moved[i] += _STEP if z[i] + _STEP <= high[i] else -_STEP
-        columns.append((residuals(moved) - at) / (moved[i] - z[i]))
-    return np.column_stack(columns)
+    steps = np.where(z + _STEP <= high, _STEP, -_STEP)
+    at, *moved = residuals([z, *(z + np.diag(steps))])
+    return np.column_stack([(there - at) / step for there, step in zip(moved, steps, strict=True)])

@@ -33,8 +33,9 @@ from drake_ispace.explain.prove.free_run import (
     WHEELS,
     Errors,
     Measure,
-    Simulation,
+    Simulated,
     Windows,
+    compare,
     errors,
     rms,
     windows_of,
@@ -158,30 +159,26 @@ class Spreads:
     """How far errors spread under noise that is added to the runs anew.
 
     Args:
-        prediction: model and runs. windows: of each run. values: effects in the model, of each run. unperturbed: errors
-            of each run. noise: of the sensors. seed: of the draws. pool: threads that simulations may use.
+        prediction: model and runs. windows: of each run. values: effects in the model, of each run. unperturbed:
+            simulation of each run. noise: of the sensors. seed: of the draws. pool: threads that simulations may use.
+
+    Attributes:
+        errors: of each run, unperturbed.
     """
 
     def __init__(
         self, prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values],
-        unperturbed: Sequence[Errors], noise: SensorNoise, seed: int, pool: ThreadPoolExecutor | None = None,
+        unperturbed: Sequence[Simulated], noise: SensorNoise, seed: int, pool: ThreadPoolExecutor | None = None,
     ):
         self._prediction, self._windows, self._values, self._noise = prediction, windows, values, noise
-        self._errors, self._seed, self._pool = unperturbed, seed, pool
+        self._unperturbed, self._seed, self._pool = unperturbed, seed, pool
+        self.errors = [
+            compare(prediction, *run) for run in zip(prediction.tracks, windows, unperturbed, strict=True)
+        ]
 
     def of_sensors(self) -> Spread:
         """The spread under sensor noise."""
-        return self._spread(partial(self._with_sensor_noise, self._paths()), SENSORS)
-
-    def _paths(self) -> list[np.ndarray]:
-        """The dead-reckoned path of each run, (k, 3) at the fixes: it has no pixels of its own."""
-        paths = []
-        for i, (track, windows, values) in enumerate(
-            zip(self._prediction.tracks, self._windows, self._values, strict=True)
-        ):
-            path = Simulation(self._prediction.replay, track, self._prediction.starts[i], values).reckoned
-            paths.append(compose(windows.start, relative(path[0], path[1:])))
-        return paths
+        return self._spread(self._with_sensor_noise, SENSORS)
 
     def of_process(self) -> dict[str, Spread]:
         """Source -> spread under the robot's assumed process noise from this source alone."""
@@ -204,15 +201,17 @@ class Spreads:
 
         def one(job):
             i, draw = job
-            track = perturbed(i, np.random.default_rng([self._seed, key, i, draw]))
-            tracks = [*self._prediction.tracks]
-            tracks[i] = track
-            moved = replace(self._prediction, tracks=tracks)
-            windows = self._windows[i]
-            if source == SENSORS:  # the start is estimated from noisy fixes
-                windows = replace(windows, start=windows_of(moved, i, self._values[i]).start)
-            again = errors(moved, i, windows, self._values[i])
-            return {m: again[m] - e for m, e in self._errors[i].items() if m in again and again[m].shape == e.shape}
+            track, windows = perturbed(i, np.random.default_rng([self._seed, key, i, draw])), self._windows[i]
+            if source in WALKS:  # other fixes do not move the model
+                again = compare(self._prediction, track, windows, self._unperturbed[i])
+            else:
+                tracks = [*self._prediction.tracks]
+                tracks[i] = track
+                moved = replace(self._prediction, tracks=tracks)
+                if source == SENSORS:  # the start is estimated from noisy fixes
+                    windows = replace(windows, start=windows_of(moved, i, self._values[i]).start)
+                again = errors(moved, i, windows, self._values[i])
+            return {m: again[m] - e for m, e in self.errors[i].items() if m in again and again[m].shape == e.shape}
 
         differences: Spread = [{} for _ in self._windows]
         for (i, _), difference in zip(jobs, (self._pool.map if self._pool else map)(one, jobs), strict=True):
@@ -222,7 +221,7 @@ class Spreads:
                 differences[i][measure] = part if known is None else np.vstack([known, part])
         return differences
 
-    def _with_sensor_noise(self, paths, i: int, generator) -> Track:
+    def _with_sensor_noise(self, i: int, generator) -> Track:
         track, replay = self._prediction.tracks[i], self._prediction.replay
         measured = track.measured + generator.standard_normal(track.measured.shape) * self._noise.outputs
         wheels = replay.body.wheels
@@ -232,7 +231,9 @@ class Spreads:
             ) - track.measured[:, :wheels]
         sightings = track.sightings.copy()
         if len(track.fix_rows):
-            sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += self._noise.of_fixes(paths[i], generator)
+            first, *reckoned = self._unperturbed[i].reckoned  # which has no pixels of its own
+            path = compose(self._windows[i].start, relative(first, np.array(reckoned)))
+            sightings[track.fix_rows, SIGHTING.x : SIGHTING.phi + 1] += self._noise.of_fixes(path, generator)
         return replace(track, measured=measured, sightings=sightings)
 
     def _forces(self, track, axis, correlation_s, generator):

@@ -13,7 +13,7 @@ from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.adequacy import NOTHING, Remainder, remainders
-from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, windows_of
+from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.left_out import blocks_in, cut
 from drake_ispace.explain.prove.noise import (
@@ -121,15 +121,14 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
 
 
 def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int, pool) -> _Judged:
-    windows = [windows_of(prediction, i, each) for i, each in enumerate(values)]
-    before, after = (
-        [errors(prediction, i, w, v) for i, (w, v) in enumerate(zip(windows, each, strict=True))]
-        for each in ([{}] * len(windows), values)
-    )
-    spreads = Spreads(prediction, windows, values, after, sensors, seed, pool)
+    each = pool.map if pool else map
+    windows = list(each(lambda i: windows_of(prediction, i, values[i]), range(len(values))))
+    before = list(each(lambda i: errors(prediction, i, windows[i], {}), range(len(values))))
+    simulated = list(each(lambda i: simulate(prediction, i, windows[i], values[i]), range(len(values))))
+    spreads = Spreads(prediction, windows, values, simulated, sensors, seed, pool)
     by_sensors, by_process = spreads.of_sensors(), spreads.of_process()
-    noise = process_noise(prediction, windows[0].shortest, after, by_sensors, by_process)
-    return _Judged(prediction, windows, list(values), before, after, by_sensors, by_process, noise)
+    noise = process_noise(prediction, windows[0].shortest, spreads.errors, by_sensors, by_process)
+    return _Judged(prediction, windows, list(values), before, spreads.errors, by_sensors, by_process, noise)
 
 
 def _distinct(left: list[Remainder]) -> list[Remainder]:

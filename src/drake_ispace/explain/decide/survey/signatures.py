@@ -38,18 +38,18 @@ def signatures(
         prediction: model and runs. point: effects that the model already has. candidates: effects to add to them, one
             at a time. scales: units of the probes, as `probes` takes them. base: residuals at `point`.
     """
-    collected = []
-    for candidate in candidates:
+    def signature(probe):
+        candidate, z = probe
+        changes = difference(base, prediction.residuals(merged({**point, candidate: z})))
+        if not is_finite(changes):
+            return None
         neutral = candidate.neutral
-        for z in probes(candidate, scales):
-            changes = difference(base, prediction.residuals(merged({**point, candidate: z}), pool))
-            if not is_finite(changes):
-                continue
-            at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
-            low, high = candidate.bounds[at]
-            one_sided = low >= neutral[at] or high <= neutral[at]
-            collected.append(Signature(candidate, z, at, one_sided, changes))
-    return collected
+        at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
+        low, high = candidate.bounds[at]
+        return Signature(candidate, z, at, low >= neutral[at] or high <= neutral[at], changes)
+
+    tried = [(candidate, z) for candidate in candidates for z in probes(candidate, scales)]
+    return [found for found in (pool.map if pool else map)(signature, tried) if found is not None]
 
 
 def difference(before: Residuals, after: Residuals) -> Residuals:
