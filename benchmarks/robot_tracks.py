@@ -173,7 +173,7 @@ def main():
         seconds={"type": float, "default": 30.0, "help": "of each video, default 30"},
     )
     videos = 1 if asked.quick else asked.videos
-    frames = round((1.0 if asked.tiny else min(asked.seconds, 10.0) if asked.quick else asked.seconds) / FRAME_S)
+    frames = round((0.2 if asked.tiny else min(asked.seconds, 10.0) if asked.quick else asked.seconds) / FRAME_S)
     data = {
         kind: summary([follow(alike, frames, [asked.seed, alike, video]) for video in range(videos)])
         for kind, alike in (("own patterns", False), ("four look alike", True))

@@ -1,5 +1,7 @@
 """The command `scene learn`: colours and markers from pixels that one points at."""
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -42,7 +44,7 @@ def test_a_scene_learned_from_twelve_pixels_finds_all_six_robots(document, tmp_p
                     tmp_path / "field.yaml")
     assert data["seen"] == dict.fromkeys(PLACES, data["frames"])
     eye = scene_eye(load_scene(str(tmp_path / "field.yaml")))
-    for _, image in frames(FOOTAGE):
+    for _, image in itertools.islice(frames(FOOTAGE), 0, None, 20):
         found = eye.locate(image)
         assert all(np.hypot(*(found[name].pixel - place)) < 2.0 for name, place in PLACES.items())
     assert cv2.imread(str(tmp_path / "field.png")).shape == (480, 640, 3)

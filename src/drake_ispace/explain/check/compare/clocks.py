@@ -58,30 +58,39 @@ class _Trial:
         self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
         usual = _LAGS_S[self.usual][np.argmin(self.total[self.usual])]
         near = usual + _FINE_S[(usual + _FINE_S >= low - 1e-9) & (usual + _FINE_S <= high + 1e-9)]
-        self.given = max(self.score(Path(float(lag))) for lag in near)
+        self.given = max(self.scores([Path(float(lag)) for lag in near]))
 
-    def score(self, path: Path) -> float:
-        """Log likelihood along a path over that without any relation, of the windows that lie inside of the run.
+    def scores(self, paths: Sequence[Path]) -> list[float]:
+        """For each path the log likelihood along it over that without any relation, of the windows inside of the run.
 
         0 where the channel follows the wheels too little to tell the time.
         """
-        since, until = path.at(self.link.since_s), path.at(self.link.until_s)
-        kept = inside(self.base, since, until)
-        if kept.sum() < FEWEST:
-            return 0.0
-        y, x = self.link.measured[kept], self.link.predicted(since[kept], until[kept])
-        besides = None if self.link.besides is None else self.link.besides(since[kept], until[kept])
-        both = np.stack([x, np.zeros_like(x)]), np.stack([y, y])
-        related, unrelated = scores(*both, self.link.groups, np.stack([self.link.noise] * 2), besides,
-                                    self.link.slack)
-        followed = following(float(related), float(unrelated), most(*y.shape))
-        if followed is None or followed < RELATED:
-            return 0.0
-        return float(related - unrelated) - path.loss
+        since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
+        inner, found = inside(self.base, since, until), np.zeros(len(paths))
+        for kept in np.unique(inner, axis=0):
+            if kept.sum() >= FEWEST:
+                same = np.flatnonzero((inner == kept).all(axis=1))
+                found[same] = self._scored(since[same][:, kept], until[same][:, kept], self.link.measured[kept])
+        return [score - path.loss if score else 0.0 for score, path in zip(found.tolist(), paths, strict=True)]
+
+    def _scored(self, since, until, measured):
+        """(p,) of p paths along which the same windows (p, n) lie inside of the run; measured: (n, d) in these."""
+        link, times = self.link, (since.ravel(), until.ravel())
+        x, besides = link.predicted(*times).reshape(*since.shape, -1), None
+        without = np.zeros_like(x[:1])  # beside nothing, to be unrelated is the same along all paths
+        if link.besides is not None:
+            besides, without = link.besides(*times).reshape(*x.shape, -1), np.zeros_like(x)
+            besides = np.concatenate([besides, besides])
+        x = np.concatenate([x, without])
+        y, noise = (np.broadcast_to(one, (len(x), *one.shape)) for one in (measured, link.noise))
+        related, unrelated = np.split(scores(x, y, link.groups, noise, besides, link.slack), [len(since)])
+        exact, unrelated = most(*measured.shape), np.broadcast_to(unrelated, related.shape)
+        followed = [following(one, other, exact) for one, other in zip(related, unrelated, strict=True)]
+        return np.where([f is not None and f >= RELATED for f in followed], related - unrelated, 0.0)
 
     def gain(self, path: Path) -> float:
         """By how much a path is more likely than any latency that a sound channel may have."""
-        return self.score(path) - self.given
+        return self.scores([path])[0] - self.given
 
     def rough(self, path: Path) -> float:
         """Losses along a path: smooth, without physics."""
@@ -146,7 +155,7 @@ class _Trial:
     def interval(self, path: Path) -> tuple[float, float]:
         """The lags [s] that are about as likely, 90 %."""
         near = [replace(path, lag_s=path.lag_s + float(d)) for d in 2.0 * _FINE_S]
-        scored = np.array([self.score(one) for one in near])
+        scored = np.array(self.scores(near))
         likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
         return min(likely), max(likely)
 

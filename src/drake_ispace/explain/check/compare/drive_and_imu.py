@@ -138,19 +138,19 @@ def _imu_parts(run, base, given):
     if kept.sum() >= 2 * BLOCK:
         since, until = edges[kept].T
         force = integral(imu, _FORCES, since, until) / (until - since)[:, None]
-        y = np.stack([_levelled(force @ c.matrix[:3, :3].T, block[kept])[:, :2] for c in given])
-        x = np.stack([_levelled(predicted(c.matrix[3:, 3:])[kept], block[kept]) for c in given])
+        y = _levelled(np.stack([force @ c.matrix[:3, :3].T for c in given])[:, :, :2], block[kept])
+        x = _levelled(np.stack([predicted(c.matrix[3:, 3:])[kept] for c in given]), block[kept])
         parts.append(part(_related(given) * x, y, ((0, 1),), np.zeros((len(given), 2))))
     return parts
 
 
 def _levelled(values, block):
-    """values (n, d) less a straight line in each block."""
+    """values (h, n, d) less a straight line in each block."""
     levelled = values.copy()
     for k in np.unique(block):
         at = np.flatnonzero(block == k)
-        line = np.vander(np.arange(len(at)), 2)
-        levelled[at] -= line @ np.linalg.lstsq(line, values[at], rcond=None)[0]
+        line = np.linalg.qr(np.vander(np.arange(len(at)), 2))[0]
+        levelled[:, at] -= line @ (line.T @ values[:, at])
     return levelled
 
 

@@ -47,8 +47,8 @@ def scores(
 
     Args:
         x, y: (h, n, d) of n windows, in units in which the d components compare. groups: of components that share a
-            scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k) motions of any share.
-        slack: of S.
+            scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k), the same for all
+            hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
     shares, residual = _fitted(x, y, z, slack)
     size = np.empty_like(noise)
@@ -76,8 +76,8 @@ def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.n
 def _fitted(x, y, z, slack):
     """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares."""
     h, n, d = x.shape
-    z = np.zeros((n, d, 0)) if z is None else z / np.sqrt((z**2).mean(axis=0) + 1e-24)
-    k = z.shape[2]
+    z = np.zeros((n, d, 0)) if z is None else z / np.sqrt((z**2).mean(axis=-3, keepdims=True) + 1e-24)
+    k = z.shape[-1]
     design = np.concatenate([
         np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
     ], axis=3)
