@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.predict.filters import filter_of, other_filters
+from drake_ispace.explain.predict.filters import OTHERS, filters_of
 from drake_ispace.explain.predict.follower import Follower, design, discrete
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
@@ -52,10 +52,19 @@ def test_the_model_follows_a_robot_that_stands_elsewhere():
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_every_robot_has_a_stable_filter(robot):
     scenario, has = load_scenario(f"{robot}_multirate"), frozenset({"torque", "encoder", "imu"})
-    f = filter_of(scenario, robots()[robot], has)
+    filters, plant = filters_of(scenario, robots()[robot], has), getattr(scenario, robot).plant
+    f = filters(plant)
     assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 1.0
     assert np.abs(np.linalg.eigvals(f.a - f.b @ f.feedback)).max() < 1.0
-    assert all(not np.array_equal(other.gain, f.gain) for other in other_filters(scenario, robots()[robot], has))
+    assert all(not np.array_equal(filters(plant, number).gain, f.gain) for number in range(OTHERS))
+
+
+@pytest.mark.parametrize("height_m", [-0.03, 0.025, 0.1])
+def test_the_filter_holds_a_pendulum_whose_weight_is_elsewhere(height_m):
+    scenario, has = load_scenario("pendulum_multirate"), frozenset({"torque", "encoder", "imu"})
+    robot, plant = robots()["pendulum"], scenario.pendulum.plant
+    f = filters_of(scenario, robot, has)(robot.off_centre(plant, {"height_m": height_m}))
+    assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 0.998
 
 
 def test_wheels_show_the_body_as_the_geometry_says():

@@ -42,9 +42,10 @@ def check_controllers(answer: Explanation, case: Case) -> None:
     answer.controller = ControllerCheck(share, gain)
     if share > FOREIGN:
         answer.warnings.append(
-            f"the controller is not the model's: {100.0 * share:.0f} % of the recorded torque is not what it makes of "
-            f"the measured sensors (it fits best {gain:.2f} times as large); effects are found from the recorded "
-            "torque all the same, but closed-loop simulations of the model will differ"
+            "the controller is not the model's, or it acted on other fixes than the log has (lost or late ones): "
+            f"{100.0 * share:.0f} % of the recorded torque is not what it makes of the measured sensors (it fits best "
+            f"{gain:.2f} times as large); effects are found from the recorded torque all the same, but closed-loop "
+            "simulations of the model will differ"
         )
 
 

@@ -1,5 +1,9 @@
 """The follower's filter for a robot: its linearised error system, and the noise that is assumed to drive it."""
 
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, partial
+
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
@@ -12,38 +16,33 @@ CORRELATION_S = 0.05  # of unknown forces, assumed
 _UNDRIVEN = 30.0  # times larger unknown forces where no command was recorded: the motion itself is then unknown
 _FINEST_COUNT = 2e-3  # rad: an encoder that is finer, or exact, counts as one of this
 OTHER_NOISE = 4.0  # times the spectral density or variance: how wrong an assumption about noise may well be
+OTHERS = 4  # assumptions about noise that may be wrong
 
 
 def filter_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Filter:
     """The filter for runs of the robot that have the channels `has`."""
-    return _filter(scenario, robot, has, 0, 1.0)
+    return filters_of(scenario, robot, has)(getattr(scenario, robot.name).plant)
 
 
-def other_filters(scenario: Scenario, robot: Robot, has: frozenset[str]) -> list[Filter]:
-    """Four filters as `filter_of`, one assumption about noise changed in each: unknown forces along each of the three
-    coordinates, then the encoder's rounding, times OTHER_NOISE."""
-    return [_filter(scenario, robot, has, which, OTHER_NOISE) for which in range(4)]
+def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Callable[..., Filter]:
+    """A function of a plant, which may be another than the scenario's, that gives the filter for it.
 
+    Of a robot with dynamics of its own all of the filter follows the plant: a gain that was found for another weight
+    need not hold an unstable model. Elsewhere only the weight does, so that the same error causes the same acceleration
+    whatever the mass.
 
-def adapted(robot: Robot, plant) -> dict[str, np.ndarray]:
-    """The follower's parameters that depend on the plant's: the weight, and for a robot with dynamics of its own A and
-    the feedback.
-
-    An error then causes the same acceleration, and the correction has the same poles, whatever the plant's mass and
-    however fast it falls. The gain on measurements does not depend on the plant.
+    Its second argument is the number of the assumption about noise that is wrong by OTHER_NOISE, below OTHERS: unknown
+    forces along each of the three coordinates, then the encoder's rounding; None, the default: none is.
     """
-    weight = robot.mass_matrix(plant).ravel()
-    if not robot.own_dynamics:
-        return {"weight": weight}
-    system = robot.error_system(plant)
-    a, _ = discrete(system.a, system.b)
-    return {"weight": weight, "a": a.ravel(), "feedback": _feedback(robot, system).ravel()}
-
-
-def _filter(scenario, robot, has, changed, times):
-    """The filter with assumption number `changed` (0 to 2: forces, 3: encoder) multiplied by `times`."""
     settings = getattr(scenario, robot.name)
-    plant, counts = settings.plant, settings.encoder.counts_per_turn
+    if robot.own_dynamics:
+        return partial(_filter, robot, settings, has)
+    nominal = cache(partial(_filter, robot, settings, has, settings.plant))
+    return lambda plant, changed=None: replace(nominal(changed), weight=robot.mass_matrix(plant))
+
+
+def _filter(robot, settings, has, plant, changed=None):
+    counts = settings.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
     system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
     weight = robot.mass_matrix(plant)
@@ -51,8 +50,9 @@ def _filter(scenario, robot, has, changed, times):
     if "encoder" not in has:
         a, b = discrete(system.a, system.b)
         return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight)
-    factors = np.ones(4)
-    factors[changed] = times
+    factors = np.ones(OTHERS)
+    if changed is not None:
+        factors[changed] = OTHER_NOISE
     process, sensors = np.zeros((n, n)), np.full(p, count**2 / 12.0 * factors[3])
     process[3:, 3:] = _accelerations(robot, weight, has, factors[:3])
     if robot.has_imu:

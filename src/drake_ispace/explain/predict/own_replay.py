@@ -133,14 +133,16 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
         raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
+    filter = lambda plant, changed=None: filters[0 if changed is None else 1 + changed]  # noqa: E731
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
     model.plant.GetInputPort(model.torque).FixValue(context, np.zeros(n))
     angles = model.plant.GetOutputPort(model.wheel_angle).Eval(context)
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
-        body, every, known, rollout, frozenset({"torque", "encoder"}), filters[1:], place=np.linalg.pinv(c),
-        angles=angles, logged=model.logged, free={name: model.parameters[name] for name in model.free},
+        body, every, known, rollout, frozenset({"torque", "encoder"}), filter, len(filters) - 1,
+        place=np.linalg.pinv(c), angles=angles, logged=model.logged,
+        free={name: model.parameters[name] for name in model.free},
         unknown_torque=_unknown_torque(model, tracks), angle_std=float(np.sqrt(_angle_variance(tracks))),
     )
 

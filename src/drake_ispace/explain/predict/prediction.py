@@ -158,10 +158,10 @@ class Prediction:
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""
-        numbers, share = self.replay.parameters(values), self._dropouts(values)
+        share = self._dropouts(values)
         return [
             [self._of_run(i, track, changed, share) for i, track in enumerate(self.tracks)]
-            for changed in (self.replay.under_noise(numbers, other) for other in self.replay.others)
+            for changed in (self.replay.under_noise(values, number) for number in range(self.replay.others))
         ]
 
     def under_other_timing(self, values: Values) -> list[Residuals]:

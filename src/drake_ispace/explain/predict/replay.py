@@ -7,6 +7,7 @@ run-time numbers of one compiled rollout.
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydrake.systems.framework import Diagram
@@ -17,8 +18,8 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
-from drake_ispace.explain.predict.filters import adapted, filter_of, other_filters
-from drake_ispace.explain.predict.follower import Filter, Follower
+from drake_ispace.explain.predict.filters import OTHERS, filter_of, filters_of
+from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
 from drake_ispace.explain.predict.tracks import IMU, Track
 from drake_ispace.plants.actuator import Actuator, TorqueActuator
@@ -41,8 +42,8 @@ class Replay:
         known: name -> values of the effects that the model has already.
         rollout: the compiled Diagram.
         feeds: the channels that every run has.
-        others: filters under other assumptions about noise.
-        filter: plant -> the follower's parameters that depend on it; None: none does.
+        filter: plant -> the follower's filter; with a number besides, that under another assumption about noise.
+        others: how many of these there are.
         settling_ticks: of the filter, where a run begins while the robot moves; 0 where velocity is commanded, which
             leaves no state to be found.
     """
@@ -52,8 +53,8 @@ class Replay:
     known: dict[str, dict[str, float]]
     rollout: Rollout
     feeds: frozenset[str]
-    others: list[Filter]
-    filter: Callable[[object], dict[str, np.ndarray]] | None = None
+    filter: Callable[..., Filter]
+    others: int
     settling_ticks: int = 0
 
     def combined(self, values: Values) -> dict[str, dict[str, float]]:
@@ -68,15 +69,8 @@ class Replay:
 
     def parameters(self, values: Values) -> np.ndarray:
         """The rollout's run-time numbers with these effects in it, besides the known ones."""
-        together = self.combined(values)
-        numbers = self.rollout.parameters.copy()
-        plant = self.body.plant
-        for name, effect in self.effects.items():
-            if name not in together or not effect.replayed:
-                continue
-            full = effect.neutral(self.body) | together[name]
-            if isinstance(effect, PlantEffect):
-                plant = effect.change(self.body.robot, plant, full)
+        numbers, plant = self.rollout.parameters.copy(), self._plant(values)
+        for name, effect, full in self._present(values):
             if not isinstance(effect, BlockEffect):
                 continue
             if effect.wire == "fix" and "offset_s" in full:
@@ -85,9 +79,24 @@ class Replay:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", self.body.robot.block_parameters(plant))
-            if self.filter is not None:
-                self._set(numbers, f"{self.body.name}_follower", self.filter(plant))
+            self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant)))
         return numbers
+
+    def _present(self, values):
+        """(name, effect, all its values) of these effects and the known ones, as far as they are replayed."""
+        together = self.combined(values)
+        return [
+            (name, effect, effect.neutral(self.body) | together[name]) for name, effect in self.effects.items()
+            if name in together and effect.replayed
+        ]
+
+    def _plant(self, values):
+        """The plant's parameters with these effects."""
+        plant = self.body.plant
+        for _, effect, full in self._present(values):
+            if isinstance(effect, PlantEffect):
+                plant = effect.change(self.body.robot, plant, full)
+        return plant
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with a further force (rows, 3) on the body, along the coordinates of the plant's input `ground_force`
@@ -96,11 +105,12 @@ class Replay:
             return dataclasses.replace(run, command=run.command + force)
         return dataclasses.replace(run, force=force)
 
-    def under_noise(self, numbers: np.ndarray, other: Filter) -> np.ndarray:
-        """A copy of the run-time numbers, with the gain of another filter."""
-        changed = numbers.copy()
-        self._set(changed, f"{self.body.name}_follower", {"gain": other.gain.ravel()})
-        return changed
+    def under_noise(self, values: Values, number: int) -> np.ndarray:
+        """The run-time numbers with these effects, the filter's gain that under another assumption about noise."""
+        numbers = self.parameters(values)
+        gain = self.filter(self._plant(values), number).gain
+        self._set(numbers, f"{self.body.name}_follower", {"gain": gain.ravel()})
+        return numbers
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.
@@ -136,10 +146,17 @@ class Replay:
 
     def freed(self, numbers: np.ndarray) -> np.ndarray:
         """A copy of the run-time numbers with which nothing corrects the model: free-run simulation."""
-        changed, follower = numbers.copy(), f"{self.body.name}_follower"
-        for name in ("gain", "feedback"):
-            self._set(changed, follower, {name: np.zeros(getattr(self.others[0], name).size)})
+        changed = numbers.copy()
+        changed[self._corrections] = 0.0
         return changed
+
+    @cached_property
+    def _corrections(self):
+        """Which of the run-time numbers correct the model."""
+        return [
+            i for i, name in enumerate(self.rollout.parameter_names)
+            if name.startswith((f"{self.body.name}_follower.gain", f"{self.body.name}_follower.feedback"))
+        ]
 
     def clock_offset_s(self, numbers: np.ndarray) -> float:
         """By how much the camera's clock is taken to be behind [s]."""
@@ -182,9 +199,9 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
     rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
-    others = other_filters(scenario, robot, has)
-    settling_ticks = filter_of(scenario, robot, has).settling_ticks if robot.driven == TORQUE else 0
-    return Replay(body, every, known, rollout, has, others, lambda plant: adapted(robot, plant), settling_ticks)
+    filter = filters_of(scenario, robot, has)
+    settling_ticks = filter(body.plant).settling_ticks if robot.driven == TORQUE else 0
+    return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks)
 
 
 def replay_diagram(
