@@ -155,6 +155,15 @@ def test_a_generic_disagreement_beside_a_named_effect_is_left_over(size):
     decision = decided(noise() + 0.8 * SHAPES["tilt"] + size * pattern(21), generics=generics_of("time", pattern(21)))
     assert list(sizes(decision)) == ["tilt"] and decision.unknown is None
     assert decision.left_over.candidate.name == "time" and decision.left_over.p_value < 0.01
+    assert decision.left_over.is_more
+
+
+def test_a_generic_disagreement_that_is_a_flaw_of_the_named_effect_is_no_more():
+    flaw = SHAPES["tilt"] * SHAPES["lag"]
+    runs = Linear(noise() + 20.0 * SHAPES["tilt"] + 0.6 * flaw, {"tilt": SHAPES["tilt"]})
+    object.__setattr__(runs, "modulations", lambda: [streams(SHAPES["lag"])])
+    decision = decide(runs, made("tilt"), 0, None, generics=generics_of("time", flaw))
+    assert decision.left_over.candidate.name == "time" and not decision.left_over.is_more
 
 
 def test_several_effects_resolve_a_disagreement_that_each_of_them_explains_less_well():

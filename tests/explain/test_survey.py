@@ -13,7 +13,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite
-from drake_ispace.explain.decide.survey.survey import stricter, survey
+from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised, with_past_speeds
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.prediction import past_speeds
@@ -95,13 +95,13 @@ def test_a_model_that_runs_away_changes_nothing_that_could_be_tested(far):
     assert not is_finite(difference(base, away)) and is_finite(difference(base, base))
 
 
-def test_a_stricter_survey_marginalises_the_memory_of_the_noise():
+def test_the_memory_of_the_noise_is_marginalised_near_the_best_point():
     slow = lfilter([1.0], [1.0, -0.9], np.random.default_rng(1).standard_normal((RUNS, ROWS)))
     far = survey(Linear(slow, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics)
-    assert not far.likelihood.memory and stricter(far).likelihood.memory
+    assert not far.likelihood.memory and with_memory_marginalised(far).likelihood.memory
 
 
-def test_a_stricter_survey_chooses_moments_by_past_speeds():
+def test_past_speeds_choose_the_moments_and_leave_all_else():
     asked = []
 
     class Watched(Linear):
@@ -110,8 +110,10 @@ def test_a_stricter_survey_chooses_moments_by_past_speeds():
             return super().classes(speeds)
 
     noise = np.random.default_rng(1).standard_normal((RUNS, ROWS))
-    stricter(survey(Watched(noise, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics))
-    assert asked == [None, past_speeds]
+    far = survey(Watched(noise, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics)
+    again = with_past_speeds(far)
+    assert asked == [None, past_speeds] and not again.likelihood.memory
+    assert again.minus_log10_p == pytest.approx(far.minus_log10_p)  # here all moments are scored, whatever the speeds
 
 
 # -- Generic disagreements

@@ -203,7 +203,9 @@ class BatterySagTime(TorqueEffect):
         look_alikes=("torque_gain_error", "battery_sag_load", "weak_motor"),
         excitation="the same acceleration early and late in a long run: a gain error is the same in both",
     )
-    parameters = (Parameter("rate_per_s", "1/s", 0.0, -0.03, 0.03, (0.003, 0.01), tolerance=5e-4),)
+    parameters = (
+        Parameter("rate_per_s", "1/s", 0.0, -0.03, 0.03, (0.003, 0.01), tolerance=5e-4, sensible=(0.0, math.inf)),
+    )
     output, update = sagged_in_time, remember_time
 
     def memory_size(self, body):

@@ -53,6 +53,7 @@ def _described(case, decision: Decision) -> Explanation:
         verdict = "unknown"
     elif effects:
         verdict = "set" if any(effect.equivalents for effect in effects) else "named"
+        verdict = "incomplete" if decision.left_over is not None and decision.left_over.is_more else verdict
     untestable = _untestable(case, decision)
     warnings = []
     for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
@@ -109,7 +110,8 @@ def _besides(left_over: LeftOver, explained: float) -> str:
     is_generic = isinstance(effect, Generic)
     what = f"a {effect.link} that goes with {effect.driver}" if is_generic else left_over.candidate.name
     share = 100.0 * left_over.gain / max(left_over.gain + explained, 1e-12)
-    return f"besides, perhaps {what} (p = {left_over.p_value:.2g}, {share:.0f} % of what is explained)"
+    perhaps = "" if left_over.is_more else "perhaps "
+    return f"besides, {perhaps}{what} (p = {left_over.p_value:.2g}, {share:.0f} % of what is explained)"
 
 
 def _explained(decision) -> Residuals:

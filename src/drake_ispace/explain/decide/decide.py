@@ -22,14 +22,20 @@ from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import rivals_of
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
-from drake_ispace.explain.decide.survey.survey import Survey, fit_with_noise, stricter, survey
+from drake_ispace.explain.decide.survey.survey import (
+    Survey,
+    fit_with_noise,
+    survey,
+    with_memory_marginalised,
+    with_past_speeds,
+)
 from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 
 _MOST_EFFECTS = 6
-_BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in the stricter survey as well
+_BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in other surveys as well
 _NEAR_GAIN, _NEAR_MINUS_LOG10_P = 0.4, 0.25  # shares of the leader's, from which on another effect comes near
 _MOST_NEAR = 2  # effects besides the leader that are followed
 
@@ -105,16 +111,19 @@ def _detection(
     """Whether the proposals show more than noise, of which `largest` are the trials.
 
     Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect, and so
-    can rounding where the choice of moments goes with it. A first alarm that is not beyond doubt must therefore hold in
-    the stricter survey, too.
+    can rounding where the choice of moments goes with it. A first alarm that is not beyond doubt must therefore hold
+    with the memory marginalised, and with moments chosen by past speeds.
     """
     detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
     if current.point or not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
         return detection
-    again = stricter(current)
-    minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
-    held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
-    return detect(held, trials(again.screen, again.by_instant, seed))
+    for doubting in (with_memory_marginalised, with_past_speeds):
+        again = doubting(current)
+        minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
+        held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
+        other = detect(held, trials(again.screen, again.by_instant, seed))
+        detection = max(detection, other, key=lambda one: one.p_value)
+    return detection
 
 
 def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal) -> Fit:

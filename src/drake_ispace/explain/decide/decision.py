@@ -26,16 +26,18 @@ class Rival:
 
 @dataclass(frozen=True)
 class LeftOver:
-    """A disagreement that is still detectable beside the named effects, perhaps a flaw of their form.
+    """A disagreement that is still detectable beside the named effects.
 
     Attributes:
         candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.
-        p_value: probability that noise shows as much.
+        p_value: probability that noise shows as much. is_more: whether it is a generic disagreement that small flaws in
+            the form of the named effects cannot stand for: something is missing.
     """
 
     candidate: Candidate
     gain: float
     p_value: float
+    is_more: bool
 
 
 @dataclass

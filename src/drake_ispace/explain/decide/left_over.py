@@ -7,6 +7,8 @@ import numpy as np
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision, LeftOver
 from drake_ispace.explain.decide.detect import detect, trials
 from drake_ispace.explain.decide.propose import Proposal, proposals_of
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.survey import with_flaws
 from drake_ispace.explain.decide.unknown import generic_proposals
 
 
@@ -26,4 +28,14 @@ def left_over(
         return None
     largest = trials(end.screen, end.by_instant, seed) if largest is None else largest
     detection = detect(clearest.minus_log10_p, largest)
-    return LeftOver(clearest.candidate, clearest.gain, detection.p_value) if detection.found else None
+    if not detection.found:
+        return None
+    generic = clearest.candidate.effect
+    is_more = isinstance(generic, Generic) and _is_found(with_flaws(end), generic, seed)
+    return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more)
+
+
+def _is_found(survey, generic, seed) -> bool:
+    """Whether this generic disagreement is detectable in a Survey."""
+    found = [p.minus_log10_p for p in generic_proposals(survey) if p.generic.name == generic.name]
+    return bool(found) and detect(found[0], trials(survey.screen, survey.by_instant, seed)).found

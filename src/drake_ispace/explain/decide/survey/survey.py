@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
-from drake_ispace.explain.decide.survey.view import View, noise_of, view_from
+from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, merged
@@ -99,16 +99,28 @@ def survey(
     return _survey(point, view, base, likelihood)
 
 
-def stricter(survey: Survey) -> Survey:
-    """The Survey at the same point, without two ways in which noise can pass for an effect.
+def with_memory_marginalised(survey: Survey) -> Survey:
+    """The Survey at the same point and with the same noise, whose memory is marginalised."""
+    likelihood = survey.view.with_noise(survey.likelihood.whitening, survey.residuals, near=True)
+    return _survey(survey.point, survey.view, survey.residuals, likelihood)
 
-    The noise's memory is marginalised. Speeds of the past choose the moments that are scored: speeds around a moment
-    contain later counts, whose rounding is in the residuals too. Moments at which a wheel has just come to rest are
-    then scored, so that sizes are not to be taken from this Survey.
+
+def with_past_speeds(survey: Survey) -> Survey:
+    """The Survey at the same point, of moments chosen by past speeds, and with the noise that these have.
+
+    Speeds around a moment contain later counts, whose rounding is in the residuals too. Moments at which a wheel has
+    just come to rest are scored here, so that sizes are not to be taken from this Survey.
     """
     whitening = noise_of(survey.view, survey.residuals, speeds=past_speeds)
-    likelihood = survey.view.with_noise(whitening, survey.residuals, near=True)
+    likelihood = survey.view.with_noise(whitening, survey.residuals, near=bool(survey.likelihood.memory))
     return _survey(survey.point, survey.view, survey.residuals, likelihood)
+
+
+def with_flaws(survey: Survey) -> Survey:
+    """The Survey at the same point, where small flaws in the form of its effects are nuisances, too."""
+    residuals, flaws = survey.likelihood.raw(survey.point), flaws_of_form(survey.view, survey.point)
+    likelihood = survey.view.with_noise(survey.likelihood.whitening, residuals, near=True, flaws=flaws)
+    return _survey(survey.point, survey.view, residuals, likelihood)
 
 
 def _survey(point, view, residuals, likelihood) -> Survey:
