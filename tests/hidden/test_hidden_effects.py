@@ -16,7 +16,8 @@ from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is
 # ------------------------------------------------------------------------------------------------- a few, every time
 
 NAMED = [
-    ("omni", "coulomb_friction", 0.5), ("pendulum", "motor_lag", 1.0), ("pendulum", "mass_error", 0.5),
+    ("omni", "coulomb_friction", 0.5), ("pendulum", "mass_error", 0.5),
+    pytest.param("pendulum", "motor_lag", 1.0, marks=pytest.mark.slow),
     pytest.param("omni", "wheel_radius_error", 1.0, marks=pytest.mark.slow),
     pytest.param("pendulum", "viscous_friction", 1.0, marks=pytest.mark.slow),
 ]
@@ -59,6 +60,15 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     found = explain("pendulum_multirate", runs)
     assert [(e.name, e.equivalents) for e in found.effects] == [("command_delay", [])]
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
+
+
+def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
+    """The filter of the nominal one would let it go."""
+    effects = {"centre_of_gravity_offset": {"height_m": 0.025}}
+    runs = [generate("pendulum", motion, effects, SECONDS, 100 + i) for i, motion in enumerate(MOTIONS)]
+    (effect,) = explain("pendulum_multirate", runs).effects
+    assert effect.name == "centre_of_gravity_offset"
+    assert effect.parameters["height_m"].estimate == pytest.approx(0.025, rel=0.1)
 
 
 def test_what_a_name_leaves_is_said():

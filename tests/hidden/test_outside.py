@@ -10,10 +10,10 @@ from hidden.outside_campaign import outside
 FEW = ["coulomb_friction", "viscous_friction", "weak_motor", "floor_tilt"]
 
 
-def told(robot, effect, size, seconds=12.0):
+def told(robot, effect, size, names=FEW):
     motions = ("square", "eight", "circle")
-    runs = [recorded(robot, motion, effect, size, 70 + i, seconds) for i, motion in enumerate(motions)]
-    return explain(f"{robot}_multirate", runs[:2], runs[2:], [library()[name] for name in FEW])
+    runs = [recorded(robot, motion, effect, size, 70 + i, 12.0) for i, motion in enumerate(motions)]
+    return explain(f"{robot}_multirate", runs[:2], runs[2:], names and [library()[name] for name in names])
 
 
 def test_the_cases_are_those_that_were_drawn():
@@ -28,6 +28,11 @@ def test_each_case_says_where_it_must_show():
 def test_an_effect_outside_of_the_library_is_not_called_sound():
     answer = told("omni", "cable_pull", 1.2)
     assert answer.verdict in ("incomplete", "unknown"), answer
+
+
+def test_a_motor_that_warms_up_is_no_battery_that_charges():
+    answer = told("omni", "motor_warm_up_gain", 0.5, names=None)
+    assert answer.verdict == "unknown" and "time" in answer.unknown.driver, answer
 
 
 def test_a_mirrored_room_is_a_mistake_of_the_data():
