@@ -102,7 +102,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class Evened:
-    """The samples of a channel at even steps from its first stamp to its last."""
+    """The samples of a channel at the even steps that its stamps lie nearest to, by least squares."""
 
     channel: str
 
@@ -112,7 +112,9 @@ class Evened:
     def apply(self, recording: Recording) -> Recording:
         """A copy of the recording with even stamps in the channel."""
         channel = recording.channels[self.channel]
-        even = np.linspace(channel.t[0], channel.t[-1], len(channel.t))
+        number = np.arange(len(channel.t)) - 0.5 * (len(channel.t) - 1)
+        step_s = float(number @ channel.t / max(number @ number, 1.0))
+        even = channel.t.mean() + step_s * number
         return with_channel(recording, self.channel, replace(channel, t=even, period_s=None))
 
 
