@@ -6,8 +6,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
-from drake_ispace.explain.decide.survey.survey import Survey
-from drake_ispace.explain.decide.survey.view import flaws_of_form
+from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit, fits
 
@@ -62,8 +61,7 @@ def _is_shown(decision, rest, effect) -> bool:
     if sum(rise > MARGIN for rise in by_run.values()) < 2:
         return False
     others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
-    flaws = flaws_of_form(end.view, others)
-    flawed = end.view.with_noise(end.likelihood.whitening, end.likelihood.raw(named.point), True, flaws)
+    flawed = likelihood_with_flaws(end, end.likelihood.raw(named.point), others)
     return fit(flawed, others).deviance - fit(flawed, named.point).deviance > _LEAST_RISE
 
 

@@ -161,7 +161,7 @@ class Prediction:
         share = self._dropouts(values)
         return [
             [self._of_run(i, track, changed, share) for i, track in enumerate(self.tracks)]
-            for changed in (self.replay.under_noise(values, number) for number in range(self.replay.others))
+            for changed in (self.replay.parameters(values, number) for number in range(self.replay.others))
         ]
 
     def under_other_timing(self, values: Values) -> list[Residuals]:

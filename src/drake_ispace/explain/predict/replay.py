@@ -67,10 +67,19 @@ class Replay:
                 known[key] = value + known[key] - neutral[key] if key in known else value
         return together
 
-    def parameters(self, values: Values) -> np.ndarray:
-        """The rollout's run-time numbers with these effects in it, besides the known ones."""
-        numbers, plant = self.rollout.parameters.copy(), self._plant(values)
-        for name, effect, full in self._present(values):
+    def parameters(self, values: Values, other: int | None = None) -> np.ndarray:
+        """The rollout's run-time numbers with these effects in it, besides the known ones.
+
+        other: number of the assumption about noise under which the filter is another; None: none is.
+        """
+        together = self.combined(values)
+        numbers, plant = self.rollout.parameters.copy(), self.body.plant
+        for name, effect in self.effects.items():
+            if name not in together or not effect.replayed:
+                continue
+            full = effect.neutral(self.body) | together[name]
+            if isinstance(effect, PlantEffect):
+                plant = effect.change(self.body.robot, plant, full)
             if not isinstance(effect, BlockEffect):
                 continue
             if effect.wire == "fix" and "offset_s" in full:
@@ -79,24 +88,9 @@ class Replay:
                 self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", self.body.robot.block_parameters(plant))
-            self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant)))
+        if plant is not self.body.plant or other is not None:
+            self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant, other)))
         return numbers
-
-    def _present(self, values):
-        """(name, effect, all its values) of these effects and the known ones, as far as they are replayed."""
-        together = self.combined(values)
-        return [
-            (name, effect, effect.neutral(self.body) | together[name]) for name, effect in self.effects.items()
-            if name in together and effect.replayed
-        ]
-
-    def _plant(self, values):
-        """The plant's parameters with these effects."""
-        plant = self.body.plant
-        for _, effect, full in self._present(values):
-            if isinstance(effect, PlantEffect):
-                plant = effect.change(self.body.robot, plant, full)
-        return plant
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with a further force (rows, 3) on the body, along the coordinates of the plant's input `ground_force`
@@ -104,13 +98,6 @@ class Replay:
         if self.body.robot.driven == COMMAND:
             return dataclasses.replace(run, command=run.command + force)
         return dataclasses.replace(run, force=force)
-
-    def under_noise(self, values: Values, number: int) -> np.ndarray:
-        """The run-time numbers with these effects, the filter's gain that under another assumption about noise."""
-        numbers = self.parameters(values)
-        gain = self.filter(self._plant(values), number).gain
-        self._set(numbers, f"{self.body.name}_follower", {"gain": gain.ravel()})
-        return numbers
 
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.

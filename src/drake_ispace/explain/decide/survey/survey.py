@@ -118,9 +118,14 @@ def with_past_speeds(survey: Survey) -> Survey:
 
 def with_flaws(survey: Survey) -> Survey:
     """The Survey at the same point, where small flaws in the form of its effects are nuisances, too."""
-    residuals, flaws = survey.likelihood.raw(survey.point), flaws_of_form(survey.view, survey.point)
-    likelihood = survey.view.with_noise(survey.likelihood.whitening, residuals, near=True, flaws=flaws)
-    return _survey(survey.point, survey.view, residuals, likelihood)
+    residuals = survey.likelihood.raw(survey.point)
+    return _survey(survey.point, survey.view, residuals, likelihood_with_flaws(survey, residuals, survey.point))
+
+
+def likelihood_with_flaws(survey: Survey, residuals: Residuals, point: Point) -> Likelihood:
+    """The Likelihood near `residuals`, where small flaws in the form of the effects of `point` are nuisances, too."""
+    flaws = flaws_of_form(survey.view, point)
+    return survey.view.with_noise(survey.likelihood.whitening, residuals, near=True, flaws=flaws)
 
 
 def _survey(point, view, residuals, likelihood) -> Survey:
