@@ -31,6 +31,8 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
@@ -88,7 +90,8 @@ def explain(
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects, most_s)
 
-    with ThreadPoolExecutor(_THREADS) as pool, solvable():
+    # what can run side by side does so here; BLAS with threads of its own besides would only be slower
+    with ThreadPoolExecutor(_THREADS) as pool, threadpool_limits(1, user_api="blas"), solvable():
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)
 

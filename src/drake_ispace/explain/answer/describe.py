@@ -32,7 +32,6 @@ from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_interval
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
-from drake_ispace.explain.predict.replay import Replay
 
 _VISIBLE = 3.0  # length of an effect's whitened signature at its largest probe, below which these runs cannot show it
 
@@ -82,7 +81,7 @@ def _described_choice(case, choice: Choice) -> Explanation:
     )
 
 
-def with_sizes(effects: Sequence[NamedEffect], replay: Replay, sizes: Point, plain: Point) -> list[NamedEffect]:
+def with_sizes(effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Point) -> list[NamedEffect]:
     """The effects at these sizes, beside those of plain least squares; intervals grow to hold the sizes.
 
     sizes, plain: effects and their coordinates.
@@ -93,11 +92,11 @@ def with_sizes(effects: Sequence[NamedEffect], replay: Replay, sizes: Point, pla
         candidate, parameters = by_name[effect.name], dict(effect.parameters)
         for i, parameter in enumerate(candidate.parameters):
             p = parameters[parameter.name]
-            at, by_plain = (_size(replay, candidate, i, point[candidate][i]) for point in (sizes, plain))
+            at, by_plain = (_size(case.replay, candidate, i, point[candidate][i]) for point in (sizes, plain))
             low, high = p.ci90
             parameters[parameter.name] = replace(
                 p, estimate=at, ci90=(min(low, at), max(high, at)), least_squares=by_plain,
-                on_bound=_on_bound(sizes, candidate, i),
+                on_bound=_on_bound(case, sizes, candidate, i),
             )
         return replace(effect, parameters=parameters)
 
@@ -134,7 +133,7 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
         form = 1.645 * FORM_SHARE * abs(z - candidate.neutral[i])
         lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * overdispersion)
         ends = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
-        parameters[parameter.name] = _estimate(case.replay, named, candidate, i, ends)
+        parameters[parameter.name] = _estimate(case, named, candidate, i, ends)
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
     share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
     return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
@@ -148,7 +147,7 @@ def _chosen(case, choice, candidate) -> NamedEffect:
     factor = student_t.ppf(0.95, len(case.prediction.tracks) - 1)
     for i, parameter in enumerate(candidate.parameters):
         reach = factor * sizes.stds[candidate, i]
-        parameters[parameter.name] = _estimate(case.replay, sizes, candidate, i, (z[i] - reach, z[i] + reach))
+        parameters[parameter.name] = _estimate(case, sizes, candidate, i, (z[i] - reach, z[i] + reach))
     others = {c.name for rival in choice.rivals if candidate not in rival for c in rival}
     rest = tuple(c for c in choice.named if c is not candidate)
     gains = [choice.errors[names] ** 2 - choice.errors[choice.named] ** 2 for names in (rest, ())]
@@ -166,19 +165,25 @@ def _wheels(body, candidate) -> dict[str, Estimate]:
     }
 
 
-def _estimate(replay, best: Fit | Sizes, candidate, i, ends) -> Estimate:
+def _estimate(case, best: Fit | Sizes, candidate, i, ends) -> Estimate:
     """The Estimate of a coordinate of `best` whose interval ends at `ends`."""
     low, high = candidate.bounds[i]
-    lower, upper = sorted(_size(replay, candidate, i, min(max(end, low), high)) for end in ends)
-    at = _size(replay, candidate, i, best.point[candidate][i])
-    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(best.point, candidate, i))
+    lower, upper = sorted(_size(case.replay, candidate, i, min(max(end, low), high)) for end in ends)
+    at = _size(case.replay, candidate, i, best.point[candidate][i])
+    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(case, best.point, candidate, i))
 
 
-def _on_bound(point: Point, candidate, i) -> bool:
-    """Whether a coordinate was stopped by what is physically possible, or is beyond what makes sense."""
-    low, high = candidate.bounds[i]
-    z, (least, most) = point[candidate][i], candidate.parameters[i].sensible
-    makes_sense = least <= value_of(candidate.parameters[i], z) <= most
+def _on_bound(case, point: Point, candidate, i) -> bool:
+    """Whether a coordinate was stopped by what is physically possible, or is beyond what makes sense.
+
+    A torque that a wheel never had makes none: a friction of that size would have held the wheel.
+    """
+    (low, high), parameter = candidate.bounds[i], candidate.parameters[i]
+    z, (least, most) = point[candidate][i], parameter.sensible
+    value = value_of(parameter, z)
+    makes_sense = least <= value <= most
+    if parameter.scale == "torque" and not parameter.reciprocal:
+        makes_sense &= abs(value) <= max(np.abs(track.command).max() for track in case.prediction.tracks)
     return z != candidate.neutral[i] and (z <= low or z >= high or not makes_sense)
 
 

@@ -1,0 +1,24 @@
+"""What an Explanation says of the sizes that it names."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tried import candidate
+
+from drake_ispace.explain.answer.describe import with_sizes
+from drake_ispace.explain.answer.explanation import Estimate, NamedEffect
+
+TRACK = SimpleNamespace(command=np.array([[0.1, -0.2], [0.05, 0.0]]))
+CASE = SimpleNamespace(replay=SimpleNamespace(known={}), prediction=SimpleNamespace(tracks=[TRACK]))
+
+
+@pytest.mark.parametrize("bump_n_m, on_bound", [(0.19, False), (0.21, True)])
+def test_a_friction_beyond_every_recorded_torque_makes_no_sense(bump_n_m, on_bound):
+    stribeck = candidate("stribeck_friction")
+    numbers = {p.name: Estimate(0.1, (0.05, 0.2), p.unit) for p in stribeck.parameters}
+    effect = NamedEffect("stribeck_friction", "transmission", [], numbers, 1.0, "")
+    sizes = {stribeck: [bump_n_m, 1.0]}
+    (named,) = with_sizes([effect], CASE, sizes, sizes)
+    assert named.parameters["bump_n_m"].on_bound == on_bound
+    assert not named.parameters["speed_rad_s"].on_bound
