@@ -1,5 +1,7 @@
 """The follower holds a model on its measured motion and lets through what the model cannot predict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,3 +80,17 @@ def test_wheels_show_the_body_as_the_geometry_says():
 def test_an_acceleration_becomes_a_force_by_the_mass():
     plant = load_scenario("omni_multirate").omni.plant
     assert robots()["omni"].mass_matrix(plant)[0, 0] == pytest.approx(plant.mass_kg, rel=1e-3)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 0.1])
+def test_a_push_on_the_model_shows_in_its_imu_and_so_with_the_other_sign_in_the_error(height_m):
+    settings, robot = load_scenario("pendulum_multirate").pendulum, robots()["pendulum"]
+    settings = replace(settings, imu=replace(settings.imu, height_m=height_m))
+    plant = robot.followed_plant(settings, settings.plant)
+    context, shown = plant.CreateDefaultContext(), []
+    plant.GetInputPort("torque").FixValue(context, np.zeros(2))
+    for u in np.vstack([np.zeros(3), np.eye(3)]):
+        plant.GetInputPort("ground_force").FixValue(context, robot.mass_matrix(settings.plant) @ u)
+        shown.append(plant.GetOutputPort("body_motion").Eval(context))
+    system = robot.error_system(settings.plant, height_m)
+    assert system.d[2:] == pytest.approx(-(np.array(shown[1:]) - shown[0]).T, abs=1e-9)

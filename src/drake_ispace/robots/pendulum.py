@@ -146,7 +146,7 @@ class Pendulum(Robot):
         c[0, :3], c[1, :3] = (1 / r, half / r, -kappa), (1 / r, -half / r, -kappa)
         c[2] = a[3] + imu_height_m * a[5]
         c[2, 2] -= GRAVITY
-        d[2] = 1.0, 0.0, imu_height_m
+        d[2] = -1.0, 0.0, -imu_height_m
         c[6, 5], c[7, 4] = 1.0, 1.0
         return ErrorSystem(a, np.vstack([np.zeros((3, 3)), np.eye(3)]), c, d)
 
