@@ -73,7 +73,7 @@ class Linear:
     def modulations(self):
         return []
 
-    def classes(self, speeds=None):
+    def classes(self, values, speeds=None):
         return [{}] * RUNS
 
 

@@ -105,9 +105,9 @@ def test_past_speeds_choose_the_moments_and_leave_all_else():
     asked = []
 
     class Watched(Linear):
-        def classes(self, speeds=None):
+        def classes(self, values, speeds=None):
             asked.append(speeds)
-            return super().classes(speeds)
+            return super().classes(values, speeds)
 
     noise = np.random.default_rng(1).standard_normal((RUNS, ROWS))
     far = survey(Watched(noise, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics)

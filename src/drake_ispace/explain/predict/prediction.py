@@ -211,18 +211,21 @@ class Prediction:
                 offset[0, column] = size
                 yield offset
 
-    def classes(self, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
+    def classes(self, values: Values, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
-        Noise differs between rest and motion. Classes below RESTING are not scored.
+        Noise differs between rest and motion. Classes below RESTING are not scored, and with them wheels too slow for
+        the dry friction that the model has with the effects in `values`, unless all are.
 
         speeds: of the wheels from their angles, default `wheel_speeds`.
         """
         speeds, wheels, by_run = speeds or wheel_speeds, self.replay.body.wheels, []
         speeds_of_runs = [np.abs(speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
+        turning = min(self.replay.turning_rad_s(values), edges[-1])
         for track, moving in zip(self.tracks, speeds_of_runs, strict=True):
-            classes = np.searchsorted(edges, moving.min(axis=1))
+            slowest = moving.min(axis=1)
+            classes = np.where(slowest < turning, 0, np.searchsorted(edges, slowest))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0

@@ -30,6 +30,7 @@ from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
+_WHOLE = 2.0  # tanh(2) = 0.96
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,18 @@ class Replay:
         if plant is not self.body.plant or other is not None:
             self._set(numbers, f"{self.body.name}_follower", numbers_of(self.filter(plant, other)))
         return numbers
+
+    def turning_rad_s(self, values: Values) -> float:
+        """The speed of a wheel [rad/s] above which the model with these effects has the dry friction of a turning one.
+
+        The fixed step allows no jump with the sign of the speed. Friction grows over a width around standstill, more
+        slowly than a robot's, and is nearly whole at _WHOLE widths.
+        """
+        numbers = dict(zip(self.rollout.parameter_names, self.parameters(values), strict=True))
+        widths = [numbers.get(f"{self.body.name}_{name}.speed_scale_rad_s", 0.0) for name in self.combined(values)]
+        if numbers.get(f"{self.body.name}_plant.friction.coulomb", 0.0) > 0.0:
+            widths.append(numbers[f"{self.body.name}_plant.friction.speed_scale"])
+        return _WHOLE * max(widths, default=0.0)
 
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with a further force (rows, 3) on the body, along the coordinates of the plant's input `ground_force`

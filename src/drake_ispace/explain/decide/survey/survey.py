@@ -95,7 +95,7 @@ def survey(
     """
     base = prediction.residuals(merged(point), pool)
     view = view_from(prediction, point, candidates, base, pool, generics)
-    likelihood = view.likelihood(base, near) if whitening is None else view.with_noise(whitening, base, near)
+    likelihood = view.likelihood(point, base, near) if whitening is None else view.with_noise(whitening, base, near)
     return _survey(point, view, base, likelihood)
 
 
@@ -111,7 +111,7 @@ def with_past_speeds(survey: Survey) -> Survey:
     Speeds around a moment contain later counts, whose rounding is in the residuals too. Moments at which a wheel has
     just come to rest are scored here, so that sizes are not to be taken from this Survey.
     """
-    whitening = noise_of(survey.view, survey.residuals, speeds=past_speeds)
+    whitening = noise_of(survey.view, survey.point, survey.residuals, speeds=past_speeds)
     likelihood = survey.view.with_noise(whitening, survey.residuals, near=bool(survey.likelihood.memory))
     return _survey(survey.point, survey.view, survey.residuals, likelihood)
 
@@ -157,7 +157,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     point, regression = start, None
     for _ in range(_MOST_TURNS):
         residuals = view.prediction.residuals(merged(point), view.pool)
-        likelihood = view.likelihood(residuals, near=True, start=regression)
+        likelihood = view.likelihood(point, residuals, near=True, start=regression)
         best = fit(likelihood, point)
         moves = [
             abs(best.point[c][i] - point[c][i]) / max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order

@@ -42,12 +42,14 @@ class View:
         changes = Changes(whitening, residuals, self.changes, self.pool)
         return Regression(whitening, Marginal(changes, directions(whitening, residuals, [], self.offsets, self.pool)))
 
-    def likelihood(self, residuals: Residuals, near: bool, start: "Regression | None" = None) -> Likelihood:
-        """The Likelihood of the runs with the noise of these residuals.
+    def likelihood(
+        self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
+    ) -> Likelihood:
+        """The Likelihood of the runs with the noise of these residuals, at `point`.
 
         near: as in `with_noise`. start: as in `noise_of`.
         """
-        return self.with_noise(noise_of(self, residuals, start), residuals, near)
+        return self.with_noise(noise_of(self, point, residuals, start), residuals, near)
 
     def with_noise(
         self, whitening: Whitening, residuals: Residuals, near: bool, flaws: Sequence[Residuals] = ()
@@ -167,15 +169,15 @@ def flaws_of_form(view: View, point: Point) -> list[Residuals]:
 
 
 def noise_of(
-    view: View, residuals: Residuals, start: Regression | None = None, speeds: Speeds | None = None
+    view: View, point: Point, residuals: Residuals, start: Regression | None = None, speeds: Speeds | None = None
 ) -> Whitening:
-    """The noise of the residuals without what the changes and the offsets of `view` explain of them.
+    """The noise of the residuals at `point` without what the changes and the offsets of `view` explain of them.
 
     start: from noise that is nearly right already. Otherwise noise and explanation are learned in turn. If plain least
     squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
     physics. speeds: by which moments are scored, as in `Prediction.classes`.
     """
-    classes = view.prediction.classes(speeds)
+    classes = view.prediction.classes(merged(point), speeds)
     whitening = start.whitening if start else Whitening(residuals, classes)
     for _ in range(1 if start else _ROUNDS):
         amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
