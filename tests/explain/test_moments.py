@@ -42,5 +42,6 @@ def test_a_wheel_too_slow_for_the_models_friction_is_not_scored(prediction, slow
 
 
 def test_however_large_the_friction_is_fast_wheels_are_scored(prediction, slowest):
-    fast = slowest > 0.4 * np.sqrt(np.mean(wheel_speeds(prediction.tracks[0].measured[: prediction.tracks[0].ticks, :4]) ** 2))
+    (track,) = prediction.tracks
+    fast = slowest > 0.4 * np.sqrt(np.mean(wheel_speeds(track.measured[: track.ticks, :4]) ** 2))
     assert fast.any() and scored(prediction, friction(100.0)).tolist() == fast.tolist()
