@@ -81,7 +81,7 @@ def decide(
     known, near_best = (proposals, largest) if decision.end is current else (), partial(survey_at, near=True)
     if doubt is None:
         return _finished(decision, near_best, seed, known)
-    if not doubt.is_resolved_by(decision.named):
+    if not doubt.is_resolved_by(decision):
         return _finished(doubt.decided, near_best, seed)
     finished = _finished(decision, survey_at, seed, known)
     finished.otherwise = doubt.decided if doubt.before.named is None else None

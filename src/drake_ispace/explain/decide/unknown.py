@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P
 from drake_ispace.explain.decide.propose import Proposal, penalty
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, fit
+from drake_ispace.explain.fit.likelihood import fit
 
 _LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off
 _LEAST_LOCAL_GAIN = 120.0  # the same where it has an amplitude for every part of the room
@@ -82,15 +84,30 @@ class Doubt:
         nearest = None if self.leader is None else (self.leader.candidate, self.leader.gain)
         return replace(self.before, unknown=(self.unknown.generic, self.unknown.gain), nearest=nearest)
 
-    def is_resolved_by(self, named: Fit | None) -> bool:
-        """Whether the effects that were named since explain as much, under the same noise."""
-        added = [] if named is None else [c for c in named.point if c not in self.survey.point]
+    def is_resolved_by(self, decision: Decision) -> bool:
+        """Whether the effects that `decision` names explain as much.
+
+        Noise that was learned without effects forgets too little where these are large, and noise that was learned with
+        them favours them. What counts is the mean drop in deviance under both.
+        """
+        added = [] if decision.named is None else [c for c in decision.named.point if c not in self.survey.point]
         if not added:
             return False
-        likelihood = self.survey.likelihood
-        best = fit(likelihood, named.point)
-        drop = likelihood.deviance(self.survey.w) - best.deviance - sum(penalty(c) for c in added)
-        return self.unknown.penalised_drop <= drop + max(MARGIN, _RELATIVE_MARGIN * drop)
+        likelihoods = self.survey.likelihood, decision.end.likelihood
+        named, generic = np.mean([self._drops(one, decision.named.point) for one in likelihoods], axis=0)
+        named -= sum(penalty(c) for c in added)
+        generic -= 2.0 * self.unknown.generic.columns
+        return bool(generic <= named + max(MARGIN, _RELATIVE_MARGIN * named))
+
+    def _drops(self, likelihood, named) -> tuple[float, float]:
+        """Drops in deviance by the effects of `named`, and by the disagreement in their place."""
+        w = likelihood.whitened(self.survey.point)
+        signatures = [s for s in self.survey.view.signatures if s.candidate == self.unknown.candidate]
+        changes = np.stack([likelihood.whitening(s.change) for s in signatures])
+        marginalised = likelihood.marginalised(changes)
+        products = marginalised @ w
+        drop = products @ np.linalg.pinv(changes @ marginalised.T, rcond=1e-8, hermitian=True) @ products
+        return likelihood.deviance(w) - fit(likelihood, named).deviance, float(drop)
 
 
 def better_than(
