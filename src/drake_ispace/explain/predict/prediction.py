@@ -214,8 +214,8 @@ class Prediction:
     def classes(self, values: Values, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
-        Noise differs between rest and motion. Classes below RESTING are not scored, and with them wheels too slow for
-        the dry friction that the model has with the effects in `values`, unless all are.
+        Noise differs between rest and motion. Classes below RESTING are not scored. A wheel too slow for the dry
+        friction that the model has with the effects in `values` is at rest, too, but for the fastest class.
 
         speeds: of the wheels from their angles, default `wheel_speeds`.
         """

@@ -101,7 +101,8 @@ class Replay:
         """
         numbers = dict(zip(self.rollout.parameter_names, self.parameters(values), strict=True))
         widths = [numbers.get(f"{self.body.name}_{name}.speed_scale_rad_s", 0.0) for name in self.combined(values)]
-        if numbers.get(f"{self.body.name}_plant.friction.coulomb", 0.0) > 0.0:
+        own = self.body.robot.friction(self.body.plant)
+        if own.coulomb_n_m > 0.0 and own.model == "smooth":
             widths.append(numbers[f"{self.body.name}_plant.friction.speed_scale"])
         return _WHOLE * max(widths, default=0.0)
 
