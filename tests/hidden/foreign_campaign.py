@@ -60,12 +60,20 @@ def cases(count: int, together: int, seed: int = 16) -> list[Case]:
 def judged(case: Case) -> str:
     """"exact", "right" (all names returned, others too), "partly", "wrong" (a single other name), "missed", "unseen",
     "lost"."""
+    verdict, said = _judged(case)
+    hidden = ", ".join(f"{name} x{factor:.2g}" for name, factor in case.factors.items())
+    print(f"{verdict:7s} {case.robot:8s} {hidden}{said}", flush=True)
+    return verdict
+
+
+def _judged(case) -> tuple[str, str]:
+    """The verdict, and what was said of the case."""
     try:
         *runs, held_out = recordings = case.recordings()
         if all(is_same(*both) for both in zip(recordings, case.recordings(sound=True), strict=True)):
-            return "unseen"
+            return "unseen", ""
     except RobotLost:
-        return "lost"
+        return "lost", ""
     answer = explain(f"{case.robot}_multirate", runs, [held_out])
     sets = [{effect.name, *effect.equivalents} for effect in answer.effects]
     true = set(case.factors)
@@ -76,10 +84,8 @@ def judged(case: Case) -> str:
         verdict = "partly"
     else:
         verdict = "wrong" if answer.verdict == "named" and len(sets) == 1 else "missed"
-    hidden = ", ".join(f"{name} x{factor:.2g}" for name, factor in case.factors.items())
     named = ", ".join(effect.name for effect in answer.effects)
-    print(f"{verdict:7s} {case.robot:8s} {hidden}: {answer.verdict} {named} ({answer.seconds:.0f} s)", flush=True)
-    return verdict
+    return verdict, f": {answer.verdict} {named} ({answer.seconds:.0f} s)"
 
 
 def is_same(one, other) -> bool:

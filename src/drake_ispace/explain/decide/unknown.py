@@ -11,6 +11,7 @@ from drake_ispace.explain.decide.propose import Proposal, penalty
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.directions import amounts_of
 from drake_ispace.explain.fit.likelihood import fit
 
 _LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off
@@ -106,8 +107,8 @@ class Doubt:
         changes = np.stack([likelihood.whitening(s.change) for s in signatures])
         marginalised = likelihood.marginalised(changes)
         products = marginalised @ w
-        drop = products @ np.linalg.pinv(changes @ marginalised.T, rcond=1e-8, hermitian=True) @ products
-        return likelihood.deviance(w) - fit(likelihood, named).deviance, float(drop)
+        drop = float(products @ amounts_of(changes @ marginalised.T, products))
+        return likelihood.deviance(w) - fit(likelihood, named).deviance, drop
 
 
 def better_than(
