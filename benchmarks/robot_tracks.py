@@ -139,14 +139,14 @@ def follow(alike, frames, seed, show=lambda *_: None):
     }
 
 
-def picture(folder, alike, seed):
-    """Save a frame with names, while robots are hidden."""
+def picture(folder, alike, frames, seed):
+    """Save the last of so many frames, with the names of the robots that were found."""
     import cv2
 
     from drake_ispace.vision.footage.overlay import annotate
 
     scores = {}
-    follow(alike, 60, seed, lambda image, eye, found: scores.update(image=annotate(image, eye, found)))
+    follow(alike, frames, seed, lambda image, eye, found: scores.update(image=annotate(image, eye, found)))
     folder.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(folder / "robot_tracks.png"), scores["image"])
 
@@ -179,7 +179,7 @@ def main():
         for kind, alike in (("own patterns", False), ("four look alike", True))
     }
     if asked.figures:
-        picture(asked.figures, False, asked.seed)
+        picture(asked.figures, False, 6 if asked.tiny else 60, asked.seed)
     if asked.json:
         print_json(data)
         return

@@ -85,6 +85,7 @@ def test_the_headline_is_verdict_and_names(script):
     assert script.headline(odd) == "unknown force that goes with time"
 
 
+@pytest.mark.slow
 @needs_history
 def test_a_case_is_made_and_explained_by_the_last_commit_and_by_this_tree():
     done = subprocess.run(

@@ -16,7 +16,8 @@ from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is
 # ------------------------------------------------------------------------------------------------- a few, every time
 
 NAMED = [
-    ("omni", "coulomb_friction", 0.5), ("pendulum", "mass_error", 0.5),
+    ("omni", "coulomb_friction", 0.5),
+    pytest.param("pendulum", "mass_error", 0.5, marks=pytest.mark.slow),
     pytest.param("pendulum", "motor_lag", 1.0, marks=pytest.mark.slow),
     pytest.param("omni", "wheel_radius_error", 1.0, marks=pytest.mark.slow),
     pytest.param("pendulum", "viscous_friction", 1.0, marks=pytest.mark.slow),
@@ -42,6 +43,7 @@ def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
     assert record["closed"] is None or record["closed"] > 0.8
 
 
+@pytest.mark.slow
 def test_an_alarm_in_doubt_is_that_of_the_wheel_it_is_about():
     """Not of another wheel, whose motor leaves nothing like it."""
     runs = [generate("omni", motion, {"weak_motor": {"wheel": 1, "loss": 0.1}}, 20.0, 40 + i)
@@ -62,6 +64,7 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
     """The filter of the nominal one would let it go."""
     effects = {"centre_of_gravity_offset": {"height_m": 0.025}}

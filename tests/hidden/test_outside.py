@@ -30,6 +30,7 @@ def test_an_effect_outside_of_the_library_is_not_called_sound():
     assert answer.verdict in ("incomplete", "unknown"), answer
 
 
+@pytest.mark.slow
 def test_a_motor_that_warms_up_is_no_battery_that_charges():
     answer = told("omni", "motor_warm_up_gain", 0.5, names=None)
     assert answer.verdict == "unknown" and "time" in answer.unknown.driver, answer

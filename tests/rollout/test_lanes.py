@@ -101,6 +101,7 @@ def assert_same_as_alone(name, overrides=(), ticks=200, runs=3):
     return rollout
 
 
+@pytest.mark.slow
 def test_the_omni_robot_with_camera_slip_and_noise_runs_in_lanes(monkeypatch):
     monkeypatch.setattr("drake_ispace.rollout.compile.cache_folder", lambda part: None)  # to look at the code
     rollout = assert_same_as_alone("omni_multirate", [f"omni.plant.{one}" for one in _NOISY], ticks=60)

@@ -55,7 +55,7 @@ def trials(screen: Screen, by_instant: np.ndarray, seed: int) -> np.ndarray:
     largest = []
     for _ in range(0, _REPLICATES, _BATCH):
         signs = 2.0 * generator.integers(0, 2, size=(by_instant.shape[1], _BATCH), dtype=np.int8) - 1.0
-        largest.append(screen.minus_log10_p(by_instant @ signs).max(axis=0))
+        largest.append(screen.largest(by_instant @ signs))
     return np.concatenate(largest)
 
 

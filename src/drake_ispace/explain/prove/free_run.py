@@ -7,6 +7,7 @@ measured motion up to the start of a window, and lets go there. Windows begin at
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -63,7 +64,8 @@ class Windows:
     Attributes:
         starts: (k,) ticks, ascending, a second apart. dense: (q,) ticks, DENSE_S apart, for the shortest horizon.
         lengths: name of a horizon -> ticks. fixes: name of a horizon -> (m, 3) number of the window, and of the fixes
-            at its begin and its end; empty where no place can be predicted.
+            at its begin and its end; empty where no place can be predicted. reckoned: name of a horizon -> (m, 2)
+            numbers of the fixes between which dead reckoning is compared.
         start: (3,) pose from which whole runs begin, estimated from the fixes of the first second. first: tick at which
             a whole run is let go; None: the robot cannot run free as long.
     """
@@ -72,6 +74,7 @@ class Windows:
     dense: np.ndarray
     lengths: Mapping[str, int]
     fixes: Mapping[str, np.ndarray]
+    reckoned: Mapping[str, np.ndarray]
     start: np.ndarray
     first: int | None
 
@@ -82,22 +85,15 @@ class Windows:
 
 
 def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
-    """The windows of run `i`, for every model with which it is compared.
-
-    values: effects of the answer. The start pose is estimated with them, by dead reckoning over the first second: a
-        model that lacks a latency would begin a moving robot where the camera saw it later.
-    """
+    """The windows of run `i`, for every model with which it is compared; values: effects of the answer."""
     track, robot = prediction.tracks[i], prediction.replay.body.robot
     lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
     let_go, end = max(ticks_in(FIRST_S), track.settled), track.ticks - min(lengths.values())
     starts, dense = (np.arange(let_go, end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
-    if len(track.fix_t) < 2:
-        return Windows(starts, dense, lengths, {}, prediction.starts[i][:3], None)
-    reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned
-    first = track.fix_t <= track.fix_t[0] + FIRST_S
-    start = aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
-    if robot.own_dynamics:
-        return Windows(starts, dense, lengths, {}, start, None)
+    start = start_of(prediction, i, values)
+    reckoned = {_name(seconds): pairs(track.fix_t, seconds, SPACING_S) for seconds in HORIZONS_S}
+    if robot.own_dynamics or len(track.fix_t) < 2:
+        return Windows(starts, dense, lengths, {}, reckoned, start, None)
     begins = pairs(track.fix_t, min(HORIZONS_S), SPACING_S)[:, 0]
     begins = begins[track.fix_t[begins] >= let_go * TICK_S]
     fixes = {}
@@ -105,7 +101,21 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
         ends = dict(pairs(track.fix_t, seconds, 0.0).tolist())
         rows = [(k, fix, ends[fix]) for k, fix in enumerate(begins.tolist()) if fix in ends]
         fixes[_name(seconds)] = np.array(rows, int).reshape(-1, 3)
-    return Windows(track.fix_ticks[begins], dense, lengths, fixes, start, let_go)
+    return Windows(track.fix_ticks[begins], dense, lengths, fixes, reckoned, start, let_go)
+
+
+def start_of(prediction: Prediction, i: int, values: Values) -> np.ndarray:
+    """(3,) the pose from which whole runs of run `i` begin.
+
+    values: effects of the answer. The pose is estimated with them, by dead reckoning over the first second: a model
+        that lacks a latency would begin a moving robot where the camera saw it later.
+    """
+    track = prediction.tracks[i]
+    if len(track.fix_t) < 2:
+        return prediction.starts[i][:3]
+    reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned
+    first = track.fix_t <= track.fix_t[0] + FIRST_S
+    return aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
 
 
 def _name(seconds):
@@ -121,8 +131,6 @@ class Simulation:
 
     Attributes:
         poses: (rows, 3) what the camera would report at every tick of the model that is held on the motion.
-        reckoned: (1 + k, 3) the same at t = 0 and at every fix, dead-reckoned: the model's wheels turn as the measured
-            ones.
         innovations: (rows, p) of the filter at every tick.
     """
 
@@ -138,13 +146,17 @@ class Simulation:
             logs = self._segments.run(at, stop, state, self._held)
             self._states[stop], at = tuple(part.copy() for part in state), stop
         self.poses, self.innovations = logs["pose"].copy(), logs["innovation"][1:].copy()
-        self._exact = self._on_measured_wheels(logs["error"][1:])
-        self.reckoned = np.vstack([self._exact[:1], self._at(track.fix_t, self._exact)])
+        self._lags, self._times_s = logs["error"][1:, : replay.body.wheels].copy(), track.fix_t
 
-    def _on_measured_wheels(self, lags):
-        """(rows, 3) the poses, if the wheels did not lag behind the measured ones by `lags` (rows - 1, p) [rad]."""
-        body = self._replay.body
-        behind = np.vstack([np.zeros(3), lags[:, : body.wheels] @ body.plant.geometry.forward.T])
+    @cached_property
+    def reckoned(self) -> np.ndarray:
+        """(1 + k, 3) poses at t = 0 and at every fix, dead-reckoned: the model's wheels turn as the measured ones."""
+        return np.vstack([self._exact[:1], self._at(self._times_s, self._exact)])
+
+    @cached_property
+    def _exact(self):
+        """(rows, 3) the poses, if the wheels did not lag behind the measured ones."""
+        behind = np.vstack([np.zeros(3), self._lags @ self._replay.body.plant.geometry.forward.T])
         return chained(self.poses[0], relative(self.poses[:-1], self.poses[1:]) + np.diff(behind, axis=0))
 
     def ends(self, times_s: np.ndarray, since: int, logs: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -152,7 +164,7 @@ class Simulation:
 
         logs: of the free run.
         """
-        return self._at(times_s, np.vstack([self.poses[:since], logs["pose"][since:]]))
+        return self._at(times_s, self.poses, logs["pose"], since)
 
     def whole(self, times_s: np.ndarray, since: int, logs: Mapping[str, np.ndarray]) -> np.ndarray:
         """(1 + k, 3) the same at t = 0 and at these times; before the tick `since` the model is dead-reckoned."""
@@ -160,12 +172,16 @@ class Simulation:
         path = np.vstack([self._exact[:since], free])
         return np.vstack([path[:1], self._at(times_s, path)])
 
-    def _at(self, times_s, poses):
+    def _at(self, times_s, poses, free=None, since=0):
+        """(k, 3) what the camera reports at these times of poses (rows, 3) at every tick, from `since` on of `free`."""
         k = np.clip((times_s - self._late_s) / TICK_S, 0.0, len(poses) - 2.0)
         low = k.astype(int)
-        step = poses[low + 1] - poses[low]
+        before, after = poses[low], poses[low + 1]
+        if free is not None:
+            before[low >= since], after[low + 1 >= since] = free[low[low >= since]], free[low[low + 1 >= since] + 1]
+        step = after - before
         step[:, 2] = wrap(step[:, 2])
-        return poses[low] + (k - low)[:, None] * step
+        return before + (k - low)[:, None] * step
 
     def free(self, start: int, length: int) -> Mapping[str, np.ndarray]:
         """Logs of the free run of `length` ticks from the tick `start`, one of the stops."""
@@ -178,13 +194,13 @@ class Simulated:
     """What the model does along one run, whatever the fixes say of the place.
 
     Attributes:
-        reckoned: (1 + k, 3) dead-reckoned poses at t = 0 and at the fixes. ends: name of a horizon -> (m, 2, 3) poses
-            of free runs at the fixes at the begin and at the end of each of its windows. path: (1 + k, 3) poses of the
-            whole free run, as `reckoned`; None: there is none. sensed: errors of wheels and IMU. horizons: those that
-            are wanted, None: all.
+        reckoned: (1 + k, 3) dead-reckoned poses at t = 0 and at the fixes; None: not wanted. ends: name of a horizon ->
+            (m, 2, 3) poses of free runs at the fixes at the begin and at the end of each of its windows. path:
+            (1 + k, 3) poses of the whole free run, as `reckoned`; None: there is none. sensed: errors of wheels and
+            IMU. horizons: those that are wanted, None: all.
     """
 
-    reckoned: np.ndarray
+    reckoned: np.ndarray | None
     ends: Mapping[str, np.ndarray]
     path: np.ndarray | None
     sensed: Errors
@@ -226,7 +242,8 @@ def simulate(
         for column, channel in zip(prediction.columns, prediction.labels("motion"), strict=True):
             innovations = simulation.innovations[track.settled : track.ticks, column, None]
             sensed[Measure(PREDICTION, STEP, channel, prediction.unit(channel), driven)] = -innovations
-    return Simulated(simulation.reckoned, ends, path, sensed, horizons)
+    reckoned = simulation.reckoned if horizons is None or {RUN, *windows.reckoned} & set(horizons) else None
+    return Simulated(reckoned, ends, path, sensed, horizons)
 
 
 def _windows(prediction, track, windows, simulation, fixes, lengths):
@@ -260,9 +277,9 @@ def compare(prediction: Prediction, track: Track, windows: Windows, simulated: S
     if {"encoder", "kinect"} <= feeds and len(track.fix_t) > 1:
         if wanted(RUN):
             _add_poses(found, ATE, RUN, WHEELS, _whole(windows, track, simulated.reckoned))
-        for name, rows in ((_name(seconds), pairs(track.fix_t, seconds, SPACING_S).T) for seconds in HORIZONS_S):
+        for name, rows in windows.reckoned.items():
             if wanted(name):
-                of = lambda poses, rows=rows: tuple(poses[row] for row in rows)  # noqa: E731
+                of = lambda poses, rows=rows.T: tuple(poses[row] for row in rows)  # noqa: E731
                 _add_poses(found, RPE, name, WHEELS, relative_errors(of(simulated.reckoned[1:]), of(measured)))
     for name, ends in simulated.ends.items():
         rows = windows.fixes[name].T[1:]

@@ -38,7 +38,7 @@ from drake_ispace.explain.prove.free_run import (
     compare,
     errors,
     rms,
-    windows_of,
+    start_of,
 )
 from drake_ispace.explain.prove.paths import chained, compose, relative
 from drake_ispace.robots.robot import COMMAND
@@ -209,7 +209,7 @@ class Spreads:
                 tracks[i] = track
                 moved = replace(self._prediction, tracks=tracks)
                 if source == SENSORS:  # the start is estimated from noisy fixes
-                    windows = replace(windows, start=windows_of(moved, i, self._values[i]).start)
+                    windows = replace(windows, start=start_of(moved, i, self._values[i]))
                 again = errors(moved, i, windows, self._values[i])
             return {m: again[m] - e for m, e in self.errors[i].items() if m in again and again[m].shape == e.shape}
 

@@ -64,12 +64,19 @@ class Screen:
         many; products: (k,) or (k, trials)."""
         gains = self.gains(products)
         best = []
-        for candidate in self.candidates:
-            indices = self._of[candidate]
-            single = minus_log10_p_of_gain(gains[indices].max(axis=0), 1)
-            several = len(candidate.parameters) > 1
-            best.append(np.maximum(single, self._minus_log10_p_of_all(indices, products)) if several else single)
+        for candidate, indices in self._of.items():
+            found = [minus_log10_p_of_gain(gains[indices].max(axis=0), 1)]
+            found += [minus_log10_p_of_gain(gain, k) for k, gain in self._gains_together(candidate, products)]
+            best.append(np.max(found, axis=0))
         return np.array(best)
+
+    def largest(self, products: np.ndarray) -> np.ndarray:
+        """(trials,) the largest of `minus_log10_p` over all candidates; products: (k, trials)."""
+        gains = {1: self.gains(products).max(axis=0)}
+        for candidate in self.candidates:
+            for k, gain in self._gains_together(candidate, products):
+                gains[k] = np.maximum(gains.get(k, 0.0), gain)
+        return np.max([minus_log10_p_of_gain(gain, k) for k, gain in gains.items()], axis=0)
 
     def start(self, candidate: Candidate, products: np.ndarray) -> list[float]:
         """Coordinates at which a fit of the candidate should begin: its best probe, scaled to fit; products: (k,)."""
@@ -94,19 +101,20 @@ class Screen:
         impossible = (self.one_sided.reshape(shape) & (products < 0.0)) | (self.length < _LEAST).reshape(shape)
         return np.where(impossible, 0.0, gains)
 
-    def _minus_log10_p_of_all(self, indices, products):
-        """-log10 p of all parameters of a candidate together, each by its first signature that the runs show."""
+    def _gains_together(self, candidate, products):
+        """Yield the number of parameters of a candidate and the gain of all together, if the runs show several.
+
+        Each is taken by its first signature that they show.
+        """
         first_of = {}
-        for i in indices:
+        for i in self._of[candidate]:
             if self.length[i] >= _LEAST:
                 first_of.setdefault(self.signatures[i].at, i)
         firsts = list(first_of.values())
-        if len(firsts) < 2:
-            return np.zeros(products.shape[1:])
-        g = products[firsts]
-        gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
-        gain = gain / self.overdispersion[firsts].max()
-        return minus_log10_p_of_gain(gain, len(firsts))
+        if len(firsts) > 1:
+            g = products[firsts]
+            gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
+            yield len(firsts), gain / self.overdispersion[firsts].max()
 
     def joint_drop(self, candidate: Candidate, products: np.ndarray) -> float:
         """Drop in deviance, all signatures of a candidate fitted together; products: (k,)."""
