@@ -24,7 +24,7 @@ from drake_ispace.simulation import simulate
 
 OMNI = Body(robots()["omni"], OmniPlantParameters(), 4)
 PENDULUM = Body(robots()["pendulum"], PendulumPlantParameters(friction=Friction()), 2)
-FORCES = ("turn_scrub", "soft_floor", "quadratic_drag", "floor_tilt")
+FORCES = ("turn_scrub", "soft_floor", "soft_patch", "quadratic_drag", "floor_tilt")
 FIXED_STEP = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=TICK_S, use_error_control=False)
 PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-10, max_step_size=0.05, use_error_control=True)
 
@@ -51,6 +51,20 @@ def test_resistance_points_against_the_motion_in_body_axes():
     assert faster == pytest.approx([2.88, 0.0, 0.0])
     backwards = force("soft_floor", PENDULUM, {"balance": [0.1, -0.3, 1.0, 0.2]}, force_n=2.0)
     assert backwards == pytest.approx([2.0, 0.0, 0.0])
+
+
+def test_a_patch_resists_on_it_alone_and_half_as_much_on_its_edge():
+    patch = {"force_n": 2.0, "x_min_m": 0.0, "x_max_m": 0.9, "y_min_m": -0.7, "y_max_m": 0.4}
+
+    def along(x, y):
+        omni = force("soft_patch", OMNI, {"pose": [x, y, 0.0], "velocity": [0.5, 0.0, 1.0]}, **patch)
+        balance = {"pose": [x, y, 0.0], "balance": [0.1, 0.5, 1.0, 0.2]}
+        assert force("soft_patch", PENDULUM, balance, **patch) == pytest.approx([omni[0], 0.0, 0.0])
+        return omni
+
+    assert along(0.5, 0.0) == pytest.approx([-2.0, 0.0, 0.0])
+    assert along(0.0, 0.0) == pytest.approx([-1.0, 0.0, 0.0]) == along(0.5, 0.4)
+    assert along(-0.3, 0.0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-4) == along(0.5, 0.7)
 
 
 def test_resistance_is_none_at_rest_and_grows_smoothly():

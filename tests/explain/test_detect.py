@@ -54,9 +54,12 @@ def test_a_weak_alarm_is_in_doubt(minus_log10_p, in_doubt):
 
 
 class Body:
-    """A robot of four wheels, as far as effects that choose one ask."""
+    """A robot of four wheels in a room, as far as effects that choose a wheel or a place ask."""
 
-    wheels = 4
+    wheels, room_m = 4, (3.0, 6.0)
+
+
+EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 
 
 def test_an_effect_on_one_wheel_is_a_candidate_for_each():
@@ -64,3 +67,10 @@ def test_an_effect_on_one_wheel_is_a_candidate_for_each():
     found = candidates(effects, Body())
     assert [c.label for c in found] == [f"encoder_lost_counts[{w}]" for w in (1, 2, 3, 4)] + ["camera_scale"]
     assert [c.among for c in found] == [4, 4, 4, 4, 1]
+
+
+def test_an_effect_on_a_part_of_the_room_is_a_candidate_for_each_ninth():
+    found = candidates({"soft_patch": library()["soft_patch"]}, Body())
+    assert [c.among for c in found] == [9] * 9 and len(set(found)) == 9
+    assert found[0].neutral == [0.0, -1.5, -0.5, -3.0, -1.0] and found[-1].neutral == [0.0, 0.5, 1.5, 1.0, 3.0]
+    assert all(set(c.values(c.neutral)) == {"force_n", *EDGES} for c in found)

@@ -12,7 +12,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
 from drake_ispace.explain.decide.survey.screen import Screen
-from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite
+from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised, with_past_speeds
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
@@ -44,6 +44,23 @@ def test_two_parameters_that_are_both_there_say_more_together():
     assert both == pytest.approx([-chi2.logsf(50.0, 2) / np.log(10.0)])
     one = screen.minus_log10_p(products(5.0, 0.0))
     assert one == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
+
+
+def test_the_largest_over_all_candidates_is_that_of_the_one_that_has_it():
+    candidate, products = two_parameters(), np.array([[5.0, 0.0, 1.0], [5.0, 4.0, -1.0], [2.0, 6.0, 0.5]])
+    other = Candidate(candidate.effect, (("wheel", 2),), candidate.parameters[:1])
+    found = [Signature(candidate, [1.0, 1.0], i, False, None) for i in (0, 1)]
+    screen = Screen([*found, Signature(other, [1.0], 0, False, None)], np.eye(3))
+    np.testing.assert_allclose(screen.largest(products), screen.minus_log10_p(products).max(axis=0), rtol=1e-12)
+
+
+def test_what_only_shapes_an_effect_has_no_signature():
+    (cause,) = made("slip")
+    shape = Parameter("where", "m", low=-1.0, high=1.0, probes=(0.1,), shape=True)
+    local = Candidate(cause.effect, (), (*cause.parameters, shape))
+    prediction = Linear(pattern(0), {"slip": pattern(1)})
+    (found,) = signatures(prediction, {}, [local], {}, prediction.residuals({}))
+    assert found.at == 0 and found.z == [1.0, 0.0]
 
 
 def test_two_probes_of_one_parameter_are_no_two_parameters():

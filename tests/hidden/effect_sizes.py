@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from hidden.effects_truth import NEUTRAL, UNKNOWN
+from hidden.effects_truth import EDGES, NEUTRAL, PATCH_M, UNKNOWN
+
+PATCH = dict(zip(EDGES, PATCH_M, strict=True))
 
 _BOTH = {
     "weak_motor": {"wheel": 2, "loss": 0.4},
@@ -45,6 +47,7 @@ TYPICAL = {
         "wheel_toe": {"wheel": 3, "angle_rad": 0.06},
         "turn_scrub": {"moment_n_m": 0.12},
         "soft_floor": {"force_n": 1.0},
+        "soft_patch": {"force_n": 2.5} | PATCH,
         "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.012},
         "directional_friction": {"torque_n_m": 0.015},
         "wheel_drag": {"coefficient_n_m_s2": 0.00015},
@@ -71,6 +74,7 @@ TYPICAL = {
         "wheel_slip": {"gain": 0.9},
         "turn_scrub": {"moment_n_m": 0.06},
         "soft_floor": {"force_n": 0.6},
+        "soft_patch": {"force_n": 2.0} | PATCH,
         "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.02},
         "directional_friction": {"torque_n_m": 0.02},
         "wheel_drag": {"coefficient_n_m_s2": 0.0004},
@@ -93,11 +97,11 @@ TYPICAL = {
 #: For each robot the size of the effects that no library names.
 TYPICAL_UNKNOWN = {
     "omni": {
-        "carpet_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02, "motor_warm_up_gain": 0.5,
+        "ramp_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02, "motor_warm_up_gain": 0.5,
         "cogging": 0.012, "cable_pull": 1.0,
     },
     "pendulum": {
-        "carpet_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03, "motor_warm_up_gain": 0.3,
+        "ramp_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03, "motor_warm_up_gain": 0.3,
         "cogging": 0.015, "cable_pull": 0.4,
     },
 }
@@ -112,7 +116,7 @@ LARGEST_FACTOR = {
 }
 
 _LIMITS = ("limit_n_m", "rate_n_m_s")  # the tighter, the larger the effect
-_KEPT = ("wheel", "speed_rad_s")  # no sizes
+_KEPT = ("wheel", "speed_rad_s", *EDGES)  # no sizes
 
 
 def effects_of(robot: str) -> tuple[str, ...]:

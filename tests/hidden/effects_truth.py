@@ -13,10 +13,12 @@ GRAVITY = 9.80665  # [m/s^2]
 MU = 0.6  # of wheel on carpet, for traction slip
 SLIP_BUILD_UP_S = 0.01
 MOTOR_DRAG = 0.002  # of the motor alone while it crosses the play [N m s/rad]
-PATCH_M = (0.0, 0.9, -0.7, 0.4)  # x_min, x_max, y_min, y_max of the other carpet
+PATCH_M = (0.0, 0.9, -0.7, 0.4)  # x_min, x_max, y_min, y_max of another floor
 CABLE_M = (1.0, 0.8)  # where the cable is tied
 COGS = 12  # torque ripples per turn of a wheel
 WARM_S = 8.0  # time constant of the warm-up
+
+EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 
 ROBOTS = ("omni", "pendulum")
 WHEELS = {"omni": 4, "pendulum": 2}
@@ -42,6 +44,7 @@ _BOTH = {
     "transmission_backlash": {"gap_rad": 0.0},
     "turn_scrub": {"moment_n_m": 0.0},
     "soft_floor": {"force_n": 0.0},
+    "soft_patch": {"force_n": 0.0} | dict(zip(EDGES, PATCH_M, strict=True)),
     "quadratic_drag": {"coefficient_n_s2_m2": 0.0},
     "floor_tilt": {"slope_x_rad": 0.0, "slope_y_rad": 0.0},
     "mass_error": {"share": 0.0},
@@ -88,7 +91,7 @@ NEUTRAL = {
 
 #: Effects that no library names, with the unit of their size.
 UNKNOWN = {
-    "carpet_patch": "N",  # resistance inside of PATCH_M
+    "ramp_patch": "N",  # pull along x of W inside of PATCH_M
     "carpet_patch_slip": "1",  # slip inside of PATCH_M
     "motor_warm_up": "N m",  # Coulomb friction that fades with WARM_S
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
@@ -128,6 +131,8 @@ class Effects(NamedTuple):
     one_way: float
     wheel_drag: float
     patch_n: float
+    patch_m: np.ndarray
+    ramp_n: float
     patch_slip: float
     warm_n_m: float
     warm_gain: float
@@ -201,7 +206,9 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         drag=float(values["quadratic_drag"]["coefficient_n_s2_m2"]),
         one_way=float(values["directional_friction"]["torque_n_m"]),
         wheel_drag=float(values["wheel_drag"]["coefficient_n_m_s2"]),
-        patch_n=sizes["carpet_patch"],
+        patch_n=float(values["soft_patch"]["force_n"]),
+        patch_m=np.array([values["soft_patch"][edge] for edge in EDGES], dtype=float),
+        ramp_n=sizes["ramp_patch"],
         patch_slip=sizes["carpet_patch_slip"],
         warm_n_m=sizes["motor_warm_up"],
         warm_gain=sizes["motor_warm_up_gain"],
@@ -285,8 +292,8 @@ def wheel_torque(wheel, torque, rate, angle, time_s, base_coulomb, base_viscous,
 
 
 @njit(cache=True)
-def in_patch(x, y):
-    return PATCH_M[0] <= x and x <= PATCH_M[1] and PATCH_M[2] <= y and y <= PATCH_M[3]
+def is_in(edges, x, y):
+    return edges[0] <= x and x <= edges[1] and edges[2] <= y and y <= edges[3]
 
 
 @njit(cache=True)
@@ -297,10 +304,11 @@ def ground_force(x, y, vx, vy, mass, e):
     """
     speed = np.sqrt(vx * vx + vy * vy + 4e-6)
     resistance = e.floor_n
-    if in_patch(x, y):
+    if is_in(e.patch_m, x, y):
         resistance += e.patch_n
     brake = resistance / speed + e.drag * speed
-    fx = -brake * vx - mass * GRAVITY * e.slope[0] + e.cable_n_m * (CABLE_M[0] - x)
+    pull = e.ramp_n if is_in(PATCH_M, x, y) else 0.0
+    fx = pull - brake * vx - mass * GRAVITY * e.slope[0] + e.cable_n_m * (CABLE_M[0] - x)
     fy = -brake * vy - mass * GRAVITY * e.slope[1] + e.cable_n_m * (CABLE_M[1] - y)
     return fx, fy
 
@@ -314,5 +322,5 @@ def steady_slip(force, weight_n, gain):
 @njit(cache=True)
 def travelled(speed, ratio, traction, x, y, e):
     """Speed of the robot [m/s] for a wheel-consistent `speed`; driving it lags, braking it slides on."""
-    s = ratio + (e.patch_slip if in_patch(x, y) else 0.0)
+    s = ratio + (e.patch_slip if is_in(PATCH_M, x, y) else 0.0)
     return (1.0 - s) * speed - traction * abs(speed)

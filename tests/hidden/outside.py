@@ -30,7 +30,7 @@ FLAWS = {
 
 #: (robot, effect) -> typical size, channel, variable.
 TYPICAL = {
-    ("omni", "carpet_patch"): (1.2, "encoder", "place"),
+    ("omni", "ramp_patch"): (1.2, "encoder", "place"),
     ("omni", "carpet_patch_slip"): (0.15, "kinect", "place"),
     ("omni", "cable_pull"): (0.8, "encoder", "place"),
     ("omni", "motor_warm_up"): (0.015, "encoder", "time"),
@@ -41,7 +41,7 @@ TYPICAL = {
     ("omni", "mirrored_room"): (1.0, "kinect", "speed"),
     ("omni", "stamp_jitter"): (0.09, "kinect", "speed"),
     ("omni", "encoder_ripple"): (0.05, "encoder", "wheel angle"),
-    ("pendulum", "carpet_patch"): (0.7, "encoder", "place"),
+    ("pendulum", "ramp_patch"): (0.7, "encoder", "place"),
     ("pendulum", "carpet_patch_slip"): (0.12, "kinect", "place"),
     ("pendulum", "cable_pull"): (0.4, "encoder", "place"),
     ("pendulum", "motor_warm_up"): (0.03, "encoder", "time"),

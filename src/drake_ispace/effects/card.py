@@ -21,6 +21,7 @@ class Parameter:
         tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
             deviation): a floor is never level to a tenth of a milliradian, and no model exact.
         sensible: what a robot that drives about may have. A fit may go beyond, but its result is then not named.
+        shape: whether it changes nothing while the other parameters are neutral: where, or at which speed, they act.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     reciprocal: bool = False
     tolerance: float = 0.0
     sensible: tuple[float, float] = (-math.inf, math.inf)
+    shape: bool = False
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ An effect either puts one new block into a wire (`BlockEffect`), or is a wrong n
 """
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,13 +27,14 @@ class Body:
 
     Attributes:
         robot: the one that has the effect. plant: the dataclass of its plant's parameters. wheels: their number.
-        seed: of what is random in its effects.
+        seed: of what is random in its effects. room_m: width and depth of the room, whose middle is the origin of W.
     """
 
     robot: Robot
     plant: Any
     wheels: int
     seed: int = 0
+    room_m: tuple[float, float] = (2.5, 2.0)
 
     @property
     def name(self) -> str:
@@ -44,7 +45,8 @@ class Body:
 def body_of(scenario, robot: Robot) -> Body:
     """The Body of a robot of the scenario."""
     plant = getattr(scenario, robot.name).plant
-    return Body(robot, plant, len(plant.geometry.wheels), scenario.seed)
+    room_m = scenario.space.width_m, scenario.space.depth_m
+    return Body(robot, plant, len(plant.geometry.wheels), scenario.seed, room_m)
 
 
 def ports(body: Body) -> dict[str, int]:
@@ -62,6 +64,8 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     #: Names of whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
     choices: tuple[str, ...] = ()
+    #: Whether it acts in a part of the room, so that `starts` has several; as such it can explain slow noise, too.
+    is_local = False
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.
@@ -79,6 +83,10 @@ class Effect:
     def parameters_of(self, body: Body) -> tuple[Parameter, ...]:
         """The continuous parameters for this body."""
         return self.parameters
+
+    def starts(self, body: Body) -> Sequence[Mapping[str, float]]:
+        """Values of its shape from which a fit tries to begin, each by name."""
+        return ({},)
 
     def scattered(
         self, angles: np.ndarray, values: Mapping[str, float], count_rad: float, generator: np.random.Generator

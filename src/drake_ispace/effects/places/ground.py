@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.functions import cos, sin
+from drake_ispace.blocks.functions import cos, sin, tanh
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
@@ -23,6 +23,7 @@ from drake_ispace.effects.wires import GroundEffect
 from drake_ispace.plants.slip import GRAVITY
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
+_EDGE_M = 0.05  # half of the way on which the robot gets onto a patch
 _AXIS = {"": 0, "_x": 0, "_y": 1}
 
 
@@ -171,6 +172,70 @@ class SoftFloor(GroundEffect):
 
 
 @kernel
+def inside(pose, edges_m):
+    """1 within a rectangle of the floor, 0 outside of it, and between them along its edges.
+
+    edges_m: x_min, x_max, y_min, y_max in W.
+    """
+    x = tanh((pose[0] - edges_m[0]) / _EDGE_M) + tanh((edges_m[1] - pose[0]) / _EDGE_M)
+    y = tanh((pose[1] - edges_m[2]) / _EDGE_M) + tanh((edges_m[3] - pose[1]) / _EDGE_M)
+    return 0.25 * max(x, 0.0) * max(y, 0.0)
+
+
+@kernel
+def resisted_on_patch_planar(ground_force, pose, velocity, force_n, edges_m, scale_m_s, out):
+    here = force_n * inside(pose, edges_m) if force_n != 0.0 else 0.0
+    resisted_planar(ground_force, pose, velocity, here, scale_m_s, out)
+
+
+@kernel
+def resisted_on_patch_balancing(ground_force, pose, balance, force_n, edges_m, scale_m_s, out):
+    here = force_n * inside(pose, edges_m) if force_n != 0.0 else 0.0
+    resisted_balancing(ground_force, balance, here, scale_m_s, out)
+
+
+class SoftPatch(GroundEffect):
+    """F = -F_roll v/|v| on the robot's middle while it is on a rectangle of the floor; of the pendulum on Q_s alone.
+
+    Along the edges the force grows over some 10 cm, as one wheel after the other gets onto the patch.
+    """
+
+    is_local = True
+    card = Card(
+        name="soft_patch", title="Patch of a softer floor", home="ground",
+        equation="F = -F_roll tanh(|v| / v_s) v/|v| for x_min < x < x_max, y_min < y < y_max",
+        source="Fig. 6.3, carpet",
+        signature="an unmodelled force of constant size against the motion in one part of the room, none elsewhere",
+        look_alikes=("soft_floor", "floor_tilt", "coulomb_friction"),
+        excitation="the same motion in several parts of the room, and each part several times: what wears off with "
+        "time is gone when the robot comes back",
+    )
+
+    def parameters_of(self, body):
+        edges = zip(("x_min_m", "x_max_m", "y_min_m", "y_max_m"), (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
+        half = [0.5 * size for size in body.room_m]
+        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5), tolerance=0.02), *(
+            Parameter(name, "m", side * half[axis], -half[axis], half[axis], (-0.1 * side,), shape=True)
+            for name, side, axis in edges
+        ))
+
+    def starts(self, body):
+        """Each of nine parts of the room."""
+        x, y = (np.linspace(-0.5 * size, 0.5 * size, 4).tolist() for size in body.room_m)
+        return tuple(
+            {"x_min_m": x[i], "x_max_m": x[i + 1], "y_min_m": y[j], "y_max_m": y[j + 1]}
+            for i in range(3) for j in range(3)
+        )
+
+    planar, balancing = resisted_on_patch_planar, resisted_on_patch_balancing
+
+    def block_parameters(self, body, values):
+        edges = np.array([values[name] for name in ("x_min_m", "x_max_m", "y_min_m", "y_max_m")])
+        force = values["force_n"]
+        return {"force_n": force, "edges_m": edges, "scale_m_s": ground_scale(body, 0, force)}
+
+
+@kernel
 def dragged_planar(ground_force, pose, velocity, coefficient_n_s2_m2, out):
     c, s = cos(pose[2]), sin(pose[2])
     brake = coefficient_n_s2_m2 * np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
@@ -247,4 +312,4 @@ class FloorTilt(GroundEffect, PlantEffect):
         return {"downhill_m_s2": downhill} | body.robot.weight(body.plant)
 
 
-EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), QuadraticDrag(), FloorTilt())
+EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), SoftPatch(), QuadraticDrag(), FloorTilt())

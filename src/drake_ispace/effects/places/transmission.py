@@ -173,7 +173,7 @@ class StribeckFriction(TorqueEffect):
     )
     parameters = (
         Parameter("bump_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.2), "torque", tolerance=0.04),
-        Parameter("speed_rad_s", "rad/s", 1.0, LEAST_SPEED_RAD_S, math.inf, (0.1, 0.4), "speed"),
+        Parameter("speed_rad_s", "rad/s", 1.0, LEAST_SPEED_RAD_S, math.inf, (0.1, 0.4), "speed", shape=True),
     )
     output = stribeck
 
@@ -244,7 +244,7 @@ class TransmissionBacklash(WheelAngleEffect):
     )
     parameters = (
         Parameter("gap_rad", "rad", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=2e-3),
-        Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (500.0,)),
+        Parameter("rate_rad_s_n_m", "rad/(s*N*m)", 1000.0, 10.0, 1e5, (500.0,), shape=True),
     )
     output, update = motor_angle, lead
 

@@ -176,7 +176,8 @@ def _estimate(case, best: Fit | Sizes, candidate, i, ends) -> Estimate:
 def _on_bound(case, point: Point, candidate, i) -> bool:
     """Whether a coordinate was stopped by what is physically possible, or is beyond what makes sense.
 
-    A torque that a wheel never had makes none: a friction of that size would have held the wheel.
+    A torque that a wheel never had makes none: a friction of that size would have held the wheel. A part of the room
+    may reach up to its walls.
     """
     (low, high), parameter = candidate.bounds[i], candidate.parameters[i]
     z, (least, most) = point[candidate][i], parameter.sensible
@@ -184,7 +185,8 @@ def _on_bound(case, point: Point, candidate, i) -> bool:
     makes_sense = least <= value <= most
     if parameter.scale == "torque" and not parameter.reciprocal:
         makes_sense &= abs(value) <= max(np.abs(track.command).max() for track in case.prediction.tracks)
-    return z != candidate.neutral[i] and (z <= low or z >= high or not makes_sense)
+    at_a_wall = candidate.effect.is_local and parameter.shape
+    return z != candidate.neutral[i] and not at_a_wall and (z <= low or z >= high or not makes_sense)
 
 
 def _size(replay, candidate, i, z) -> float:

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from drake_ispace.effects.card import Parameter
@@ -20,13 +20,13 @@ class Cause(Protocol):
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect with every choice made.
+    """An effect with every choice made, and the place at which its fit begins.
 
     Attributes:
         effect: of the library, or a Generic disagreement.
         choices: (name, wheel number from 1) of each choice.
         parameters: those that a fit moves; coordinates are in their order.
-        among: number of ways in which the choices can be made.
+        among: number of ways in which the choices, and the place at which the fit begins, can be made.
     """
 
     effect: Cause
@@ -75,12 +75,14 @@ def value_of(parameter: Parameter, at: float) -> float:
 
 
 def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:
-    """A Candidate for every effect with every choice of wheels."""
+    """A Candidate for every effect with every choice of wheels and every place at which a fit may begin."""
     result = []
     for effect in effects.values():
         wheels = [[(name, w) for w in range(1, body.wheels + 1)] for name in effect.choices]
-        every = list(itertools.product(*wheels))
-        result += [Candidate(effect, picked, effect.parameters_of(body), len(every)) for picked in every]
+        every = list(itertools.product(itertools.product(*wheels), effect.starts(body)))
+        for picked, start in every:
+            parameters = tuple(replace(p, neutral=start.get(p.name, p.neutral)) for p in effect.parameters_of(body))
+            result.append(Candidate(effect, picked, parameters, len(every)))
     return result
 
 

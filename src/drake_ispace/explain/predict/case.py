@@ -53,14 +53,16 @@ class Case:
     def effects_to_try(self) -> dict[str, Effect]:
         """Name -> effect that the predictions depend on: without torque, those of geometry, encoders and camera.
 
-        An effect that the model has already is tried as a further one on top of it, unless it selects a wheel or is a
-        limit, for which there is no sum.
+        An effect that the model has already is tried as a further one on top of it, unless it selects a wheel, acts in
+        a part of the room, or is a limit, for which there is no sum.
         """
         body, known = self.replay.body, self.replay.known
         kinematic = not self.prediction.channels["motion"] and body.robot.driven == TORQUE and body.robot.in_room
         return {
             name: effect for name, effect in self.replay.effects.items() if (effect.kinematic or not kinematic)
-            and not (name in known and (effect.choices or any(p.reciprocal for p in effect.parameters_of(body))))
+            and not (name in known and (
+                effect.choices or effect.is_local or any(p.reciprocal for p in effect.parameters_of(body))
+            ))
         }
 
 

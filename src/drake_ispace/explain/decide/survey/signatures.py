@@ -43,13 +43,18 @@ def signatures(
         changes = difference(base, prediction.residuals(merged({**point, candidate: z})))
         if not is_finite(changes):
             return None
-        neutral = candidate.neutral
-        at = next((i for i in range(len(z)) if z[i] != neutral[i]), 0)
-        low, high = candidate.bounds[at]
-        return Signature(candidate, z, at, low >= neutral[at] or high <= neutral[at], changes)
+        at = moved(candidate, z)
+        neutral, (low, high) = candidate.neutral[at], candidate.bounds[at]
+        return Signature(candidate, z, at, low >= neutral or high <= neutral, changes)
 
     tried = [(candidate, z) for candidate in candidates for z in probes(candidate, scales)]
+    tried = [(candidate, z) for candidate, z in tried if not candidate.parameters[moved(candidate, z)].shape]
     return [found for found in (pool.map if pool else map)(signature, tried) if found is not None]
+
+
+def moved(candidate: Candidate, z: Sequence[float]) -> int:
+    """Index of the first coordinate that is not neutral; 0 if all are."""
+    return next((i for i, (value, neutral) in enumerate(zip(z, candidate.neutral, strict=True)) if value != neutral), 0)
 
 
 def difference(before: Residuals, after: Residuals) -> Residuals:

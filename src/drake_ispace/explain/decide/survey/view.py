@@ -95,7 +95,7 @@ def view_from(
     others = [c for c in candidates if c.name not in named]
     sizes = {c: _sizes(c, scales) for c in candidates}
     tested = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
-    steady = [s.change for s in tested if not getattr(s.candidate.effect, "is_local", False)]
+    steady = [s.change for s in tested if not s.candidate.effect.is_local]
     noise, timing = (
         [difference(other, base) for other in assumed(merged(point))]
         for assumed in (prediction.under_other_noise, prediction.under_other_timing)
