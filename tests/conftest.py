@@ -13,6 +13,13 @@ from pathlib import Path
 # times as long. The variable is read when NumPy is imported, here and in every program that a test starts.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Workers that share the cores evenly do not take turns on them.
+if "PYTEST_XDIST_WORKER" in os.environ and hasattr(os, "sched_setaffinity"):
+    number, count = int(os.environ["PYTEST_XDIST_WORKER"][2:]), int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+    own = sorted(os.sched_getaffinity(0))[number::count]
+    if own:
+        os.sched_setaffinity(0, own)
+
 import hypothesis
 import numpy as np
 import pytest

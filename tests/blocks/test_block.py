@@ -107,8 +107,8 @@ def value(block, port, **inputs):
 
 
 def test_argument_names_are_read_without_out():
-    assert arguments(scaled) == ["signal", "gain"]
-    assert arguments(kernel(scaled)) == ["signal", "gain"]
+    assert arguments(scaled) == ("signal", "gain")
+    assert arguments(kernel(scaled)) == ("signal", "gain")
 
 
 def test_a_kernel_reads_the_port_and_the_parameter_of_its_argument_names():

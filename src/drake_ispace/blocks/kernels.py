@@ -216,6 +216,7 @@ def plain(compiled: Callable) -> Callable:
     return types.FunctionType(function.__code__, names, function.__name__, function.__defaults__)
 
 
-def arguments(function: Callable) -> list[str]:
+@functools.cache
+def arguments(function: Callable) -> tuple[str, ...]:
     """Return the names of a kernel's arguments without the last one, `out`."""
-    return list(inspect.signature(getattr(function, "py_func", function)).parameters)[:-1]
+    return tuple(inspect.signature(getattr(function, "py_func", function)).parameters)[:-1]

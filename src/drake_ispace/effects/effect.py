@@ -7,6 +7,7 @@ An effect either puts one new block into a wire (`BlockEffect`), or is a wrong n
 import abc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,11 @@ class Body:
     def name(self) -> str:
         """Name of the robot, with which the names of its blocks begin."""
         return self.robot.name
+
+    @cached_property
+    def friction_slopes(self) -> tuple[float, float]:
+        """As of `Robot.friction_slopes`."""
+        return self.robot.friction_slopes(self.plant)
 
 
 def body_of(scenario, robot: Robot) -> Body:

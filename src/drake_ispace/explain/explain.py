@@ -26,6 +26,7 @@ Of a plant of the user's own (OwnModel) whose runs last less than a second there
 simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
 """
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -53,7 +54,8 @@ from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.scenario import Scenario, as_scenario
 
-_THREADS = 2
+#: More than the cores that this process may use would only take turns.
+_THREADS = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2)
 
 
 def explain(

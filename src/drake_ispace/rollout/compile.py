@@ -9,6 +9,7 @@ import shutil
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numba
@@ -108,10 +109,14 @@ class Rollout:
             InputError: no parameter of that name.
         """
         try:
-            return self.parameter_names.index(name)
-        except ValueError:
+            return self._places[name]
+        except KeyError:
             known = expected_one_of(name, self.parameter_names)
             raise InputError(f"there is no parameter {shown(name)}, {known}") from None
+
+    @cached_property
+    def _places(self):
+        return {name: i for i, name in enumerate(self.parameter_names)}
 
     def with_seed(self, seed: int, parameters=None) -> np.ndarray:
         """The parameters with every random stream under another seed."""

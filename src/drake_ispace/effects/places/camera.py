@@ -259,9 +259,9 @@ class CameraDropouts(PoseEffect):
     replayed = False
 
     card = Card(
-        name="camera_dropouts", title="Camera dropouts", home="camera",
+        name="camera_dropouts", title="Camera dropouts and lost packets", home="camera",
         equation="not seen at a vision instant with the probability share",
-        source="hidden markers, glare, frames lost on the way",
+        source="hidden markers, glare, packets lost between room and robot, which a recording cannot tell from them",
         signature="fixes that are missing in the recording: their count alone gives the share; between fixes the "
         "estimate drifts longer, with no direction of its own",
         look_alikes=("camera_latency", "clock_offset"),

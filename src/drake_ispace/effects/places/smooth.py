@@ -36,7 +36,7 @@ def dry(size, rate, width):
 
 def slope_left(body: Body) -> float:
     """Slope of friction [N m s/rad] that the step allows beyond the plant's own; infinite without torque."""
-    left, most = body.robot.friction_slopes(body.plant)
+    left, most = body.friction_slopes
     return max(left, _LEAST_SHARE * most)
 
 

@@ -86,7 +86,7 @@ class Replay:
             if effect.wire == "fix" and "offset_s" in full:
                 self._set(numbers, f"{self.body.name}_view", {"offset_s": full["offset_s"]})
             else:
-                self._set(numbers, f"{self.body.name}_{name}", effect.spec(self.body, full).parameters)
+                self._set(numbers, f"{self.body.name}_{name}", effect.block_parameters(self.body, full))
         if plant is not self.body.plant:
             self._set(numbers, f"{self.body.name}_plant", self.body.robot.block_parameters(plant))
         if plant is not self.body.plant or other is not None:
