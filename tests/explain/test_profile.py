@@ -55,6 +55,16 @@ def test_it_ends_at_a_bound_where_nothing_objects():
     assert (low, high) == candidate("wheel_slip").bounds[0]
 
 
+def test_it_goes_on_where_the_deviance_is_level_around_the_best():
+    """As an edge of a patch that lies where no run went: it may be anywhere from there on."""
+    def residuals(z):
+        return 100.0 * np.minimum(z[0] - 0.4, 0.0) * np.ones(3)
+
+    low, best, high = interval("wheel_slip", residuals, [0.6, 0.2])
+    assert (best, high) == (0.6, candidate("wheel_slip").bounds[0][1])
+    assert low == pytest.approx(0.4 - 1.645 / np.sqrt(3.0) / 100.0, abs=0.01)
+
+
 def test_a_model_that_runs_away_ends_it():
     def residuals(z):
         return np.full(3, np.nan) if z[0] > 0.0105 else 20.0 * (z[0] - 0.01) * np.ones(3)

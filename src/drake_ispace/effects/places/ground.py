@@ -214,17 +214,17 @@ class SoftPatch(GroundEffect):
     def parameters_of(self, body):
         edges = zip(("x_min_m", "x_max_m", "y_min_m", "y_max_m"), (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
         half = [0.5 * size for size in body.room_m]
-        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5), tolerance=0.02), *(
+        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5)), *(
             Parameter(name, "m", side * half[axis], -half[axis], half[axis], (-0.1 * side,), shape=True)
             for name, side, axis in edges
         ))
 
     def starts(self, body):
-        """Each of nine parts of the room."""
+        """Each ninth of the room, and each four of them around an inner corner."""
         x, y = (np.linspace(-0.5 * size, 0.5 * size, 4).tolist() for size in body.room_m)
         return tuple(
-            {"x_min_m": x[i], "x_max_m": x[i + 1], "y_min_m": y[j], "y_max_m": y[j + 1]}
-            for i in range(3) for j in range(3)
+            {"x_min_m": x[i], "x_max_m": x[i + n], "y_min_m": y[j], "y_max_m": y[j + n]}
+            for n in (1, 2) for i in range(4 - n) for j in range(4 - n)
         )
 
     planar, balancing = resisted_on_patch_planar, resisted_on_patch_balancing

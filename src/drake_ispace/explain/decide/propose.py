@@ -20,8 +20,9 @@ class Proposal:
 
     Attributes:
         candidate: the effect. fit: of it and the effects that the model has. gain: drop in deviance over the
-            overdispersion; noise alone gains about 1 per parameter. penalised_drop: drop in deviance by its signatures
-            less the complexity penalty; to compare with a generic disagreement. minus_log10_p: of the gain.
+            overdispersion; noise alone gains about 1 per parameter. penalised_drop: drop in deviance by its signatures,
+            or by its fit where it acts in a part of the room, less the complexity penalty; to compare with a generic
+            disagreement. minus_log10_p: of the gain.
     """
 
     candidate: Candidate
@@ -47,8 +48,9 @@ def proposals_of(survey: Survey) -> list[Proposal]:
         drop = max(base - fitted.deviance, 0.0)
         gain = drop / screen.overdispersion_of(candidate)
         clear = min(minus_log10_p, minus_log10_p_of_gain(gain, len(candidate.parameters)))
-        penalised_drop = min(drop, screen.joint_drop(candidate, survey.products)) - penalty(candidate)
-        proposals.append(Proposal(candidate, fitted, gain, penalised_drop, clear))
+        if not candidate.effect.is_local:  # whose signature is that of the place at which the fit began
+            drop = min(drop, screen.joint_drop(candidate, survey.products))
+        proposals.append(Proposal(candidate, fitted, gain, drop - penalty(candidate), clear))
     return proposals
 
 

@@ -22,6 +22,7 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
 _STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
+_LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _HALVINGS = 6  # of a start at which the model runs away
 _DAMPINGS = 6  # tried in an iteration
 
@@ -181,7 +182,7 @@ def fit(
             break
     slopes = likelihood.slopes(point, order, w)
     normal = slopes @ likelihood.marginalised(slopes).T
-    return Fit(point, deviance, np.linalg.pinv(normal, rcond=1e-10), order, w)
+    return Fit(point, deviance, _inverse(normal), order, w)
 
 
 def fits(likelihood: Likelihood, starts: Sequence[Point], iterations: int = 12) -> list[Fit]:
@@ -190,6 +191,12 @@ def fits(likelihood: Likelihood, starts: Sequence[Point], iterations: int = 12) 
     alone.pool = None  # a thread that waits for others of its pool could wait forever
     pool = likelihood.pool
     return list((pool.map if pool else map)(lambda start: fit(alone, start, iterations), starts))
+
+
+def _inverse(normal):
+    """(k, k) covariance for a normal matrix; large along whatever the deviance does not depend on."""
+    values, vectors = np.linalg.eigh(normal)
+    return vectors / np.maximum(values, _LEVEL * max(values[-1], 1.0)) @ vectors.T
 
 
 def _free(point, order, gradient):
