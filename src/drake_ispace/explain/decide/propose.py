@@ -7,6 +7,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
+from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fits
 
@@ -41,8 +42,11 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
-    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
-    starts = [{**survey.point, candidate: screen.start(candidate, survey.products)} for candidate, _ in clearest]
+    clearest = [(c, value) for c, value in _each_once(clearest_effects(survey)) if value >= LEAST_MINUS_LOG10_P]
+    starts = [
+        {**survey.point, candidate: start_in_room(survey, candidate) if candidate.effect.is_local
+         else screen.start(candidate, survey.products)} for candidate, _ in clearest
+    ]
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, fits(likelihood, starts), strict=True):
         drop = max(base - fitted.deviance, 0.0)
@@ -59,6 +63,16 @@ def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
     found = survey.minus_log10_p
     ranked = [(survey.screen.candidates[i], found[i]) for i in np.argsort(-found)]
     return [(candidate, value) for candidate, value in ranked if not isinstance(candidate.effect, Generic)]
+
+
+def _each_once(ranked):
+    """The first of them, each effect that acts in a part of the room once: its fit goes on from where it is best."""
+    names, found = set(), []
+    for candidate, value in ranked:
+        if not candidate.effect.is_local or candidate.name not in names:
+            found.append((candidate, value))
+        names.add(candidate.name)
+    return found[:SHORTLIST]
 
 
 def penalty(candidate: Candidate) -> float:
