@@ -76,5 +76,5 @@ def _each_once(ranked):
 
 
 def penalty(candidate: Candidate) -> float:
-    """Complexity penalty in deviance: 2 per parameter, and 2 ln n for a free choice among n wheels."""
+    """Complexity penalty in deviance: 2 per parameter, and 2 ln n for a free choice among n wheels or places."""
     return 2.0 * len(candidate.parameters) + 2.0 * np.log(candidate.among)
