@@ -24,6 +24,7 @@ from drake_ispace.plants.slip import GRAVITY
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
 _EDGE_M = 0.05  # half of the way on which the robot gets onto a patch
+_EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 _AXIS = {"": 0, "_x": 0, "_y": 1}
 
 
@@ -212,7 +213,7 @@ class SoftPatch(GroundEffect):
     )
 
     def parameters_of(self, body):
-        edges = zip(("x_min_m", "x_max_m", "y_min_m", "y_max_m"), (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
+        edges = zip(_EDGES, (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
         half = [0.5 * size for size in body.room_m]
         return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5)), *(
             Parameter(name, "m", side * half[axis], -half[axis], half[axis], (-0.1 * side,), shape=True)
@@ -223,15 +224,14 @@ class SoftPatch(GroundEffect):
         """Each ninth of the room, and each four of them around an inner corner."""
         x, y = (np.linspace(-0.5 * size, 0.5 * size, 4).tolist() for size in body.room_m)
         return tuple(
-            {"x_min_m": x[i], "x_max_m": x[i + n], "y_min_m": y[j], "y_max_m": y[j + n]}
+            dict(zip(_EDGES, (x[i], x[i + n], y[j], y[j + n]), strict=True))
             for n in (1, 2) for i in range(4 - n) for j in range(4 - n)
         )
 
     planar, balancing = resisted_on_patch_planar, resisted_on_patch_balancing
 
     def block_parameters(self, body, values):
-        edges = np.array([values[name] for name in ("x_min_m", "x_max_m", "y_min_m", "y_max_m")])
-        force = values["force_n"]
+        force, edges = values["force_n"], np.array([values[name] for name in _EDGES])
         return {"force_n": force, "edges_m": edges, "scale_m_s": ground_scale(body, 0, force)}
 
 
