@@ -64,6 +64,12 @@ def test_two_effects_are_both_named():
     assert gains(decision)["tilt"] > gains(decision)["lag"] > 50.0
 
 
+def test_a_further_effect_that_the_runs_contradict_is_not_named():
+    measured = noise() + 0.8 * SHAPES["tilt"]
+    assert set(sizes(decided(measured + 0.25 * SHAPES["lag"]))) == {"tilt", "lag"}
+    assert set(sizes(decided(measured + [[0.9], [-0.2]] * SHAPES["lag"]))) == {"tilt"}
+
+
 def test_every_step_is_told():
     messages = []
     decide(Linear(noise() + SHAPES["lag"], SHAPES), made(*SHAPES), 0, None, messages.append, no_generics)
@@ -125,6 +131,13 @@ def test_a_look_alike_that_is_clearly_worse_is_ruled_out():
     like = SHAPES["tilt"] + 0.4 * pattern(7)
     decision = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": like})
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == []
+
+
+def test_a_look_alike_that_one_of_two_runs_prefers_is_not_ruled_out():
+    apart = 0.4 * pattern(7)
+    runs_differ = np.array([[-0.6], [0.8]]) * apart  # how far each run lies from the tilt towards the scale
+    decision = decided(noise() + 0.8 * (SHAPES["tilt"] + runs_differ), SHAPES | {"scale": SHAPES["tilt"] + apart})
+    assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == ["scale"]
 
 
 def test_each_of_two_named_effects_has_its_own_rivals():

@@ -42,11 +42,8 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
-    clearest = [(c, value) for c, value in _each_once(clearest_effects(survey)) if value >= LEAST_MINUS_LOG10_P]
-    starts = [
-        {**survey.point, candidate: start_in_room(survey, candidate) if candidate.effect.is_local
-         else screen.start(candidate, survey.products)} for candidate, _ in clearest
-    ]
+    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
+    starts = [{**survey.point, candidate: start_of(survey, candidate)} for candidate, _ in clearest]
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, fits(likelihood, starts), strict=True):
         drop = max(base - fitted.deviance, 0.0)
@@ -59,20 +56,24 @@ def proposals_of(survey: Survey) -> list[Proposal]:
 
 
 def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
-    """(effect of the library, -log10 p of its score test), the largest first."""
-    found = survey.minus_log10_p
-    ranked = [(survey.screen.candidates[i], found[i]) for i in np.argsort(-found)]
-    return [(candidate, value) for candidate, value in ranked if not isinstance(candidate.effect, Generic)]
+    """(effect of the library, -log10 p of its score test), the largest first.
+
+    An effect that acts in a part of the room comes once: its fit goes on from where it explains most.
+    """
+    found, ranked, names = survey.minus_log10_p, [], set()
+    for i in np.argsort(-found):
+        candidate = survey.screen.candidates[i]
+        if not isinstance(candidate.effect, Generic) and not (candidate.effect.is_local and candidate.name in names):
+            ranked.append((candidate, found[i]))
+            names.add(candidate.name)
+    return ranked
 
 
-def _each_once(ranked):
-    """The first of them, each effect that acts in a part of the room once: its fit goes on from where it is best."""
-    names, found = set(), []
-    for candidate, value in ranked:
-        if not candidate.effect.is_local or candidate.name not in names:
-            found.append((candidate, value))
-        names.add(candidate.name)
-    return found[:SHORTLIST]
+def start_of(survey: Survey, candidate: Candidate) -> list[float]:
+    """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
+    if candidate.effect.is_local:
+        return start_in_room(survey, candidate)
+    return survey.screen.start(candidate, survey.products)
 
 
 def penalty(candidate: Candidate) -> float:

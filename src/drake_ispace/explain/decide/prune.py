@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
-from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects
+from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, start_of
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit, fits
@@ -18,9 +19,9 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     """The Decision with no more effects than needed, and with its `gains`.
 
     A single effect takes the place of all named ones if it does as well. Else the effect whose loss the others make
-    up for best is taken away, as long as the deviance hardly rises, or what it explains is next to nothing beside what
-    all of them explain of every sensor. Such a trace stays only if two runs show it, each by itself, and if it is no
-    flaw in the form of the others.
+    up for best is taken away, as long as the deviance hardly rises, or rises in some runs and falls in others, or what
+    it explains is next to nothing beside what all of them explain of every sensor. Such a trace stays only if two runs
+    show it, each by itself, and if it is no flaw in the form of the others.
 
     survey_at: `survey` of these runs, called with a point.
     """
@@ -30,7 +31,10 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     while len(decision.named.point) > 1:
         rests = without_each(decision.end, decision.named)
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
-        needless = [effect for effect, rise in rises.items() if rise <= _LEAST_RISE]
+        needless = [
+            effect for effect, rest in rests.items()
+            if rises[effect] <= max(_LEAST_RISE, MARGIN * scatter(decision.end, decision.named, rest))
+        ]
         needless = needless or [e for e in _next_to_nothing(decision, rests) if not _is_shown(decision, rests[e], e)]
         if not needless:
             decision.gains = rises
@@ -75,10 +79,7 @@ def _one_for_all(decision) -> Point | None:
     Of two wheels, one that is larger can first be named as two effects: both are larger, and the other is smaller.
     """
     start, likelihood = decision.start, decision.end.likelihood
-    singles = [
-        {candidate: start.screen.start(candidate, start.products)}
-        for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]
-    ]
+    singles = [{candidate: start_of(start, candidate)} for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]]
     best = min(fits(likelihood, singles, iterations=6), key=lambda single: single.deviance)
     return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
 

@@ -1,7 +1,8 @@
 """Rivals: look-alikes that these runs cannot tell from a named effect."""
 
+from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
-from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty
+from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty, start_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import fits
 
@@ -11,7 +12,7 @@ _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no loo
 
 def rivals_of(decision: Decision) -> dict[Candidate, list[Rival]]:
     """Named effect -> its rivals. Each look-alike is fitted in its place, with the other named effects, under the noise
-    of the end."""
+    of the end. How far it is behind counts in units of how its lead scatters over the runs."""
     return {effect: _rivals(decision, effect) for effect in decision.named.point}
 
 
@@ -25,10 +26,11 @@ def _rivals(decision, effect) -> list[Rival]:
         if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
         and screen.knows(effect) and screen.alike(effect, other) >= _LEAST_LIKENESS
     ]
-    starts = [{**rest, other: screen.start(other, start.products)} for other in others]
+    starts = [{**rest, other: start_of(start, other)} for other in others]
     rivals = []
     for other, fitted in zip(others, fits(decision.end.likelihood, starts, iterations=6), strict=True):
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        if behind < margin and all(rival.candidate.name != other.name for rival in rivals):
+        limit = margin * scatter(decision.end, named, fitted)
+        if behind < limit and all(rival.candidate.name != other.name for rival in rivals):
             rivals.append(Rival(other, behind))
     return rivals

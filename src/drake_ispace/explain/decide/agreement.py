@@ -1,0 +1,23 @@
+"""How well runs agree on which of two fits comes nearer to the robot."""
+
+import numpy as np
+
+from drake_ispace.explain.decide.survey.survey import Survey
+from drake_ispace.explain.fit.likelihood import Fit
+
+
+def scatter(survey: Survey, better: Fit, other: Fit) -> float:
+    """By how much leads of one fit over another scatter more than noise makes them; at least 1.
+
+    Were the better fit right, its lead in a run would be l, the squared distance of the fits in that run, within a
+    variance of 4 l. A robot of another form lies nearer to one fit in some runs and to the other one in others, or
+    between the two in all of them. Leads then say less, as if the variance of the noise were larger by this factor.
+
+    survey: gives the noise, under which both were fitted.
+    """
+    likelihood, runs = survey.likelihood, survey.runs
+    apart = other.w - better.w
+    distances = np.bincount(runs, apart * likelihood.marginalised(apart))
+    leads = np.bincount(runs, likelihood.parts(other.w) - likelihood.parts(better.w))
+    excess, usual = leads - distances, 4.0 * max(float(distances.sum()), 1e-300)
+    return max(1.0, float(np.sum(excess**2)) / usual, float(np.sum(excess)) ** 2 / usual)
