@@ -201,6 +201,12 @@ def test_an_effect_that_is_small_beside_the_first_is_named():
     assert set(sizes(decided(noise() + GREAT + SMALL))) == {"tilt", "lag"}
 
 
+def test_an_effect_that_is_too_small_to_be_named_is_left_over():
+    decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.14 * SHAPES["lag"])
+    assert list(sizes(decision)) == ["tilt"] and decision.left_over.gain < LEAST_FURTHER
+    assert decision.left_over.candidate.name == "lag" and not decision.left_over.is_more
+
+
 def test_a_flaw_of_its_form_is_no_further_effect():
     """What goes with the first effect times another signal is a few per cent of it, or an effect of its own."""
     flawed = SimpleNamespace(by=SHAPES["tilt"] * SHAPES["lag"])  # times tilt: lag

@@ -3,8 +3,8 @@
     python -m hidden.foreign_campaign --single 60 --pairs 40      (in the folder tests)
 
 prints a line a case as it ends, then the shares. An effect of its own is right if its name is returned, alone or in the
-set, and wrong if another single effect is named. It is unseen if the data are those of the sound robot, bit for bit. A
-pair is exact if both are named, and nothing else. Sizes of pairs are up to 1 : 20, in units of the typical one. Effects
+set, and wrong if another single effect is named. A case is unseen if the data are the same without one of its effects,
+bit for bit. A pair is exact if both are named, and nothing else. Sizes of pairs are up to 1 : 20, in units of the typical one. Effects
 on slip are left out: there the contacts make it.
 """
 
@@ -32,9 +32,9 @@ class Case:
     motions: tuple[str, ...]
     seed: int
 
-    def recordings(self, sound: bool = False) -> list:
-        """Its runs; sound: those of the robot without its effects."""
-        factors = {} if sound else self.factors
+    def recordings(self, without: str = "") -> list:
+        """Its runs; without: the name of an effect that is not hidden in them."""
+        factors = {name: factor for name, factor in self.factors.items() if name != without}
         effects = {name: scaled(name, self.robot, factor) for name, factor in factors.items()}
         return [
             generate(self.robot, motion, effects, 20.0, 100 * self.seed + i, physics=FOREIGN)
@@ -70,8 +70,9 @@ def _judged(case) -> tuple[str, str]:
     """The verdict, and what was said of the case."""
     try:
         *runs, held_out = recordings = case.recordings()
-        if all(is_same(*both) for both in zip(recordings, case.recordings(sound=True), strict=True)):
-            return "unseen", ""
+        for name in case.factors:
+            if all(is_same(*both) for both in zip(recordings, case.recordings(without=name), strict=True)):
+                return "unseen", f": {name}"
     except RobotLost:
         return "lost", ""
     answer = explain(f"{case.robot}_multirate", runs, [held_out])

@@ -15,7 +15,7 @@ from drake_ispace.explain.decide.unknown import generic_proposals
 def left_over(
     decision: Decision, seed: int, proposals: Sequence[Proposal] | None = None, largest: np.ndarray | None = None
 ) -> LeftOver | None:
-    """The clearest effect or generic disagreement beside the named ones, None if it is small or noise shows as much.
+    """The clearest effect or generic disagreement beside the named ones, None if noise shows as much.
 
     Args:
         seed: of the bootstrap. proposals: effects at the end, where they are known already. largest: `trials` of noise
@@ -24,14 +24,15 @@ def left_over(
     end = decision.end
     proposals = proposals_of(end) if proposals is None else proposals
     clearest = max([*proposals, *generic_proposals(end)], key=lambda p: p.minus_log10_p, default=None)
-    if clearest is None or clearest.gain < LEAST_FURTHER:
+    if clearest is None:
         return None
     largest = trials(end.screen, end.by_instant, seed) if largest is None else largest
     detection = detect(clearest.minus_log10_p, largest)
     if not detection.found:
         return None
     generic = clearest.candidate.effect
-    is_more = isinstance(generic, Generic) and _is_found(with_flaws(end), generic, seed)
+    is_large = isinstance(generic, Generic) and clearest.gain >= LEAST_FURTHER
+    is_more = is_large and _is_found(with_flaws(end), generic, seed)
     return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more)
 
 
