@@ -4,8 +4,8 @@
 
 prints a line a case as it ends, then the shares. An effect of its own is right if its name is returned, alone or in the
 set, and wrong if another single effect is named. A case is unseen if the data are the same without one of its effects,
-bit for bit. A pair is exact if both are named, and nothing else. Sizes of pairs are up to 1 : 20, in units of the typical one. Effects
-on slip are left out: there the contacts make it.
+bit for bit. A pair is exact if both are named, and nothing else. Sizes of pairs are up to 1 : 20, in units of the
+typical one. Effects on slip are left out: there the contacts make it.
 """
 
 import argparse

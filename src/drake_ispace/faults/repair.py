@@ -200,7 +200,8 @@ class CutOut:
         return f"all channels: from {self.from_s:.6g} s to {self.to_s:.6g} s cut out"
 
 
-Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Dropped | Mirrored | Without | CutOut
+OfStretch = Dropped | Mirrored | CutOut
+Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

@@ -151,15 +151,37 @@ def spiked(t, v):
     return v
 
 
+def hardly_spiked(t, v):
+    """Fixes that are off by less than the camera alone could tell from motion, a single one and two in a row."""
+    v[[40, 44, 45], 1] += 0.13
+    return v
+
+
+def jumped(t, v):
+    v[t > 6.0, 0] += 0.3
+    return v
+
+
 @pytest.mark.parametrize(("channel", "values", "fault"), [
     ("kinect", carried, "robot_carried"), ("kinect", frozen, "channel_frozen"), ("encoder", frozen, "channel_frozen"),
-    ("kinect", spiked, "camera_outliers"), ("torque", frozen, "channel_frozen"),
+    ("kinect", spiked, "camera_outliers"), ("kinect", hardly_spiked, "camera_outliers"),
+    ("kinect", jumped, "camera_jump"), ("torque", frozen, "channel_frozen"),
 ])
 def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
     first, second = sound["omni"]
     (finding,) = found([changed(first, channel, values), second], "omni")
     assert finding.fault == fault and finding.limited and finding.runs == (0,)
     assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
+
+
+def test_a_hand_between_outliers_is_found_as_well(sound):
+    def both(t, v):
+        v[[20, 110], 0] += 0.7
+        return carried(t, v)
+
+    first, second = sound["omni"]
+    faults = {finding.fault: finding for finding in found([changed(first, "kinect", both), second], "omni")}
+    assert set(faults) == {"camera_outliers", "robot_carried"} and 5.0 < faults["robot_carried"].from_s < 7.5
 
 
 def test_a_camera_of_another_run(sound):

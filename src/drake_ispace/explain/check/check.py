@@ -214,10 +214,14 @@ class _Search:
                         self.runs[i] = repair.apply(self.runs[i])
 
     def _echo(self, finding):
-        """Whether a stretch is only what an earlier finding on the same stretch leaves."""
-        return finding.limited and any(
-            other.limited and set(other.runs) & set(finding.runs) and other.from_s - _ECHO_S <= finding.from_s
-            and finding.to_s <= other.to_s + _ECHO_S for other in self.findings
+        """Whether its stretches are only what earlier findings on the same stretches leave."""
+        known = [
+            stretch for other in self.findings if other.limited and set(other.runs) & set(finding.runs)
+            for stretch in other.stretches
+        ]
+        return finding.limited and all(
+            any(begin - _ECHO_S <= since and until <= end + _ECHO_S for begin, end in known)
+            for since, until in finding.stretches
         )
 
 

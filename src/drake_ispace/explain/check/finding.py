@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from drake_ispace.faults.repair import Repair
+from drake_ispace.faults.repair import OfStretch, Repair
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,12 @@ class Finding:
     def limited(self) -> bool:
         """Whether only a stretch of time is at fault."""
         return self.from_s is not None
+
+    @property
+    def stretches(self) -> list[tuple[float, float]]:
+        """Begin and end [s] of every stretch that is repaired, or else that is at fault; of a limited finding."""
+        repaired = [(one.from_s, one.to_s) for one in self.repairs if isinstance(one, OfStretch)]
+        return repaired or [(self.from_s, self.to_s)]
 
     @property
     def repair(self) -> str:

@@ -71,7 +71,7 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     stopped = list(_frozen(run, base, number))
     yield from stopped
     ends = [(f.from_s - _SPIKE_S, f.to_s + _SPIKE_S) for f in stopped]
-    steps = [step for step in _camera_jumps(run, base, number)
+    steps = [step for step in _camera_steps(run, base, number)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
     yield from steps
     if not steps and not stopped:
@@ -100,19 +100,45 @@ def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
                       repairs=repairs)
 
 
-def _camera_jumps(run, base, number):
-    """Places that change from one fix to the next without the wheels."""
+def _camera_steps(run, base, number):
+    """Places that change from one fix to the next without the wheels, and fixes that are off where they change back."""
     kinect = run.channels["kinect"]
-    k = len(kinect.t)
-    each = Windows(kinect.t[:-1], kinect.t[1:], np.arange(k - 1), np.arange(1, k))
+    k = np.arange(len(kinect.t))
+    each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    difference = np.linalg.norm((seen(kinect, each) - base.moved(each.since_s, each.until_s))[:, :2], axis=1)
+    difference = _unexplained(kinect, base, each)
     usual = _STEP_NOISE * max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
-    large = np.flatnonzero(short & (difference > max(_STEP_M, usual)))
-    for i in large.tolist() if len(large) <= _MOST * k else ():
+    large, off = np.flatnonzero(short & (difference > max(_STEP_M, usual))), {}
+    for i in large.tolist() if len(large) <= _MOST * len(k) else ():
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
+        spike = _spike(kinect, base, i, difference[i])
+        if spike is not None:
+            off[spike] = Dropped("kinect", *(float(t) for t in kinect.t[list(spike)]))
+            continue
         what = f"the place jumps by {difference[i]:.3g} m"
         yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
+    if off:
+        repairs, count = tuple(off.values()), sum(last - first + 1 for first, last in off)
+        yield Finding("camera_outliers", f"{count} fixes are off", "", (number,), "kinect", repairs[0].from_s,
+                      repairs[-1].to_s, repairs=repairs)
+
+
+def _unexplained(kinect, base, pairs):
+    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them."""
+    return np.linalg.norm((seen(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s))[:, :2], axis=1)
+
+
+def _spike(kinect, base, i, step):
+    """The first and the last fix that are off, where a step [m] after fix `i` goes or comes back soon; else None."""
+    first = np.searchsorted(kinect.t, kinect.t[i + 1] - _SPIKE_S)
+    last = np.searchsorted(kinect.t, kinect.t[i] + _SPIKE_S, side="right")
+    spans = [(i, j) for j in range(i + 2, last)] + [(j, i + 1) for j in range(first, i)]
+    if not spans:
+        return None
+    begins, ends = np.array(sorted(spans, key=lambda span: span[1] - span[0])).T
+    left = _unexplained(kinect, base, Windows(kinect.t[begins], kinect.t[ends], begins, ends))
+    back = np.flatnonzero(left < 0.5 * step)
+    return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
 
 def _frozen(run, base, number):
