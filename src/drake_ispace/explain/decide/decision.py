@@ -30,9 +30,8 @@ class LeftOver:
 
     Attributes:
         candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.
-        p_value: probability that noise shows as much. is_more: whether it is a generic disagreement, as large as a
-            further effect must be, that small flaws in the form of the named effects cannot stand for: something is
-            missing.
+        p_value: probability that noise shows as much. is_more: whether it is a generic disagreement that small flaws in
+            the form of the named effects cannot stand for: something is missing.
     """
 
     candidate: Candidate

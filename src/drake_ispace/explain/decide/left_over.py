@@ -15,7 +15,9 @@ from drake_ispace.explain.decide.unknown import generic_proposals
 def left_over(
     decision: Decision, seed: int, proposals: Sequence[Proposal] | None = None, largest: np.ndarray | None = None
 ) -> LeftOver | None:
-    """The clearest effect or generic disagreement beside the named ones, None if noise shows as much.
+    """The clearest effect, or generic disagreement as large as a further effect must be, beside the named ones.
+
+    None where noise shows as much.
 
     Args:
         seed: of the bootstrap. proposals: effects at the end, where they are known already. largest: `trials` of noise
@@ -23,7 +25,8 @@ def left_over(
     """
     end = decision.end
     proposals = proposals_of(end) if proposals is None else proposals
-    clearest = max([*proposals, *generic_proposals(end)], key=lambda p: p.minus_log10_p, default=None)
+    large = [proposal for proposal in generic_proposals(end) if proposal.gain >= LEAST_FURTHER]
+    clearest = max([*proposals, *large], key=lambda proposal: proposal.minus_log10_p, default=None)
     if clearest is None:
         return None
     largest = trials(end.screen, end.by_instant, seed) if largest is None else largest
@@ -31,8 +34,7 @@ def left_over(
     if not detection.found:
         return None
     generic = clearest.candidate.effect
-    is_large = isinstance(generic, Generic) and clearest.gain >= LEAST_FURTHER
-    is_more = is_large and _is_found(with_flaws(end), generic, seed)
+    is_more = isinstance(generic, Generic) and _is_found(with_flaws(end), generic, seed)
     return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more)
 
 

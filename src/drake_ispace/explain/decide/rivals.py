@@ -18,7 +18,6 @@ def rivals_of(decision: Decision) -> dict[Candidate, list[Rival]]:
 
 def _rivals(decision, effect) -> list[Rival]:
     start, named, screen = decision.start, decision.named, decision.start.screen
-    margin = max(MARGIN, _RELATIVE_MARGIN * decision.total_gain)
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
     others = [
@@ -30,7 +29,7 @@ def _rivals(decision, effect) -> list[Rival]:
     rivals = []
     for other, fitted in zip(others, fits(decision.end.likelihood, starts, iterations=6), strict=True):
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = margin * scatter(decision.end, named, fitted)
+        limit = max(MARGIN * scatter(decision.end, named, fitted), _RELATIVE_MARGIN * decision.total_gain)
         if behind < limit and all(rival.candidate.name != other.name for rival in rivals):
             rivals.append(Rival(other, behind))
     return rivals
