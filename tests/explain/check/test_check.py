@@ -174,6 +174,15 @@ def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
     assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
 
 
+def test_a_single_fix_of_a_slow_camera_that_is_off_is_an_outlier(sound):
+    first, second = sound["omni"]
+    kinect = first.channels["kinect"]
+    slow = replace(kinect, t=kinect.t[::3], values=kinect.values[::3].copy(), period_s=None)
+    slow.values[12, 1] += 0.3
+    (finding,) = found([replace(first, channels=first.channels | {"kinect": slow}), second], "omni")
+    assert finding.fault == "camera_outliers" and finding.from_s == finding.to_s == slow.t[12]
+
+
 def test_a_hand_between_outliers_is_found_as_well(sound):
     def both(t, v):
         v[[20, 110], 0] += 0.7

@@ -130,13 +130,13 @@ def _unexplained(kinect, base, pairs):
 
 def _spike(kinect, base, i, step):
     """The first and the last fix that are off, where a step [m] after fix `i` goes or comes back soon; else None."""
-    first = np.searchsorted(kinect.t, kinect.t[i + 1] - _SPIKE_S)
-    last = np.searchsorted(kinect.t, kinect.t[i] + _SPIKE_S, side="right")
-    spans = [(i, j) for j in range(i + 2, last)] + [(j, i + 1) for j in range(first, i)]
+    t = kinect.t
+    spans = [(i, j) for j in range(i + 2, len(t)) if t[j - 1] - t[i + 1] <= _SPIKE_S]
+    spans += [(j, i + 1) for j in range(i) if t[i] - t[j + 1] <= _SPIKE_S]
     if not spans:
         return None
     begins, ends = np.array(sorted(spans, key=lambda span: span[1] - span[0])).T
-    left = _unexplained(kinect, base, Windows(kinect.t[begins], kinect.t[ends], begins, ends))
+    left = _unexplained(kinect, base, Windows(t[begins], t[ends], begins, ends))
     back = np.flatnonzero(left < 0.5 * step)
     return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
