@@ -51,7 +51,7 @@ class Linear:
     shapes: Mapping[str, np.ndarray]
     offsets: tuple[tuple[int, np.ndarray], ...] = ()
 
-    replay = SimpleNamespace(body=SimpleNamespace(wheels=1))
+    replay = SimpleNamespace(body=SimpleNamespace(wheels=1, robot=SimpleNamespace(driven="torque")))
     tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
 
     def residuals(self, values, pool=None):

@@ -10,10 +10,12 @@ from drake_ispace.explain.decide.agreement import scatter
 APART = np.array([6.0, 8.0])  # of the two fits, one row a run
 
 
-def scattered(position):
+def scattered(position, driven="torque"):
     """The scatter if the robot lies there between the better fit (0) and the other one (1) in each run."""
+    body = SimpleNamespace(robot=SimpleNamespace(driven=driven))
+    view = SimpleNamespace(prediction=SimpleNamespace(replay=SimpleNamespace(body=body)))
     likelihood = SimpleNamespace(marginalised=lambda w: w, parts=lambda w: w * w)
-    survey = SimpleNamespace(likelihood=likelihood, runs=np.array([0, 1]))
+    survey = SimpleNamespace(view=view, likelihood=likelihood, runs=np.array([0, 1]))
     better = -np.array(position) * APART
     return scatter(survey, SimpleNamespace(w=better), SimpleNamespace(w=better + APART))
 
@@ -33,3 +35,7 @@ def test_it_grows_where_runs_prefer_different_fits():
 
 def test_it_grows_where_the_robot_lies_between_the_fits_in_all_runs():
     assert scattered([0.4, 0.4]) == pytest.approx((0.8 * 100.0) ** 2 / 400.0)
+
+
+def test_it_is_one_where_velocity_is_commanded():
+    assert scattered([-2.0, 1.0], "command") == 1.0

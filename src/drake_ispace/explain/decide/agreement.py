@@ -4,6 +4,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.likelihood import Fit
+from drake_ispace.robots.robot import COMMAND
 
 
 def scatter(survey: Survey, better: Fit, other: Fit) -> float:
@@ -13,8 +14,13 @@ def scatter(survey: Survey, better: Fit, other: Fit) -> float:
     variance of 4 l. A robot of another form lies nearer to one fit in some runs and to the other one in others, or
     between the two in all of them. Leads then say less, as if the variance of the noise were larger by this factor.
 
+    Where velocity is commanded it is 1: there the place decides, in which adds up what hardly shows from one sample to
+    the next, so that leads from sample to sample scatter whichever fit is right.
+
     survey: gives the noise, under which both were fitted.
     """
+    if survey.view.prediction.replay.body.robot.driven == COMMAND:
+        return 1.0
     likelihood, runs = survey.likelihood, survey.runs
     apart = other.w - better.w
     distances = np.bincount(runs, apart * likelihood.marginalised(apart))
