@@ -70,6 +70,14 @@ def test_printed_yaw_gains_are_unstable_at_95_ms_by_computation(monkeypatch):
     assert loops["printed gains, vision"]["radius_xy"] < 1.0
 
 
+def test_a_larger_wheel_that_only_the_path_shows_is_named_beside_a_late_camera(monkeypatch):
+    monkeypatch.syspath_prepend(FOLDER)
+    import camera_rates
+
+    answer = camera_rates.answered(0, 30.0, 10.0, has_command=False)
+    assert len(answer["effects"]) == 2 and answer["before_m"] > 0.5 and answer["after_m"] < 0.02
+
+
 @pytest.mark.slow
 def test_only_the_estimator_reaches_the_reference_under_slip():
     runs = {(run["slip"], run["s"]): run for run in quick("estimator_vs_slip")["runs"]}
