@@ -94,10 +94,15 @@ def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
             spikes.append((i + 1, back))
             done = back
     if spikes and len(spikes) < _MOST_SPIKES * len(t):
-        repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
-        what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
-        yield Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
-                      repairs=repairs)
+        yield _off(t, spikes, number)
+
+
+def _off(t, spikes, number):
+    """The Finding that fixes are off; spikes: the first and the last of them, of each group."""
+    repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
+    what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
+    return Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+                   repairs=repairs)
 
 
 def _camera_steps(run, base, number):
@@ -108,19 +113,17 @@ def _camera_steps(run, base, number):
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
     difference = _unexplained(kinect, base, each)
     usual = _STEP_NOISE * max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
-    large, off = np.flatnonzero(short & (difference > max(_STEP_M, usual))), {}
+    large, spikes = np.flatnonzero(short & (difference > max(_STEP_M, usual))), []
     for i in large.tolist() if len(large) <= _MOST * len(k) else ():
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
         spike = _spike(kinect, base, i, difference[i])
         if spike is not None:
-            off[spike] = Dropped("kinect", *(float(t) for t in kinect.t[list(spike)]))
+            spikes.append(spike)
             continue
         what = f"the place jumps by {difference[i]:.3g} m"
         yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
-    if off:
-        repairs, count = tuple(off.values()), sum(last - first + 1 for first, last in off)
-        yield Finding("camera_outliers", f"{count} fixes are off", "", (number,), "kinect", repairs[0].from_s,
-                      repairs[-1].to_s, repairs=repairs)
+    if spikes:
+        yield _off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
 
 
 def _unexplained(kinect, base, pairs):
@@ -131,8 +134,8 @@ def _unexplained(kinect, base, pairs):
 def _spike(kinect, base, i, step):
     """The first and the last fix that are off, where a step [m] after fix `i` goes or comes back soon; else None."""
     t = kinect.t
-    spans = [(i, j) for j in range(i + 2, len(t)) if t[j - 1] - t[i + 1] <= _SPIKE_S]
-    spans += [(j, i + 1) for j in range(i) if t[i] - t[j + 1] <= _SPIKE_S]
+    first, last = np.searchsorted(t, t[i] - _SPIKE_S), np.searchsorted(t, t[i + 1] + _SPIKE_S, side="right")
+    spans = [(i, j) for j in range(i + 2, min(last + 1, len(t)))] + [(j, i + 1) for j in range(max(first - 1, 0), i)]
     if not spans:
         return None
     begins, ends = np.array(sorted(spans, key=lambda span: span[1] - span[0])).T

@@ -21,9 +21,13 @@ def scatter(survey: Survey, better: Fit, other: Fit) -> float:
     """
     if survey.view.prediction.replay.body.robot.driven == COMMAND:
         return 1.0
-    likelihood, runs = survey.likelihood, survey.runs
     apart = other.w - better.w
-    distances = np.bincount(runs, apart * likelihood.marginalised(apart))
-    leads = np.bincount(runs, likelihood.parts(other.w) - likelihood.parts(better.w))
-    excess, usual = leads - distances, 4.0 * max(float(distances.sum()), 1e-300)
+    distances = np.bincount(survey.runs, apart * survey.likelihood.marginalised(apart))
+    excess, usual = leads(survey, better, other) - distances, 4.0 * max(float(distances.sum()), 1e-300)
     return max(1.0, float(np.sum(excess**2)) / usual, float(np.sum(excess)) ** 2 / usual)
+
+
+def leads(survey: Survey, better: Fit, other: Fit) -> np.ndarray:
+    """(runs,) by how much the deviance of each run is larger at the other fit; survey: as of `scatter`."""
+    likelihood = survey.likelihood
+    return np.bincount(survey.runs, likelihood.parts(other.w) - likelihood.parts(better.w))

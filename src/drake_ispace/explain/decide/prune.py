@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from drake_ispace.explain.decide.agreement import scatter
+from drake_ispace.explain.decide.agreement import leads, scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, start_of
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
@@ -61,8 +61,7 @@ def _next_to_nothing(decision, rests) -> list[Candidate]:
 def _is_shown(decision, rest, effect) -> bool:
     """Whether two runs show an effect, each by itself, and flaws in the form of the others do not stand for it."""
     end, named = decision.end, decision.named
-    by_run = _sums(end.likelihood.parts(rest.w) - end.likelihood.parts(named.w), end.runs)
-    if sum(rise > MARGIN for rise in by_run.values()) < 2:
+    if np.sum(leads(end, named, rest) > MARGIN) < 2:
         return False
     others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
     flawed = likelihood_with_flaws(end, end.likelihood.raw(named.point), others)
