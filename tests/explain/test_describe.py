@@ -27,6 +27,6 @@ def test_a_friction_beyond_every_recorded_torque_makes_no_sense(bump_n_m, on_bou
 def test_a_patch_may_reach_up_to_a_wall():
     patch = candidate("soft_patch")
     numbers = {p.name: Estimate(0.1, (0.05, 0.2), p.unit) for p in patch.parameters}
-    sizes = {patch: [2.0, 0.0, patch.bounds[2][1], -0.7, 0.4]}
+    sizes = {patch: [2.0, 0.0, patch.bounds[2][1], -0.7, 0.4, 0.05]}
     (named,) = with_sizes([NamedEffect("soft_patch", "ground", [], numbers, 1.0, "")], CASE, sizes, sizes)
     assert not any(number.on_bound for number in named.parameters.values())

@@ -72,5 +72,6 @@ def test_an_effect_on_one_wheel_is_a_candidate_for_each():
 def test_an_effect_on_a_part_of_the_room_is_a_candidate_for_each_ninth_and_four_of_them():
     found = candidates({"soft_patch": library()["soft_patch"]}, Body())
     assert [c.among for c in found] == [13] * 13 and len(set(found)) == 13
-    assert found[0].neutral == [0.0, -1.5, -0.5, -3.0, -1.0] and found[-1].neutral == [0.0, -0.5, 1.5, -1.0, 3.0]
-    assert all(set(c.values(c.neutral)) == {"force_n", *EDGES} for c in found)
+    first, last = found[0].neutral, found[-1].neutral
+    assert first == [0.0, -1.5, -0.5, -3.0, -1.0, 0.05] and last == [0.0, -0.5, 1.5, -1.0, 3.0, 0.05]
+    assert all(set(c.values(c.neutral)) == {"force_n", *EDGES, "edge_m"} for c in found)

@@ -46,8 +46,10 @@ def main():
         proud = [row for row in rows if row["verdict"] in ("named", "set") and (row["closed"] or 0.0) >= 0.9]
         print(f"outside: {len(rows)} cases, {len(visible)} clearly visible, {len(missed)} of these called sound")
         print(f"named with at least 90 % closed: {len(proud)} of {len(rows)}")
-        honest = sum(row["verdict"] in ("unknown", "incomplete", "data") for row in rows)
-        print(f"unknown, incomplete or data: {honest} of {len(rows)}")
+        honest = [row for row in rows if row["verdict"] in ("unknown", "incomplete", "data")]
+        print(f"unknown, incomplete or data: {len(honest)} of {len(rows)}")
+        repaired = sum(row["repaired"] for row in rows if row not in honest)
+        print(f"of the others, found by the check of the data under its own name, and repaired: {repaired}")
 
 
 def sound_runs(k: int, physics: str):
@@ -92,7 +94,8 @@ def outside(k: int, case: dict) -> dict | None:
         f"case {k:3d} {case['robot']:8s} {case['effect']:18s} {case['size']:<8g} residual x {ratio:5.1f}: "
         f"{said(answer)} [{case['channel']}, {case['driver']}]", flush=True,
     )
-    return {"verdict": answer.verdict, "closed": answer.closed, "ratio": ratio}
+    repaired = any(finding.fault == case["effect"] for finding in answer.data)
+    return {"verdict": answer.verdict, "closed": answer.closed, "ratio": ratio, "repaired": repaired}
 
 
 def visibility(model: str, runs, healthy) -> float:
@@ -113,7 +116,8 @@ def said(answer) -> str:
     names = "+".join(effect.name for effect in answer.effects)
     closed = "" if answer.closed is None else f" {100 * answer.closed:.0f} %"
     left = "; ".join(f"{r.channel} ~ {r.driver}" for r in answer.remainders[:2])
-    return f"{answer.verdict} {names}{closed}" + (f" left: {left}" if left else "")
+    found = ", ".join(dict.fromkeys(finding.fault for finding in answer.data))
+    return f"{answer.verdict} {names}{closed}" + (f" left: {left}" if left else "") + (f" data: {found}" if found else "")
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from drake_ispace.effects.wires import GroundEffect
 from drake_ispace.plants.slip import GRAVITY
 
 _SLOPE_SHARE = 0.5  # slope times step times mobility; Runge-Kutta 3 bears 2.51, wheel friction may take 2 of it
-_EDGE_M = 0.05  # half of the way on which the robot gets onto a patch
 _EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 _AXIS = {"": 0, "_x": 0, "_y": 1}
 
@@ -101,7 +100,7 @@ class WheelSlip(PlantEffect):
     )
 
     def parameters_of(self, body):
-        return tuple(Parameter(f"gain{axis}", "1", 0.0, 0.0, 0.95, (0.1, 0.4), tolerance=0.02) for axis in _axes(body))
+        return tuple(Parameter(f"gain{axis}", "1", 0.0, 0.0, 0.999, (0.1, 0.4), tolerance=0.02) for axis in _axes(body))
 
     def change(self, robot, plant, values):
         return _slip_with(plant, self.name, "traction_gain", values)
@@ -173,32 +172,32 @@ class SoftFloor(GroundEffect):
 
 
 @kernel
-def inside(pose, edges_m):
-    """1 within a rectangle of the floor, 0 outside of it, and between them along its edges.
+def inside(pose, edges_m, edge_m):
+    """1 within a rectangle of the floor, 0 outside of it, and between them within `edge_m` of its edges.
 
     edges_m: x_min, x_max, y_min, y_max in W.
     """
-    x = tanh((pose[0] - edges_m[0]) / _EDGE_M) + tanh((edges_m[1] - pose[0]) / _EDGE_M)
-    y = tanh((pose[1] - edges_m[2]) / _EDGE_M) + tanh((edges_m[3] - pose[1]) / _EDGE_M)
+    x = tanh((pose[0] - edges_m[0]) / edge_m) + tanh((edges_m[1] - pose[0]) / edge_m)
+    y = tanh((pose[1] - edges_m[2]) / edge_m) + tanh((edges_m[3] - pose[1]) / edge_m)
     return 0.25 * max(x, 0.0) * max(y, 0.0)
 
 
 @kernel
-def resisted_on_patch_planar(ground_force, pose, velocity, force_n, edges_m, scale_m_s, out):
-    here = force_n * inside(pose, edges_m) if force_n != 0.0 else 0.0
+def resisted_on_patch_planar(ground_force, pose, velocity, force_n, edges_m, edge_m, scale_m_s, out):
+    here = force_n * inside(pose, edges_m, edge_m) if force_n != 0.0 else 0.0
     resisted_planar(ground_force, pose, velocity, here, scale_m_s, out)
 
 
 @kernel
-def resisted_on_patch_balancing(ground_force, pose, balance, force_n, edges_m, scale_m_s, out):
-    here = force_n * inside(pose, edges_m) if force_n != 0.0 else 0.0
+def resisted_on_patch_balancing(ground_force, pose, balance, force_n, edges_m, edge_m, scale_m_s, out):
+    here = force_n * inside(pose, edges_m, edge_m) if force_n != 0.0 else 0.0
     resisted_balancing(ground_force, balance, here, scale_m_s, out)
 
 
 class SoftPatch(GroundEffect):
     """F = -F_roll v/|v| on the robot's middle while it is on a rectangle of the floor; of the pendulum on Q_s alone.
 
-    Along the edges the force grows over some 10 cm, as one wheel after the other gets onto the patch.
+    Along the edges the force grows over twice `edge_m`, as one wheel after the other gets onto the patch.
     """
 
     is_local = True
@@ -218,7 +217,7 @@ class SoftPatch(GroundEffect):
         return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5)), *(
             Parameter(name, "m", side * half[axis], -half[axis], half[axis], (-0.1 * side,), shape=True)
             for name, side, axis in edges
-        ))
+        ), Parameter("edge_m", "m", 0.05, 0.005, 0.5, shape=True))
 
     def starts(self, body):
         """Each ninth of the room, and each four of them around an inner corner."""
@@ -232,7 +231,7 @@ class SoftPatch(GroundEffect):
 
     def block_parameters(self, body, values):
         force, edges = values["force_n"], np.array([values[name] for name in _EDGES])
-        return {"force_n": force, "edges_m": edges, "scale_m_s": ground_scale(body, 0, force)}
+        return {"force_n": force, "edges_m": edges, "edge_m": values["edge_m"], "scale_m_s": ground_scale(body, 0, force)}
 
 
 @kernel

@@ -265,6 +265,11 @@ class Whitening:
         sizes = [sum(n.rows(run[name]) * run[name].shape[1] for name, n in self.noise.items()) for run in residuals]
         return np.cumsum([0, *sizes])
 
+    def late(self, residuals: Residuals) -> np.ndarray:
+        """(n,) whether each number of the long vector belongs to the second half of its run."""
+        rows = [(noise.rows(run[name]), run[name].shape[1]) for run in residuals for name, noise in self.noise.items()]
+        return np.concatenate([np.repeat(2 * np.arange(n) >= n, p) for n, p in rows])
+
     def instants(self, residuals: Residuals, together: Mapping[str, int] | None = None) -> np.ndarray:
         """(n,) the instant of each number of the long vector, counted upwards over all runs and streams.
 
