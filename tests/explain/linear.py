@@ -52,6 +52,7 @@ class Linear:
     offsets: tuple[tuple[int, np.ndarray], ...] = ()
 
     replay = SimpleNamespace(body=SimpleNamespace(wheels=1, robot=SimpleNamespace(driven="torque")))
+    row_ticks = 1
     tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
 
     def residuals(self, values, pool=None):

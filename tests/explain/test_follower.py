@@ -14,12 +14,12 @@ from drake_ispace.scenario import load_scenario
 MASS = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
 
 
-def rail_filter():
-    """Of a mass on a rail whose place is measured to a millimetre."""
+def rail_filter(ticks=1):
+    """Of a mass on a rail whose place is measured to a millimetre, every so many ticks."""
     a, b = MASS
     feedback = np.array([[225.0, 30.0]])
     process, sensors = np.diag([0.0, 1e-2]), np.array([1e-6])
-    return design(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1)), process, sensors, feedback, [[2.0]])
+    return design(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1)), process, sensors, feedback, [[2.0]], ticks)
 
 
 def test_a_mass_moves_as_newton_says():
@@ -34,17 +34,26 @@ def test_the_filter_forgets_an_error_of_its_own():
     assert np.abs(np.linalg.eigvals(decay)).max() < 0.99
 
 
-def test_the_model_follows_a_robot_that_stands_elsewhere():
-    f, place, speed, push = rail_filter(), 0.0, 0.0, []
+def test_a_filter_for_rare_samples_forgets_between_them():
+    f = rail_filter(8)
+    decay = np.linalg.matrix_power(f.a, 8) @ (np.eye(2) - f.gain @ f.c)
+    assert np.abs(np.linalg.eigvals(decay)).max() < 0.99
+
+
+@pytest.mark.parametrize("ticks", [1, 8])
+def test_the_model_follows_a_robot_that_stands_elsewhere(ticks):
+    """It is measured every `ticks` ticks, and where it is not there is nothing to be surprised at."""
+    f, place, speed, push = rail_filter(ticks), 0.0, 0.0, []
     block = Follower(f)
     context = block.CreateDefaultContext()
     block.GetInputPort("measured").FixValue(context, [0.01])
     block.GetInputPort("push").FixValue(context, [0.0])
     state = context.get_discrete_state_vector().CopyToVector()
-    for _ in range(400):
-        state[0] = 0.01 - place
+    for k in range(400):
+        state[0] = 0.01 - place if k % ticks == 0 else np.nan
         context.SetDiscreteState(state)
         state = block.EvalUniquePeriodicDiscreteUpdate(context).get_vector().CopyToVector()
+        assert k % ticks == 0 or state[1] == 0.0
         acceleration = state[-1] / 2.0  # what acts is the weight times the acceleration
         place, speed = place + speed * TICK_S + acceleration * TICK_S**2 / 2, speed + acceleration * TICK_S
         push.append(state[-1])

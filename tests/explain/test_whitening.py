@@ -104,3 +104,9 @@ def test_numbers_as_they_were_stand_where_the_whitened_ones_do():
     assert plain.size == len(whitening([{"motion": y}]))
     at_rest = classes[lags:] == 0
     assert np.isnan(plain[at_rest]).all() and plain[~at_rest] == pytest.approx(y[lags:][~at_rest])
+
+
+def test_the_memory_lasts_as_long_in_time_however_often_the_motion_is_measured():
+    rows = coloured(3000, np.random.default_rng(0))
+    often, rarely = fit_noise([rows], "motion", [None]).means, fit_noise([rows], "motion", [None], ticks=4).means
+    assert [(1.0 - rate) ** 4 for rate in often] == pytest.approx([1.0 - rate for rate in rarely])

@@ -84,7 +84,7 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
         drivers[stream], prediction.tracks, classes_of, start.residuals, explained, strict=True
     ):
         y = (run[stream] - after[stream])[:, column]
-        every = np.arange(track.ticks) if stream == "motion" else track.fix_ticks
+        every = track.scored_ticks if stream == "motion" else track.fix_ticks
         scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
         ticks = every[len(every) - len(y) :][scored]
         values.append(y[scored])

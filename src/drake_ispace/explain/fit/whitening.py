@@ -12,7 +12,8 @@ from drake_ispace.explain.predict.prediction import RESTING, Residuals
 
 _ROWS_AT_ONCE = 256  # that are whitened at once
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
-_MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}  # lags, rates of exponential means, per row
+#: Stream -> lags, in rows, and rates of exponential means, per tick or fix.
+_MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}
 #: Least standard deviations of streams whose rows are independent: of placing the robot together with one fix
 #: [m, m, rad], and of the share of missed captures.
 _LEAST_STD = {"start": np.array([0.006, 0.006, 0.026]), "looks": np.array([0.02])}
@@ -127,7 +128,7 @@ def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
 
 
 def fit_noise(
-    runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0
+    runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0, ticks: int = 1
 ) -> Noise:
     """Fit the noise of a stream by least squares over all runs.
 
@@ -135,6 +136,7 @@ def fit_noise(
         runs: (rows, p) residuals of each run. stream: its name.
         classes: (rows,) class of motion of each row, per run; None: all rows are alike.
         spent: degrees of freedom of fits that the residuals have gone through before.
+        ticks: from row to row of the motion.
     """
     p = runs[0].shape[1]
     equal, none = np.ones((1, p)), np.empty((0, p))
@@ -143,6 +145,8 @@ def fit_noise(
         spread = rows.std(axis=0, ddof=1) if len(rows) > 2 else np.zeros(p)
         return Noise(0, (), none, np.diag(1.0 / np.maximum(spread, _LEAST_STD[stream][:p])), equal)
     lags, means = _MEMORY[stream]
+    if stream == "motion" and ticks > 1:
+        means = tuple(1.0 - (1.0 - rate) ** ticks for rate in means)
     longest = max(len(run) for run in runs)
     if longest < 12 * p * (lags + len(means)):
         lags, means = (1, ()) if longest > 12 * p else (0, ())
@@ -192,15 +196,18 @@ class Whitening:
         residuals: that the noise is fitted to.
         classes: per run, stream -> (rows,) class of motion; streams that are missing have none.
         spent: degrees of freedom of fits that the residuals have gone through before.
+        ticks: from row to row of the motion.
 
     Attributes:
         classes: as given. noise: stream -> its Noise.
     """
 
-    def __init__(self, residuals: Residuals, classes: Sequence[dict[str, np.ndarray]], spent: int = 0):
+    def __init__(
+        self, residuals: Residuals, classes: Sequence[dict[str, np.ndarray]], spent: int = 0, ticks: int = 1
+    ):
         self.classes = list(classes)
         self.noise = {
-            name: fit_noise([run[name] for run in residuals], name, [c.get(name) for c in classes], spent)
+            name: fit_noise([run[name] for run in residuals], name, [c.get(name) for c in classes], spent, ticks)
             for name in residuals[0] if residuals[0][name].shape[1] and any(len(run[name]) for run in residuals)
         }
 

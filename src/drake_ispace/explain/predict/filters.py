@@ -19,12 +19,7 @@ OTHER_NOISE = 4.0  # times the spectral density or variance: how wrong an assump
 OTHERS = 4  # assumptions about noise that may be wrong
 
 
-def filter_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Filter:
-    """The filter for runs of the robot that have the channels `has`."""
-    return filters_of(scenario, robot, has)(getattr(scenario, robot.name).plant)
-
-
-def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Callable[..., Filter]:
+def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str], ticks: int = 1) -> Callable[..., Filter]:
     """A function of a plant, which may be another than the scenario's, that gives the filter for it.
 
     Of a robot with dynamics of its own all of the filter follows the plant: a gain that was found for another weight
@@ -33,15 +28,18 @@ def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str]) -> Callabl
 
     Its second argument is the number of the assumption about noise that is wrong by OTHER_NOISE, below OTHERS: unknown
     forces along each of the three coordinates, then the encoder's rounding; None, the default: none is.
+
+    Args:
+        has: channels of the runs. ticks: from one read of the encoders to the next.
     """
     settings = getattr(scenario, robot.name)
     if robot.own_dynamics:
-        return partial(_filter, robot, settings, has)
-    nominal = cache(partial(_filter, robot, settings, has, settings.plant))
+        return partial(_filter, robot, settings, has, ticks)
+    nominal = cache(partial(_filter, robot, settings, has, ticks, settings.plant))
     return lambda plant, changed=None: replace(nominal(changed), weight=robot.mass_matrix(plant))
 
 
-def _filter(robot, settings, has, plant, changed=None):
+def _filter(robot, settings, has, ticks, plant, changed=None):
     counts = settings.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
     system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
@@ -59,7 +57,7 @@ def _filter(robot, settings, has, plant, changed=None):
         wheels = len(plant.geometry.wheels)
         sensors[wheels:] = np.inf
         sensors[wheels + 4 :] = settings.imu.gyro_noise_density**2 / TICK_S if "imu" in has else np.inf
-    return design(system.a, system.b, system.c, system.d, process, sensors, _feedback(robot, system), weight)
+    return design(system.a, system.b, system.c, system.d, process, sensors, _feedback(robot, system), weight, ticks)
 
 
 def _accelerations(robot, weight, has, factors):

@@ -47,28 +47,27 @@ class Filter:
         return int(np.ceil(np.log(1e-3) / np.log(slowest))) if slowest < 1.0 else 0
 
 
-def design(a, b, c, d, process, sensors, feedback, weight) -> Filter:
+def design(a, b, c, d, process, sensors, feedback, weight, ticks: int = 1) -> Filter:
     """The steady-state filter of dx/dt = a dx - b u + w, e = c dx + d u + v.
 
     Args:
         a, b, c, d: continuous, (n, n), (n, m), (p, n), (p, m).
         process: (n, n) spectral density of w.
         sensors: (p,) variance of a sample of each output; infinite: the filter does not use this output.
-        feedback: K (m, n). weight: W (m, m).
+        feedback: K (m, n). weight: W (m, m). ticks: from one sample of the outputs to the next.
 
     Raises:
         numpy.linalg.LinAlgError: the outputs in use do not show every state.
     """
     n = len(a)
-    a_d, b_d = discrete(a, b)
-    van_loan = expm(np.block([[-a, process], [np.zeros((n, n)), a.T]]) * TICK_S)
+    van_loan = expm(np.block([[-a, process], [np.zeros((n, n)), a.T]]) * ticks * TICK_S)
     noise = van_loan[n:, n:].T @ van_loan[:n, n:]
     used = np.isfinite(sensors)
     noise = noise + 1e-12 * np.trace(noise) * np.eye(n)
-    covariance = solve_discrete_are(a_d.T, c[used].T, 0.5 * (noise + noise.T), np.diag(sensors[used]))
+    covariance = solve_discrete_are(van_loan[n:, n:], c[used].T, 0.5 * (noise + noise.T), np.diag(sensors[used]))
     gain = np.zeros((n, len(c)))
     gain[:, used] = covariance @ c[used].T @ np.linalg.inv(c[used] @ covariance @ c[used].T + np.diag(sensors[used]))
-    return Filter(a_d, b_d, c, d, gain, np.asarray(feedback), np.asarray(weight))
+    return Filter(*discrete(a, b), c, d, gain, np.asarray(feedback), np.asarray(weight))
 
 
 def discrete(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,7 +87,7 @@ def compare(xd, measured, modelled, out):
 
 @kernel
 def estimate(xd, measured, push, a, b, c, d, gain, feedback, weight, out):
-    """nu, then dx, u and W u of the next tick; x_d as in `compare`."""
+    """nu, 0 where nothing was measured, then dx, u and W u of the next tick; x_d as in `compare`."""
     p, m = measured.shape[0], push.shape[0]
     n = xd.shape[0] - 2 * p - 2 * m
     x, u = 2 * p, 2 * p + n
@@ -99,7 +98,7 @@ def estimate(xd, measured, push, a, b, c, d, gain, feedback, weight, out):
             nu -= c[i * n + j] * xd[x + j]
         for j in range(m):
             nu -= d[i * m + j] * xd[u + j]
-        out[p + i] = nu
+        out[p + i] = nu if nu == nu else 0.0
     for i in range(m):
         out[u + i] = 0.0
     # u' = K (dx + L nu), then dx+ = A (dx + L nu) - B u'
@@ -162,9 +161,10 @@ class Follower(Block):
         - innovation
         - error
 
-    measured, modelled (p,): outputs of the robot and of the model at t_k. push (m,): what acts on the plant, force of
-    the ground, wheel torque of a user's own plant, or body velocity where that is commanded; the output has the
-    correction added. innovation (p,), error (p,): nu and e of this tick, in the units of the outputs.
+    measured, modelled (p,): outputs of the robot and of the model at t_k; no number where nothing was measured. push
+    (m,): what acts on the plant, force of the ground, wheel torque of a user's own plant, or body velocity where that
+    is commanded; the output has the correction added. innovation (p,), error (p,): nu and e of this tick, in the units
+    of the outputs.
 
     Args:
         filter: matrices of the error system.

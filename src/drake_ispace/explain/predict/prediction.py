@@ -22,7 +22,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING
-from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.predict.tracks import Track, read_ticks
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
@@ -79,6 +79,11 @@ class Prediction:
     anchored: list[bool]
     channels: dict[str, list[str]]
     columns: list[int]
+
+    @property
+    def row_ticks(self) -> int:
+        """Ticks from row to row of the stream "motion"."""
+        return read_ticks(self.tracks)
 
     def labels(self, stream: str) -> list[str]:
         """The channels of a stream, each with its sensor in front, such as "kinect: x"."""
@@ -229,7 +234,7 @@ class Prediction:
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
                 rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
-            by_run.append({"motion": classes[track.settled :]})
+            by_run.append({"motion": classes[track.scored_ticks]})
         return by_run
 
     def modulations(self) -> list[Residuals]:
@@ -250,7 +255,7 @@ class Prediction:
         """Stream -> the tick of each row of run `i`, as far as these streams have an instant."""
         track = self.tracks[i]
         room = np.minimum(track.fix_ticks[track.scored_fixes], track.ticks - 1)
-        return {"motion": np.arange(track.settled, track.ticks), "room": room}
+        return {"motion": track.scored_ticks, "room": room}
 
     def _dropouts(self, values):
         """The share of captures that these effects leave without a fix."""
@@ -262,7 +267,7 @@ class Prediction:
         motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {
-            "motion": motion[track.settled :], "room": room[track.scored_fixes], "start": first,
+            "motion": motion[track.scored_ticks], "room": room[track.scored_fixes], "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
 

@@ -18,7 +18,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
-from drake_ispace.explain.predict.filters import OTHERS, filter_of, filters_of
+from drake_ispace.explain.predict.filters import OTHERS, filters_of
 from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
 from drake_ispace.explain.predict.tracks import IMU, Track
@@ -119,7 +119,8 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         state, numbers = self.state(start), self.since(run, numbers)
-        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=self.inputs(run))
+        inputs = self.inputs(run) | {"measured": run.shown}
+        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
         return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
@@ -182,12 +183,14 @@ def applicable(effects: Sequence[Effect] | None, body: Body) -> dict[str, Effect
     return {e.card.name: e for e in (library().values() if effects is None else effects) if e.applies_to(body)}
 
 
-def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None) -> Replay:
+def replay_of(
+    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None, ticks: int = 1
+) -> Replay:
     """Build and compile the prediction Diagram.
 
     Args:
         scenario, robot: the model. has: the channels that all runs have.
-        effects: to try, default the whole library.
+        effects: to try, default the whole library. ticks: from one read of the encoders to the next.
 
     Raises:
         InputError: an effect of the model is not among `effects`.
@@ -199,16 +202,15 @@ def replay_of(scenario: Scenario, robot: Robot, has: frozenset[str], effects: Se
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
-    rollout = compile_diagram(replay_diagram(scenario, robot, has, every))
-    filter = filters_of(scenario, robot, has)
-    settling_ticks = filter(body.plant).settling_ticks if robot.driven == TORQUE else 0
+    filter = filters_of(scenario, robot, has, ticks)
+    nominal = filter(body.plant)
+    rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
+    settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0
     return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks)
 
 
-def replay_diagram(
-    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Mapping[str, Effect]
-) -> Diagram:
-    """The Diagram with every one of `effects` at its neutral value.
+def replay_diagram(scenario: Scenario, robot: Robot, filter: Filter, effects: Mapping[str, Effect]) -> Diagram:
+    """The Diagram with every one of `effects` at its neutral value, held on the measurements by `filter`.
 
     Inputs: command, measured, sighting, and where torque drives the robot force (3,), of the ground on the plant.
     Outputs: innovation and error, of the follower, view, of the camera, and pose, what the camera would report.
@@ -217,7 +219,7 @@ def replay_diagram(
     part = Part(bench, robot.name)
     noiseless = dataclasses.replace(body.plant, slip=dataclasses.replace(body.plant.slip, noise_std=[0.0, 0.0, 0.0]))
     wires = {"wheel_angle": "follower.modelled", "pose": "view.pose"}
-    part.add("follower", Follower(filter_of(scenario, robot, has)))
+    part.add("follower", Follower(filter))
     part.add("view", RoomView())
     part.add("plant", robot.followed_plant(settings, noiseless))
     if robot.has_imu:

@@ -90,12 +90,16 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
     kept = (track.fix_ticks >= begin) & (track.fix_ticks < last)
     sightings, at = np.zeros_like(track.sightings[rows]), track.fix_rows[kept]
     sightings[at - begin] = track.sightings[at]
+    reads = track.reads
+    if reads is not None:
+        reads = reads[(reads >= begin) & (reads < last + LEAD_TICKS)] - begin
     return replace(
         track, name=f"{track.name} from {track.since_s + first * TICK_S:.0f} s", ticks=last - begin,
         command=track.command[rows], measured=track.measured[rows], sightings=sightings,
         fix_ticks=track.fix_ticks[kept] - begin, fix_t=track.fix_t[kept] - begin * TICK_S, missed=np.empty(0),
         aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
         since_s=track.since_s + begin * TICK_S, unscored_ticks=max(first, track.unscored_ticks) - begin,
+        reads=reads,
     )
 
 

@@ -1,5 +1,6 @@
 """Recordings on the robot's 5 ms clock, ready to be predicted; camera fixes keep their own instants."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +43,7 @@ class Track:
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
         since_s: from the start of the recording to tick 0 [s].
         unscored_ticks: at the start, in which the state of a moving robot is not known yet.
+        reads: (r,) ticks at which encoders were read of a robot that is driven by velocity; None: at every tick.
     """
 
     name: str
@@ -57,11 +59,30 @@ class Track:
     force: np.ndarray | None = None
     since_s: float = 0.0
     unscored_ticks: int = 0
+    reads: np.ndarray | None = None
 
     @property
     def settled(self) -> int:
         """The first tick that is scored."""
         return max(_SETTLING_TICKS, self.unscored_ticks)
+
+    @property
+    def scored_ticks(self) -> np.ndarray:
+        """(rows,) ticks at which the motion is scored, where it is measured and the filter has settled."""
+        ticks = np.arange(self.ticks) if self.reads is None else self.reads
+        return ticks[(ticks >= self.settled) & (ticks < self.ticks)]
+
+    @property
+    def shown(self) -> np.ndarray:
+        """(rows, p) `measured` at the ticks at which the encoders were read, no numbers at the others.
+
+        From read to read `measured` is a straight line, whatever the wheels did at a step of the command.
+        """
+        if self.reads is None:
+            return self.measured
+        shown = np.full(self.measured.shape, np.nan)
+        shown[self.reads] = self.measured[self.reads]
+        return shown
 
     @property
     def scored_fixes(self) -> slice:
@@ -115,7 +136,8 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim)
+    reads = _reads(recording.channels["encoder"], rows) if driven == COMMAND and "encoder" in has else None
+    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim, reads=reads)
 
 
 def _check_clocks(recording, has, name, shortest_s):
@@ -169,6 +191,18 @@ def _on_ticks(channel, rows):
         return channel.values[np.clip(np.arange(rows) - int(ticks[0]), 0, len(ticks) - 1)]
     t = np.arange(rows) * TICK_S
     return np.column_stack([np.interp(t, channel.t, column) for column in channel.values.T])
+
+
+def read_ticks(tracks: Sequence[Track]) -> int:
+    """Ticks from one read of the encoders to the next, of the run in which they are read least often."""
+    return max(1 if track.reads is None else round(float(np.median(np.diff(track.reads)))) for track in tracks)
+
+
+def _reads(channel, rows):
+    """`reads` of a Track: None where there is a sample a tick, as a rule."""
+    ticks = np.unique(nearest_ticks(channel.t).astype(int))
+    ticks = ticks[(ticks >= 0) & (ticks < rows)]
+    return ticks if len(ticks) > 1 and np.median(np.diff(ticks)) > 1.0 else None
 
 
 def _sightings(channel, rows, period_s):

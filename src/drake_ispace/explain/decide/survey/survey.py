@@ -15,7 +15,7 @@ from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, mer
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
-BLOCK_ROWS = {"motion": 200, "room": 10}  # about a second, within which noise may still be correlated
+_BLOCK_TICKS, _BLOCK_FIXES = 200, 10  # about a second, within which noise may still be correlated
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
 
@@ -137,7 +137,8 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
     first = np.flatnonzero(np.diff(instants, prepend=-1))
-    blocks = np.flatnonzero(np.diff(whitening.instants(residuals, BLOCK_ROWS)[first], prepend=-1))
+    together = {"motion": max(_BLOCK_TICKS // view.prediction.row_ticks, 1), "room": _BLOCK_FIXES}
+    blocks = np.flatnonzero(np.diff(whitening.instants(residuals, together)[first], prepend=-1))
     screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
     products = changes.dot(likelihood.marginalised(w))
     return Survey(point, view, residuals, w, likelihood, changes, screen, products, noise, by_instant)

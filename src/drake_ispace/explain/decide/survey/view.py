@@ -177,9 +177,9 @@ def noise_of(
     squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
     physics. speeds: by which moments are scored, as in `Prediction.classes`.
     """
-    classes = view.prediction.classes(merged(point), speeds)
-    whitening = start.whitening if start else Whitening(residuals, classes)
+    classes, ticks = view.prediction.classes(merged(point), speeds), view.prediction.row_ticks
+    whitening = start.whitening if start else Whitening(residuals, classes, ticks=ticks)
     for _ in range(1 if start else _ROUNDS):
         amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
-        whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts))
+        whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts), ticks)
     return whitening
