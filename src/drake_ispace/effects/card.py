@@ -22,6 +22,8 @@ class Parameter:
             deviation): a floor is never level to a tenth of a milliradian, and no model exact.
         sensible: what a robot that drives about may have. A fit may go beyond, but its result is then not named.
         shape: whether it changes nothing while the other parameters are neutral: where, or at which speed, they act.
+        shifts: whether it moves steps in time. A small change of it then says nothing of a step that is far off, and a
+            fit must begin near the best value.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Parameter:
     tolerance: float = 0.0
     sensible: tuple[float, float] = (-math.inf, math.inf)
     shape: bool = False
+    shifts: bool = False
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class CommandDelay(Delay, TorqueEffect):
         excitation="steps and fast reversals of the command: a lag rounds them and a slew limit makes ramps of them, a "
         "delay shifts them; a late camera shifts the pose alone, not the encoders",
     )
-    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.06, (0.001, 0.005, 0.02), tolerance=2e-4),)
+    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.06, (0.001, 0.005, 0.02), tolerance=2e-4, shifts=True),)
     output, update = delayed, remember_commands
 
 

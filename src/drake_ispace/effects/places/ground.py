@@ -212,12 +212,13 @@ class SoftPatch(GroundEffect):
     )
 
     def parameters_of(self, body):
-        edges = zip(_EDGES, (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
         half = [0.5 * size for size in body.room_m]
-        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5)), *(
+        edges = [
             Parameter(name, "m", side * half[axis], -half[axis], half[axis], (-0.1 * side,), shape=True)
-            for name, side, axis in edges
-        ), Parameter("edge_m", "m", 0.05, 0.005, 0.5, shape=True))
+            for name, side, axis in zip(_EDGES, (-1.0, 1.0, -1.0, 1.0), (0, 0, 1, 1), strict=True)
+        ]
+        softness = Parameter("edge_m", "m", 0.05, 0.005, 0.5, shape=True)
+        return (Parameter("force_n", "N", 0.0, 0.0, 20.0, (0.2, 1.5)), *edges, softness)
 
     def starts(self, body):
         """Each ninth of the room, and each four of them around an inner corner."""
@@ -231,7 +232,8 @@ class SoftPatch(GroundEffect):
 
     def block_parameters(self, body, values):
         force, edges = values["force_n"], np.array([values[name] for name in _EDGES])
-        return {"force_n": force, "edges_m": edges, "edge_m": values["edge_m"], "scale_m_s": ground_scale(body, 0, force)}
+        scale = ground_scale(body, 0, force)
+        return {"force_n": force, "edges_m": edges, "edge_m": values["edge_m"], "scale_m_s": scale}
 
 
 @kernel

@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
@@ -73,7 +75,19 @@ def start_of(survey: Survey, candidate: Candidate) -> list[float]:
     """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
     if candidate.effect.is_local:
         return start_in_room(survey, candidate)
-    return survey.screen.start(candidate, survey.products)
+    start = survey.screen.start(candidate, survey.products)
+    return _shifted(survey, candidate) if any(p.shifts for p in candidate.parameters) else start
+
+
+def _shifted(survey, candidate) -> list[float]:
+    """The best value of the candidate's one parameter, to a tick."""
+    likelihood, (bounds,) = survey.likelihood, candidate.bounds
+
+    def deviance(z):
+        w = likelihood.whitened({**survey.point, candidate: [float(z)]})
+        return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
+
+    return [float(minimize_scalar(deviance, bounds=bounds, method="bounded", options={"xatol": TICK_S}).x)]
 
 
 def penalty(candidate: Candidate) -> float:
