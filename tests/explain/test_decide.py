@@ -4,6 +4,7 @@ There every size and every gain can be checked.
 """
 
 import importlib
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -140,6 +141,18 @@ def test_a_look_alike_that_one_of_two_runs_prefers_is_not_ruled_out():
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == ["scale"]
 
 
+def test_of_two_that_do_as_well_the_one_whose_size_makes_sense_is_named_alone():
+    shapes = {"tilt": SHAPES["tilt"], "scale": SHAPES["tilt"] + 0.05 * pattern(7)}
+    for sensible in shapes:
+        tried = [
+            replace(c, parameters=tuple(replace(p, sensible=(-0.1, 9.0 * (c.name == sensible))) for p in c.parameters))
+            for c in made(*shapes)
+        ]
+        decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, None, generics=no_generics)
+        assert list(sizes(decision)) == [sensible] and rivals(decision, sensible) == []
+        assert gains(decision) == {sensible: pytest.approx(decision.total_gain, rel=0.05)}
+
+
 def test_each_of_two_named_effects_has_its_own_rivals():
     like = SHAPES["lag"] + 0.1 * pattern(7)
     decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.8 * SHAPES["lag"], SHAPES | {"delay": like})
@@ -256,6 +269,14 @@ def test_the_only_effect_stays_however_small():
     decision = decided(noise() + 0.12 * SHAPES["tilt"] + 0.08 * SHAPES["tilt"])
     small = next(d for d in (decided(noise() + size * SHAPES["tilt"]) for size in (0.14, 0.16, 0.18, 0.2)) if d.named)
     assert small.total_gain < LEAST_FURTHER < decision.total_gain and sizes(small).keys() == {"tilt"}
+
+
+def test_an_effect_that_explains_nothing_under_the_noise_that_it_leaves_is_not_named():
+    decision = decided(noise() + 0.8 * SHAPES["tilt"])
+    decision.total_gain = 1.9  # as where the first alarm came from noise that it had swallowed
+    assert pruned(None, decision).named is None
+    decision.total_gain = 2.1
+    assert sizes(pruned(None, decision)).keys() == {"tilt"}
 
 
 def test_only_what_comes_near_in_gain_and_in_clearness_is_followed(monkeypatch):

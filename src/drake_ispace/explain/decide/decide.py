@@ -20,7 +20,7 @@ from drake_ispace.explain.decide.detect import Detection, detect, trials
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
 from drake_ispace.explain.decide.prune import pruned
-from drake_ispace.explain.decide.rivals import rivals_of
+from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.survey import (
     Survey,
@@ -100,7 +100,9 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
     if decision.named is None:
         return decision
     end, decision = decision.end, pruned(survey_at, decision)
-    decision.rivals = rivals_of(decision)
+    if decision.named is None:
+        return decision
+    decision = with_rivals(decision)
     decision.left_over = left_over(decision, seed, *(known if decision.end is end and known and known[0] else ()))
     return decision
 

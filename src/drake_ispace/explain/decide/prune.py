@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
-from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, start_of
+from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, penalty, start_of
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit, fits
@@ -21,7 +21,8 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     A single effect takes the place of all named ones if it does as well. Else the effect whose loss the others make
     up for best is taken away, as long as the deviance hardly rises, or rises in some runs and falls in others, or what
     it explains is next to nothing beside what all of them explain of every sensor. Such a trace stays only if two runs
-    show it, each by itself, and if it is no flaw in the form of the others.
+    show it, each by itself, and if it is no flaw in the form of the others. Nothing is named if the last effect
+    explains less than its complexity penalty under the noise that it leaves.
 
     survey_at: `survey` of these runs, called with a point.
     """
@@ -40,7 +41,10 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
             decision.gains = rises
             return decision
         decision = _with_named(survey_at, decision, rests[min(needless, key=rises.get)].point)
-    decision.gains = {next(iter(decision.named.point)): decision.total_gain}
+    (last,) = decision.named.point
+    if decision.total_gain < penalty(last):
+        return decision.without_effects()
+    decision.gains = {last: decision.total_gain}
     return decision
 
 

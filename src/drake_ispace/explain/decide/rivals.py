@@ -1,22 +1,34 @@
 """Rivals: look-alikes that these runs cannot tell from a named effect."""
 
+from dataclasses import replace
+
 from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
 from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty, start_of
-from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import fits
+from drake_ispace.explain.fit.likelihood import Fit, fits
 
 _RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
 
 
-def rivals_of(decision: Decision) -> dict[Candidate, list[Rival]]:
-    """Named effect -> its rivals. Each look-alike is fitted in its place, with the other named effects, under the noise
-    of the end. How far it is behind counts in units of how its lead scatters over the runs."""
-    return {effect: _rivals(decision, effect) for effect in decision.named.point}
+def with_rivals(decision: Decision) -> Decision:
+    """The Decision with the rivals of its named effects.
+
+    Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
+    behind counts in units of how its lead scatters over the runs. A rival at a size that makes no sense is none, and
+    one that makes sense takes the place of a named effect that makes none.
+    """
+    for effect in decision.named.point:
+        fits_of = _rivals(decision, effect)
+        decision.rivals[effect] = [rival for rival, _ in fits_of]
+        if fits_of and not effect.makes_sense(decision.named.point[effect]):
+            best, fitted = min(fits_of, key=lambda one: one[0].behind)
+            gains = {best.candidate if c is effect else c: gain for c, gain in decision.gains.items()}
+            return with_rivals(replace(decision.with_named(decision.end, fitted), rivals={}, gains=gains))
+    return decision
 
 
-def _rivals(decision, effect) -> list[Rival]:
+def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     start, named, screen = decision.start, decision.named, decision.start.screen
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
@@ -30,6 +42,7 @@ def _rivals(decision, effect) -> list[Rival]:
     for other, fitted in zip(others, fits(decision.end.likelihood, starts, iterations=6), strict=True):
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
         limit = max(MARGIN * scatter(decision.end, named, fitted), _RELATIVE_MARGIN * decision.total_gain)
-        if behind < limit and all(rival.candidate.name != other.name for rival in rivals):
-            rivals.append(Rival(other, behind))
+        told = [rival.candidate.name for rival, _ in rivals]
+        if behind < limit and other.name not in told and other.makes_sense(fitted.point[other]):
+            rivals.append((Rival(other, behind), fitted))
     return rivals

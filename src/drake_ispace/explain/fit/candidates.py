@@ -54,6 +54,11 @@ class Candidate:
         """Coordinates at which the effect changes nothing."""
         return [coordinate(p, p.neutral) for p in self.parameters]
 
+    def makes_sense(self, z) -> bool:
+        """Whether a robot that drives about may have every parameter at the coordinates `z`."""
+        values = ((p.sensible, value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))
+        return all(least <= value <= most for (least, most), value in values)
+
     @property
     def bounds(self) -> list[tuple[float, float]]:
         """(low, high) of every coordinate."""
