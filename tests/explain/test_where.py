@@ -36,7 +36,8 @@ def started(measured, patch):
 
 def test_it_is_the_rectangle_that_explains_most_with_its_best_force():
     patch, truth = candidate("soft_patch"), {"x_min_m": -1.0, "x_max_m": 0.5, "y_min_m": -0.25, "y_max_m": 0.75}
-    assert started(felt({"force_n": 3.0} | truth), patch) == pytest.approx([3.0, *truth.values(), patch.neutral[-1]], rel=1e-6)
+    found = started(felt({"force_n": 3.0} | truth), patch)
+    assert found == pytest.approx([3.0, *truth.values(), patch.neutral[-1]], rel=1e-6)
 
 
 def test_where_a_force_would_have_to_push_it_begins_with_none():

@@ -117,7 +117,8 @@ def said(answer) -> str:
     closed = "" if answer.closed is None else f" {100 * answer.closed:.0f} %"
     left = "; ".join(f"{r.channel} ~ {r.driver}" for r in answer.remainders[:2])
     found = ", ".join(dict.fromkeys(finding.fault for finding in answer.data))
-    return f"{answer.verdict} {names}{closed}" + (f" left: {left}" if left else "") + (f" data: {found}" if found else "")
+    besides = (f" left: {left}" if left else "") + (f" data: {found}" if found else "")
+    return f"{answer.verdict} {names}{closed}{besides}"
 
 
 if __name__ == "__main__":

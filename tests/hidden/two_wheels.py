@@ -1,8 +1,10 @@
 """Recordings of a two-wheeled robot with a velocity command, wheel encoders and motion capture; plain numpy.
 
 Three things may be hidden at once: a left wheel that is larger than believed, motion capture that reports late, and a
-drive that lags behind its command.
+drive that lags behind its command. OTHERS lists what else may be.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import lfilter
@@ -15,40 +17,76 @@ _STEP_S = 1e-3
 _FIX_RMS = (5e-4, 5e-4, 2e-3)
 _SLIP_RMS = 2e-3
 
+#: Neutral values of whatever else may be hidden.
+OTHERS = {
+    "radius_share": 0.0,  # both wheels larger
+    "track_share": 0.0,  # the wheels further apart
+    "lost_share": 0.0,  # of the counts of the left wheel
+    "slip_share": 0.0,  # of the way
+    "marker_x_m": 0.0,  # the marker in front of the middle,
+    "marker_y_m": 0.0,  # to the left of it
+    "camera_share": 0.0,  # motion capture shows the room larger
+    "delay_s": 0.0,  # of the command
+    "gain_share": 0.0,  # the drive turns the wheels faster than told
+    # what no library names
+    "skid_s": 0.0,  # the robot slides outwards: sideways velocity over speed times turning rate
+    "belt_m_s": 0.0,  # the floor moves along x of W
+    "deflating_share": 0.0,  # of the left radius, lost until the end of the run
+    "patch_share": 0.0,  # slip where x > 1 m
+    "fast_slip_s2_m2": 0.0,  # slip over the square of the speed
+    "skewed_share": 0.0,  # motion capture's x grows with y
+    "warped_rad_m": 0.0,  # its heading with x
+    "ripple_rad": 0.0,  # both encoders, twice a turn
+}
+
 
 def drive(
     seed: int, seconds: float = 30.0, left_share: float = 0.04, late_s: float = 0.08, lag_s: float = 0.06,
-    camera_hz: float = 30.0, encoder_hz: float = 50.0,
+    camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
+    in_step: bool = False,
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
     Args:
         seed: of the commands and of all noise. left_share: by which the left wheel is larger than believed.
         late_s: by which motion capture stamps its poses late [s]. lag_s: time constant of the drive [s].
+        others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
+            it is logged, not at any moment.
     """
+    o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
     n = round(seconds / _STEP_S)
     t = _STEP_S * np.arange(n)
-    v, w = _wandering(random, t, 0.1, 0.5), _wandering(random, t, -1.0, 1.0)
+    step_s = 1.0 / encoder_hz if in_step else _STEP_S
+    v, w = _wandering(random, t, 0.1, 0.5, step_s), _wandering(random, t, -1.0, 1.0, step_s)
     command = np.column_stack([v, np.zeros(n), w])
     sent = np.column_stack([v + HALF_TRACK_M * w, v - HALF_TRACK_M * w]) / RADIUS_M  # right, left, as it believes
+    late = round(o["delay_s"] / _STEP_S)
+    sent = (1.0 + o["gain_share"]) * np.vstack([np.zeros((late, 2)), sent[: n - late]])
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0
     rate = lfilter([1.0 - keep], [1.0, -keep], sent, axis=0)
     angle = np.vstack([np.zeros(2), np.cumsum(rate[:-1] * _STEP_S, axis=0)])
     slip = 1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], random.standard_normal((n, 2)), axis=0) / 0.16
-    ground = rate * slip * [RADIUS_M, RADIUS_M * (1.0 + left_share)]
-    turn = (ground[:, 0] - ground[:, 1]) / (2.0 * HALF_TRACK_M)
+    left = 1.0 + left_share - o["deflating_share"] * t / seconds
+    ground = rate * slip * (1.0 + o["radius_share"]) * RADIUS_M * np.column_stack([np.ones(n), left])
+    turn = (ground[:, 0] - ground[:, 1]) / (2.0 * HALF_TRACK_M * (1.0 + o["track_share"]))
     phi = 0.3 + np.concatenate([[0.0], np.cumsum(turn[:-1] * _STEP_S)])
-    forward = ground.mean(axis=1)
-    x = 1.0 + np.concatenate([[0.0], np.cumsum((forward * np.cos(phi))[:-1] * _STEP_S)])
-    y = -0.5 + np.concatenate([[0.0], np.cumsum((forward * np.sin(phi))[:-1] * _STEP_S)])
+    forward = ground.mean(axis=1) * (1.0 - o["slip_share"])
+    forward *= 1.0 - o["fast_slip_s2_m2"] * forward**2
+    x, y = _way(forward, -o["skid_s"] * forward * turn, phi, o["belt_m_s"], o["patch_share"])
     stamps = np.arange(0.013, seconds - _STEP_S, 1.0 / camera_hz)
+    c, s = np.cos(phi), np.sin(phi)
+    x, y = x + c * o["marker_x_m"] - s * o["marker_y_m"], y + s * o["marker_x_m"] + c * o["marker_y_m"]
+    x, y, phi = x * (1.0 + o["camera_share"]), y * (1.0 + o["camera_share"]), phi + o["warped_rad_m"] * x
+    x = x + o["skewed_share"] * y
     seen = np.column_stack([np.interp(stamps - late_s, t, column) for column in (x, y, phi)])
     seen += random.standard_normal(seen.shape) * _FIX_RMS
     seen[:, 2] = np.mod(seen[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     read = np.arange(0, n, round(1.0 / encoder_hz / _STEP_S))
     count = 2.0 * np.pi / COUNTS
-    counted = count * np.floor(angle[read] / count + random.uniform(0.0, 1.0, 2))
+    shown = angle + o["ripple_rad"] * np.sin(2.0 * angle)
+    shown[:, 1] *= 1.0 - o["lost_share"]
+    counted = count * np.floor(shown[read] / count + random.uniform(0.0, 1.0, 2))
     return Recording("mine", "velocity_base", {
         "command": Channel(t[read], ("vx", "vy", "wz"), command[read], {}, 1.0 / encoder_hz),
         "encoder": Channel(t[read], ("theta_1", "theta_2"), counted, {}, 1.0 / encoder_hz),
@@ -56,11 +94,23 @@ def drive(
     }, f"two wheels, seed {seed}")
 
 
-def _wandering(random, t, low, high):
-    """(k,) values that are held for one to four seconds each; zero in the first two."""
+def _way(forward, sideways, phi, belt_m_s, patch_share):
+    """(n,) x and y [m] of a robot that moves with these velocities along its own axes, and slips where x > 1 m."""
+    x, y = np.empty(len(phi)), np.empty(len(phi))
+    x[0], y[0] = 1.0, -0.5
+    c, s = np.cos(phi), np.sin(phi)
+    for i in range(len(phi) - 1):
+        share = 1.0 - patch_share if x[i] > 1.0 else 1.0
+        x[i + 1] = x[i] + _STEP_S * (share * forward[i] * c[i] - sideways[i] * s[i] + belt_m_s)
+        y[i + 1] = y[i] + _STEP_S * (share * forward[i] * s[i] + sideways[i] * c[i])
+    return x, y
+
+
+def _wandering(random, t, low, high, step_s):
+    """(k,) values that are held for one to four seconds each, a multiple of `step_s`; zero in the first two."""
     values, at = np.zeros(len(t)), 2.0
     while at < t[-1]:
-        until = at + random.uniform(1.0, 4.0)
-        values[(t >= at) & (t < until)] = random.uniform(low, high)
+        until = step_s * round((at + random.uniform(1.0, 4.0)) / step_s)
+        values[(t >= at - 1e-9) & (t < until - 1e-9)] = random.uniform(low, high)
         at = until
     return values
