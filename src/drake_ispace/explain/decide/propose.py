@@ -11,7 +11,7 @@ from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, fits
+from drake_ispace.explain.fit.likelihood import Fit, fit, fits
 
 SHORTLIST = 6  # effects that are fitted
 LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
@@ -74,9 +74,15 @@ def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
 def start_of(survey: Survey, candidate: Candidate) -> list[float]:
     """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
     if candidate.effect.is_local:
-        return start_in_room(survey, candidate)
+        return _placed(survey, candidate)
     start = survey.screen.start(candidate, survey.products)
     return _shifted(survey, candidate) if any(p.shifts for p in candidate.parameters) else start
+
+
+def _placed(survey, candidate) -> list[float]:
+    """The best size and edges of the candidate with edges as soft as usual; softer ones would hide that they are off."""
+    point = {**survey.point, candidate: start_in_room(survey, candidate)}
+    return fit(survey.likelihood, point, held=(candidate, len(candidate.parameters) - 1)).point[candidate]
 
 
 def _shifted(survey, candidate) -> list[float]:

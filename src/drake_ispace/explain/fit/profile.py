@@ -25,7 +25,8 @@ def profile_interval(
     excess = _excess(likelihood, best, candidate, i, rise)
     low, high = candidate.bounds[i]
     below = _reach(lambda t: excess(z - t), guess, z - low, rise)
-    return z - below, z + _reach(lambda t: excess(z + t), guess, high - z, rise)
+    above = _reach(lambda t: excess(z + t), guess, high - z, rise)
+    return max(z - below, low), high if above >= high - z else z + above
 
 
 def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
