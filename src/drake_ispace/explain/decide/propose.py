@@ -75,12 +75,13 @@ def start_of(survey: Survey, candidate: Candidate) -> list[float]:
     """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
     if candidate.effect.is_local:
         return _placed(survey, candidate)
-    start = survey.screen.start(candidate, survey.products)
-    return _shifted(survey, candidate) if any(p.shifts for p in candidate.parameters) else start
+    if any(parameter.shifts for parameter in candidate.parameters):
+        return _shifted(survey, candidate)
+    return survey.screen.start(candidate, survey.products)
 
 
 def _placed(survey, candidate) -> list[float]:
-    """The best size and edges of the candidate with edges as soft as usual; softer ones would hide that they are off."""
+    """The best size and edges with edges as soft as usual; were they free, soft ones would hide that they are off."""
     point = {**survey.point, candidate: start_in_room(survey, candidate)}
     return fit(survey.likelihood, point, held=(candidate, len(candidate.parameters) - 1)).point[candidate]
 
