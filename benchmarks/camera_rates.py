@@ -29,16 +29,12 @@ def answered(seed, seconds, rate_hz, has_command, **hidden):
 
     hidden: other sizes of what is hidden, as `two_wheels.drive` takes them.
     """
-    model = di.load_scenario("velocity_base", [
-        "rover.plant.wheels=differential", f"rover.plant.radius_m={two_wheels.RADIUS_M}",
-        f"rover.plant.half_track_m={two_wheels.HALF_TRACK_M}",
-    ])
     runs = [two_wheels.drive(10 * seed + i, seconds, camera_hz=rate_hz, **hidden) for i in range(5)]
     if not has_command:
         runs = [
             replace(run, channels={name: c for name, c in run.channels.items() if name != "command"}) for run in runs
         ]
-    answer = di.explain(model, runs[:3], runs[3:])
+    answer = di.explain(two_wheels.model(), runs[:3], runs[3:])
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     errors = []
     for sizes in ({}, effects):

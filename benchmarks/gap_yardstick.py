@@ -225,10 +225,6 @@ TWO_WHEELED = {
 
 
 def two_wheeled_cases(seed, seconds, names=TWO_WHEELED):
-    model = di.load_scenario("velocity_base", [
-        "rover.plant.wheels=differential", f"rover.plant.radius_m={two_wheels.RADIUS_M}",
-        f"rover.plant.half_track_m={two_wheels.HALF_TRACK_M}",
-    ])
     robot = {"name": "two", "wheels": 2, "radius_m": two_wheels.RADIUS_M, "arm_m": two_wheels.HALF_TRACK_M}
     truth = {"single_wheel_radius_error": {"wheel": 2, "share": 0.04}, "camera_latency": {"latency_s": 0.08}}
     for name in names:
@@ -236,7 +232,7 @@ def two_wheeled_cases(seed, seconds, names=TWO_WHEELED):
         runs = [two_wheels.drive(10 * seed + i, seconds, **hidden) for i in range(5)]
         own = {key: value for key, value in truth.items()
                if hidden.get({"single_wheel_radius_error": "left_share", "camera_latency": "late_s"}[key], 1.0)}
-        yield judged(name, model, robot, runs[:3], runs[3:], own)
+        yield judged(name, two_wheels.model(), robot, runs[:3], runs[3:], own)
 
 
 def real_cases(data):

@@ -8,7 +8,6 @@ from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.stretches import stretch
 from drake_ispace.hiding import hide
 from hidden import two_wheels
-from hidden.rover_campaign import model
 
 
 def runs(count, seconds, **hidden):
@@ -17,7 +16,7 @@ def runs(count, seconds, **hidden):
 
 
 def prediction(**hidden):
-    return prepare(model(), runs(1, 6.0, **hidden)).prediction
+    return prepare(two_wheels.model(), runs(1, 6.0, **hidden)).prediction
 
 
 def test_rows_are_the_reads_and_nothing_is_shown_between_them():
@@ -53,6 +52,6 @@ def test_a_robot_under_torque_and_reads_at_every_tick_are_left_as_they_are():
 def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     some = runs(3, 12.0, encoder_hz=encoder_hz, others={"delay_s": 0.064})
     effects = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain")]
-    answer = di.explain(model(), some, effects=effects)
+    answer = di.explain(two_wheels.model(), some, effects=effects)
     assert [effect.name for effect in answer.effects] == ["velocity_delay"] and answer.verdict == "named"
     assert answer.effects[0].parameters["delay_s"].estimate == pytest.approx(0.064, abs=0.003)

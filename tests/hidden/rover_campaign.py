@@ -11,13 +11,14 @@ lack nothing, the command changes between samples of its log.
 import argparse
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 import drake_ispace as di
+from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.scenario import Scenario
 from hidden import two_wheels
 
 #: What is hidden -> (largest size, names that say it).
@@ -52,7 +53,7 @@ class Case:
     seed: int
     in_step: bool = True
 
-    def recordings(self, seconds: float = 30.0) -> list:
+    def recordings(self, seconds: float) -> list:
         """Its runs."""
         own = {name: self.sizes.get(name, 0.0) for name in _OWN}
         others = {name: size for name, size in self.sizes.items() if name not in _OWN}
@@ -76,18 +77,10 @@ def cases(count: int, pool: dict[str, float], together: int, least: float, seed:
     return drawn
 
 
-def model() -> Scenario:
-    """The robot as it is believed to be."""
-    return di.load_scenario("velocity_base", [
-        "rover.plant.wheels=differential", f"rover.plant.radius_m={two_wheels.RADIUS_M}",
-        f"rover.plant.half_track_m={two_wheels.HALF_TRACK_M}",
-    ])
-
-
-def answer(case: Case) -> Explanation:
+def answer(case: Case, seconds: float = 30.0, effects: Sequence[Effect] | None = None) -> Explanation:
     """What explain says of it."""
-    runs = case.recordings()
-    return di.explain(model(), runs[:_TRAINING], runs[_TRAINING:])
+    runs = case.recordings(seconds)
+    return di.explain(two_wheels.model(), runs[:_TRAINING], runs[_TRAINING:], effects)
 
 
 def judged(case: Case, found: Explanation) -> str:
@@ -119,12 +112,13 @@ def main():
         for k, case in enumerate(some):
             started = time.perf_counter()
             found = answer(case)
-            results[judged(case, found)] += 1
+            said = judged(case, found)
+            results[said] += 1
             sizes = ", ".join(f"{name} {size:.3g}" for name, size in case.sizes.items())
             names = "+".join("|".join([effect.name, *effect.equivalents]) for effect in found.effects)
             flaws = ",".join(dict.fromkeys(finding.fault for finding in found.data))
             print(
-                f"{kind} {k:2d} {sizes}: {judged(case, found)}: {found.verdict} {names} {flaws} "
+                f"{kind} {k:2d} {sizes}: {said}: {found.verdict} {names} {flaws} "
                 f"{'' if found.closed is None else f'{100 * found.closed:.0f} %'} "
                 f"({time.perf_counter() - started:.0f} s)", flush=True,
             )

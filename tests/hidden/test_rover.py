@@ -3,27 +3,26 @@
 import pytest
 
 import drake_ispace as di
-from hidden.rover_campaign import Case, judged, model
+from hidden.rover_campaign import Case, answer, judged
 
 
-def answer(sizes, effects=None, seconds=12.0):
+def told(sizes, effects=None):
     case = Case(sizes, 700)
-    runs = case.recordings(seconds)
-    return case, di.explain(model(), runs[:3], runs[3:4], effects and [di.effects()[name] for name in effects])
+    return case, answer(case, 12.0, effects and [di.effects()[name] for name in effects])
 
 
 def test_a_robot_that_does_as_it_is_told_lacks_nothing():
-    _, found = answer({})
+    _, found = told({})
     assert found.verdict == "none", found
 
 
 def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     """A camera that shows the room 1.5 % larger looks like wheels that slip by less than nothing."""
-    case, found = answer({"camera_share": 0.015}, ["constant_slip", "camera_scale", "track_error"])
+    case, found = told({"camera_share": 0.015}, ["constant_slip", "camera_scale", "track_error"])
     assert judged(case, found) == "exact" and found.verdict == "named" and not found.effects[0].equivalents
     assert found.effects[0].parameters["share"].estimate == pytest.approx(0.015, abs=0.002)
 
 
 def test_a_floor_that_moves_has_no_name():
-    case, found = answer({"belt_m_s": 0.008})
+    case, found = told({"belt_m_s": 0.008})
     assert judged(case, found) in ("unknown", "incomplete")

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.scenario import Scenario, load_scenario
 
 RADIUS_M, HALF_TRACK_M = 0.05, 0.15
 COUNTS = 2048
@@ -38,6 +39,14 @@ OTHERS = {
     "warped_rad_m": 0.0,  # its heading with x
     "ripple_rad": 0.0,  # both encoders, twice a turn
 }
+
+
+def model() -> Scenario:
+    """The robot as it is believed to be."""
+    return load_scenario("velocity_base", [
+        "rover.plant.wheels=differential", f"rover.plant.radius_m={RADIUS_M}",
+        f"rover.plant.half_track_m={HALF_TRACK_M}",
+    ])
 
 
 def drive(

@@ -39,6 +39,11 @@ class Parameter:
     shape: bool = False
     shifts: bool = False
 
+    def makes_sense(self, value: float) -> bool:
+        """Whether a robot that drives about may have this value."""
+        least, most = self.sensible
+        return least <= value <= most
+
 
 @dataclass(frozen=True)
 class Card:

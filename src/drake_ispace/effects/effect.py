@@ -70,8 +70,8 @@ class Effect:
     parameters: tuple[Parameter, ...] = ()
     #: Names of whole-number parameters that select one of the wheels, 1 to n; a fit tries each.
     choices: tuple[str, ...] = ()
-    #: Whether it acts in a part of the room: its parameters begin with a size, x_min, x_max, y_min and y_max, and
-    #: `starts` has several parts. As such it can explain slow noise, too.
+    #: Whether it acts in a part of the room: its parameters are a size, x_min, x_max, y_min, y_max and how soft
+    #: these edges are, and `starts` has several parts. As such it can explain slow noise, too.
     is_local = False
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()

@@ -180,9 +180,9 @@ def _on_bound(case, point: Point, candidate, i) -> bool:
     may reach up to its walls.
     """
     (low, high), parameter = candidate.bounds[i], candidate.parameters[i]
-    z, (least, most) = point[candidate][i], parameter.sensible
+    z = point[candidate][i]
     value = value_of(parameter, z)
-    makes_sense = least <= value <= most
+    makes_sense = parameter.makes_sense(value)
     if parameter.scale == "torque" and not parameter.reciprocal:
         makes_sense &= abs(value) <= max(np.abs(track.command).max() for track in case.prediction.tracks)
     at_a_wall = candidate.effect.is_local and parameter.shape

@@ -23,7 +23,7 @@ def start_in_room(survey: Survey, candidate: Candidate) -> list[float]:
     sides = [np.linspace(-0.5 * s, 0.5 * s, _PARTS + 1).tolist() for s in prediction.replay.body.room_m]
 
     def within(x, y):
-        return [size, sides[0][x[0]], sides[0][x[1]], sides[1][y[0]], sides[1][y[1]], *candidate.neutral[5:]]
+        return [size, sides[0][x[0]], sides[0][x[1]], sides[1][y[0]], sides[1][y[1]], candidate.neutral[-1]]
 
     def change(part):
         x, y = part

@@ -56,8 +56,7 @@ class Candidate:
 
     def makes_sense(self, z) -> bool:
         """Whether a robot that drives about may have every parameter at the coordinates `z`."""
-        values = ((p.sensible, value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))
-        return all(least <= value <= most for (least, most), value in values)
+        return all(p.makes_sense(value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))
 
     @property
     def bounds(self) -> list[tuple[float, float]]:

@@ -26,7 +26,7 @@ def profile_interval(
     low, high = candidate.bounds[i]
     below = _reach(lambda t: excess(z - t), guess, z - low, rise)
     above = _reach(lambda t: excess(z + t), guess, high - z, rise)
-    return max(z - below, low), high if above >= high - z else z + above
+    return low if below >= z - low else z - below, high if above >= high - z else z + above
 
 
 def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:

@@ -264,10 +264,11 @@ class Prediction:
     def _of_run(self, i, track, numbers, dropouts):
         """Stream -> residuals of run `i`, in the form `track`, under these run-time numbers."""
         motion, room = self.replay.run(track, self.starts[i], numbers)
-        motion, room = motion[:, self.columns], room[:, : len(self.channels["room"])]
+        room = room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {
-            "motion": motion[track.scored_ticks], "room": room[track.scored_fixes], "start": first,
+            "motion": motion[np.ix_(track.scored_ticks, self.columns)], "room": room[track.scored_fixes],
+            "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
 

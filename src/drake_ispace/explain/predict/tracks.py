@@ -69,8 +69,9 @@ class Track:
     @property
     def scored_ticks(self) -> np.ndarray:
         """(rows,) ticks at which the motion is scored, where it is measured and the filter has settled."""
-        ticks = np.arange(self.ticks) if self.reads is None else self.reads
-        return ticks[(ticks >= self.settled) & (ticks < self.ticks)]
+        if self.reads is None:
+            return np.arange(self.settled, self.ticks)
+        return self.reads[(self.reads >= self.settled) & (self.reads < self.ticks)]
 
     @property
     def shown(self) -> np.ndarray:
