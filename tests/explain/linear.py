@@ -55,14 +55,14 @@ class Linear:
     row_ticks = 1
     tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
 
-    def residuals(self, values, pool=None):
+    def residuals(self, values):
         explained = sum(parameters["size"] * self.shapes[name] for name, parameters in values.items())
         return streams(self.measured - explained)
 
     def labels(self, stream):
         return ["kinect: x"]
 
-    def nuisances(self, values, pool=None):
+    def nuisances(self, values):
         return [(run, {"room": shape[:, None]}) for run, shape in self.offsets]
 
     def under_other_noise(self, values):
@@ -93,9 +93,9 @@ def generics_of(driver: str, shape: np.ndarray):
     """The `generics` of `decide` with a single one, a force that goes with `driver`, of this (RUNS, ROWS) shape."""
     generic = Generic(driver, "force", driver, 1)
     candidate = Candidate(generic, (), generic.parameters)
-    return lambda prediction, point, base, pool: [Signature(candidate, [1.0], 0, False, streams(shape))]
+    return lambda prediction, point, base: [Signature(candidate, [1.0], 0, False, streams(shape))]
 
 
-def no_generics(prediction, point, base, pool):
+def no_generics(prediction, point, base):
     """The `generics` of `decide` without any."""
     return []

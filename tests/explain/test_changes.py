@@ -1,5 +1,7 @@
 """Products of whitened changes that exist for one run at a time are those of the long vectors."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ OFFSETS = directions(
 )
 CHANGES = Changes(WHITENING, MEASURED, FOUND)
 X = np.array([WHITENING(change) for change in FOUND])
-LIKELIHOOD = Likelihood(None, WHITENING, OFFSETS, {}, None, WHITENING.memory(MEASURED))
+LIKELIHOOD = Likelihood(None, WHITENING, OFFSETS, {}, WHITENING.memory(MEASURED))
 MARGINAL = Marginal(CHANGES, OFFSETS, LIKELIHOOD.memory, LIKELIHOOD.inner)
 
 
@@ -53,8 +55,25 @@ def test_the_gram_matrix_has_changes_and_offsets():
     assert MARGINAL.least_squares(w) == pytest.approx(np.linalg.lstsq(every.T, w, rcond=None)[0], rel=1e-6)
 
 
+def test_the_deviance_is_the_least_sum_of_squares_over_coefficients_and_offsets():
+    w, offsets, pasts = RNG.standard_normal(X.shape[1]), OFFSETS.combined(np.eye(len(OFFSETS))), []
+    for memory in LIKELIHOOD.memory:
+        p, q = memory.shape
+        past = np.zeros((p, q, len(w)))
+        for channel, ((start, end), basis) in itertools.product(
+            range(p), zip(memory.places, memory.bases, strict=True)
+        ):
+            past[channel, :, start + channel : end : p] = basis.T
+        pasts += [*past.reshape(-1, len(w))]
+    priors = np.hstack([np.zeros((len(offsets), len(pasts))), np.eye(len(offsets))])
+    rows, y = np.vstack([np.vstack([*pasts, *offsets]).T, priors]), np.concatenate([w, np.zeros(len(offsets))])
+    least = np.sum((y - rows @ np.linalg.lstsq(rows, y, rcond=None)[0]) ** 2)
+    assert LIKELIHOOD.deviance(w) == pytest.approx(least, rel=1e-8)
+
+
 def test_what_is_left_is_what_the_likelihood_leaves():
     left = LIKELIHOOD.marginalised(X)
+    assert LIKELIHOOD.products(X) == pytest.approx(X @ left.T, rel=1e-8)
     assert MARGINAL.inner == pytest.approx(X @ left.T, rel=1e-8)
     w, instants = RNG.standard_normal(X.shape[1]), WHITENING.instants(MEASURED)
     sums = np.array([np.bincount(instants, row * w) for row in left])

@@ -25,7 +25,7 @@ SHAPES = {"tilt": pattern(3), "drag": pattern(5), "lag": pattern(8), "slip": pat
 
 
 def decided(measured, shapes=SHAPES, low=-100.0, generics=no_generics, offsets=()) -> Decision:
-    return decide(Linear(measured, shapes, offsets), made(*shapes, low=low), 0, None, generics=generics)
+    return decide(Linear(measured, shapes, offsets), made(*shapes, low=low), 0, generics=generics)
 
 
 def sizes(decision):
@@ -73,7 +73,7 @@ def test_a_further_effect_that_the_runs_contradict_is_not_named():
 
 def test_every_step_is_told():
     messages = []
-    decide(Linear(noise() + SHAPES["lag"], SHAPES), made(*SHAPES), 0, None, messages.append, no_generics)
+    decide(Linear(noise() + SHAPES["lag"], SHAPES), made(*SHAPES), 0, messages.append, no_generics)
     assert messages == [
         "looking at every effect", "fitting the leaders", "looking again with lag",
         "fitting the leaders for what is left",
@@ -148,7 +148,7 @@ def test_of_two_that_do_as_well_the_one_whose_size_makes_sense_is_named_alone():
             replace(c, parameters=tuple(replace(p, sensible=(-0.1, 9.0 * (c.name == sensible))) for p in c.parameters))
             for c in made(*shapes)
         ]
-        decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, None, generics=no_generics)
+        decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, generics=no_generics)
         assert list(sizes(decision)) == [sensible] and rivals(decision, sensible) == []
         assert gains(decision) == {sensible: pytest.approx(decision.total_gain, rel=0.05)}
 
@@ -188,7 +188,7 @@ def test_a_generic_disagreement_that_is_a_flaw_of_the_named_effect_is_no_more():
     flaw = SHAPES["tilt"] * SHAPES["lag"]
     runs = Linear(noise() + 20.0 * SHAPES["tilt"] + 0.6 * flaw, {"tilt": SHAPES["tilt"]})
     object.__setattr__(runs, "modulations", lambda: [streams(SHAPES["lag"])])
-    decision = decide(runs, made("tilt"), 0, None, generics=generics_of("time", flaw))
+    decision = decide(runs, made("tilt"), 0, generics=generics_of("time", flaw))
     assert decision.left_over.candidate.name == "time" and not decision.left_over.is_more
 
 
@@ -226,7 +226,7 @@ def test_a_flaw_of_its_form_is_no_further_effect():
     for size, named in ((0.3, ["tilt"]), (1.5, ["tilt", "lag"])):
         runs = Linear(noise() + 10.0 * SHAPES["tilt"] + size * SHAPES["lag"], SHAPES)
         object.__setattr__(runs, "modulations", lambda: [streams(flawed.by)])
-        assert list(sizes(decide(runs, made(*SHAPES), 0, None, generics=no_generics))) == named
+        assert list(sizes(decide(runs, made(*SHAPES), 0, generics=no_generics))) == named
 
 
 def test_noise_is_not_left_over():
@@ -235,7 +235,7 @@ def test_noise_is_not_left_over():
 
 def forced(measured, names, shapes):
     """`pruned`'s arguments, for a Decision that names these effects whether or not they are needed."""
-    survey_at = partial(survey, Linear(measured, shapes), candidates=made(*shapes), pool=None, generics=no_generics)
+    survey_at = partial(survey, Linear(measured, shapes), candidates=made(*shapes), generics=no_generics)
     start = survey_at({})
     point = {c: [0.1] for c in start.screen.candidates if c.name in names}
     end = survey_at(point, near=True)
@@ -246,7 +246,7 @@ def test_an_effect_that_later_ones_make_superfluous_is_taken_away():
     mixed, messages = SHAPES["tilt"] + SHAPES["lag"] + 0.7 * pattern(17), []
     shapes = SHAPES | {"mixed": mixed}
     runs = Linear(noise() + SHAPES["tilt"] + 0.8 * SHAPES["lag"], shapes)
-    decision = decide(runs, made(*shapes), 0, None, messages.append, no_generics)
+    decision = decide(runs, made(*shapes), 0, messages.append, no_generics)
     assert any("mixed, tilt, lag" in message for message in messages)
     assert sizes(decision) == {"tilt": pytest.approx(1.0, abs=0.1), "lag": pytest.approx(0.8, abs=0.1)}
     assert set(gains(decision)) == {"tilt", "lag"}

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.fit.directions import Directions, amounts_of
-from drake_ispace.explain.fit.memory import Memory, gram
+from drake_ispace.explain.fit.memory import Memory, alike
 
 RNG = np.random.default_rng(0)
 OWN = [(0, RNG.standard_normal((2, 40))), (40, RNG.standard_normal((3, 60)))]
 DIRECTIONS = Directions(RNG.standard_normal((4, 100)), OWN)
 DENSE = np.vstack([DIRECTIONS.everywhere, *(np.pad(part, ((0, 0), (a, 100 - a - part.shape[1]))) for a, part in OWN)])
+
+
+def removed(known, vectors):
+    """The vectors without what a memory explains of them."""
+    left = vectors.copy()
+    known.subtract(known.amounts(vectors), left)
+    return left
 
 
 def memory():
@@ -72,18 +79,15 @@ def test_directions_that_coincide_share():
 def test_a_memory_takes_each_channel_by_the_same_basis_and_nothing_twice():
     known = memory()
     vectors = RNG.standard_normal((3, 100))
-    once = vectors.copy()
-    known.remove_from(once)
+    once = removed(known, vectors)
     basis = np.vstack(known.bases)
     for channel in range(2):
         x = vectors[:, channel::2]
         assert once[:, channel::2] == pytest.approx(x - x @ basis @ basis.T)
-    again = once.copy()
-    known.remove_from(again)
-    assert again == pytest.approx(once)
+    assert removed(known, once) == pytest.approx(once)
 
 
 def test_products_less_memory_are_those_of_vectors_less_memory():
-    known, left = memory(), DENSE.copy()
-    known.remove_from(left)
-    assert gram([known], DIRECTIONS) == pytest.approx(left @ left.T, abs=1e-9)
+    known = memory()
+    left, amounts = removed(known, DENSE), known.amounts_in(DIRECTIONS)
+    assert DIRECTIONS.gram() - alike(amounts, amounts) == pytest.approx(left @ left.T, abs=1e-9)

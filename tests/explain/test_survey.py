@@ -96,12 +96,12 @@ def test_the_usual_speed_is_that_of_the_wheels():
 def test_a_size_is_changed_within_its_bounds(at, tried):
     (candidate,), asked = made("slip"), []
 
-    def residuals(values, pool=None):
+    def residuals(values):
         asked.append(values["slip"]["size"])
         return streams(np.zeros((RUNS, ROWS)))
 
     base = streams(np.ones((RUNS, ROWS)))
-    _changes_by_sizes(SimpleNamespace(residuals=residuals), {candidate: [at]}, {candidate: [1.0]}, base, None)
+    _changes_by_sizes(SimpleNamespace(residuals=residuals), {candidate: [at]}, {candidate: [1.0]}, base)
     assert asked == [pytest.approx(tried)]
 
 

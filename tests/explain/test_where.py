@@ -26,8 +26,10 @@ def started(measured, patch):
         def residuals(self, values):
             return [{"motion": measured - sum(felt(patch) for patch in values.values())}]
 
-    likelihood = SimpleNamespace(whitening=lambda residuals: residuals[0]["motion"], marginalised=lambda rows: rows)
-    view = SimpleNamespace(prediction=Prediction(), sizes={patch: [0.2] + [0.1] * 5}, pool=None)
+    likelihood = SimpleNamespace(
+        whitening=lambda residuals: residuals[0]["motion"], products=lambda rows: rows @ rows.T
+    )
+    view = SimpleNamespace(prediction=Prediction(), sizes={patch: [0.2] + [0.1] * 5})
     residuals = [{"motion": measured}]
     return start_in_room(
         SimpleNamespace(view=view, likelihood=likelihood, point={}, residuals=residuals, w=measured), patch

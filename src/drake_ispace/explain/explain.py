@@ -26,13 +26,9 @@ Of a plant of the user's own (OwnModel) whose runs last less than a second there
 simulations by least squares, and stage 3 compares sets of effects by cross-validation over the runs.
 """
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-
-from threadpoolctl import threadpool_limits
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.effects.effect import Effect
@@ -52,10 +48,8 @@ from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
+from drake_ispace.explain.threads import side_by_side
 from drake_ispace.scenario import Scenario, as_scenario
-
-#: More than the cores that this process may use would only take turns.
-_THREADS = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2)
 
 
 def explain(
@@ -92,23 +86,22 @@ def explain(
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects, most_s)
 
-    # what can run side by side does so here; BLAS with threads of its own besides would only be slower
-    with ThreadPoolExecutor(_THREADS) as pool, threadpool_limits(1, user_api="blas"), solvable():
+    with side_by_side(), solvable():
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)
 
         # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
         if case.is_filtered:
-            decision = decide(case.prediction, tried, seed, pool, tell)
+            decision = decide(case.prediction, tried, seed, tell)
         else:
             decision = validated_choice(case.prediction, tried, tell)
 
-        answer = _answered(case, decision, seed, pool, tell)
+        answer = _answered(case, decision, seed, tell)
         if answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None:
             decision = decision.otherwise
-            answer = _answered(case, decision, seed, pool, tell)
+            answer = _answered(case, decision, seed, tell)
         if answer.effects and case.is_filtered and decision.detection.in_doubt:
-            without = _answered(case, decision.without_effects(), seed, pool, tell)
+            without = _answered(case, decision.without_effects(), seed, tell)
             if without.verdict == "none":
                 add_trace(without, answer)
                 answer = without
@@ -124,11 +117,11 @@ def explain(
     return answer
 
 
-def _answered(case, decision, seed, pool, tell) -> Explanation:
+def _answered(case, decision, seed, tell) -> Explanation:
     """What a decision comes to."""
     # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
     tell("measuring the gap")
-    proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed, pool)
+    proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
 
     # 5 answer
     tell("finding the channels that show it")

@@ -10,7 +10,6 @@ single effect, effects are tried together all the same: a model may lack several
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -33,6 +32,7 @@ from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.threads import each
 
 _MOST_EFFECTS = 6
 _BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in other surveys as well
@@ -41,16 +41,16 @@ _MOST_NEAR = 2  # effects besides the leader that are followed
 
 
 def decide(
-    prediction: Prediction, candidates: Sequence[Candidate], seed: int, pool: ThreadPoolExecutor | None,
+    prediction: Prediction, candidates: Sequence[Candidate], seed: int,
     tell: Callable[[str], None] = lambda text: None, generics: Generics = generic_signatures,
 ) -> Decision:
     """Name effects until what remains is noise, or no effect explains it.
 
     Args:
-        prediction: model and runs. candidates: effects to try. seed: of the bootstrap. pool: threads that predictions
-            may use. tell: called with a sentence at every step. generics: signatures of generic disagreements.
+        prediction: model and runs. candidates: effects to try. seed: of the bootstrap. tell: called with a sentence at
+            every step. generics: signatures of generic disagreements.
     """
-    survey_at = partial(survey, prediction, candidates=candidates, pool=pool, generics=generics)
+    survey_at = partial(survey, prediction, candidates=candidates, generics=generics)
     tell("looking at every effect")
     current = survey_at({})
     decision, doubt = None, None
@@ -139,13 +139,11 @@ def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal)
         and proposal.minus_log10_p > _NEAR_MINUS_LOG10_P * leader.minus_log10_p and proposal is not leader
     ]
     followed = [leader, *near[:_MOST_NEAR]]
-    settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]
+    settled = each(lambda proposal: fit_with_noise(current.view, proposal.fit.point), followed)
     if len(followed) == 1:
         return settled[0][1]
-    best, least = None, np.inf
-    for proposal, (_, own) in zip(followed, settled, strict=True):
-        deviances = [fit(likelihood, own.point, iterations=4).deviance for likelihood, _ in settled]
-        value = np.mean(deviances) + penalty(proposal.candidate)
-        if value < least:
-            best, least = own, value
-    return best
+    pairs = [(likelihood, own.point) for _, own in settled for likelihood, _ in settled]
+    deviances = each(lambda pair: fit(*pair, iterations=4).deviance, pairs)
+    means = np.reshape(deviances, (len(settled), -1)).mean(axis=1)
+    best = np.argmin(means + [penalty(proposal.candidate) for proposal in followed])
+    return settled[best][1]

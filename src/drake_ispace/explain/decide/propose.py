@@ -1,5 +1,6 @@
 """Propose effects: those that score tests favour, fitted together with the effects that the model has."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, fit, fits
+from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit
+from drake_ispace.explain.threads import each
 
 SHORTLIST = 6  # effects that are fitted
 LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
@@ -45,9 +47,9 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
     clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
-    starts = [{**survey.point, candidate: start_of(survey, candidate)} for candidate, _ in clearest]
+    best = fits_beside(survey.point, [candidate for candidate, _ in clearest], survey, likelihood)
     proposals = []
-    for (candidate, minus_log10_p), fitted in zip(clearest, fits(likelihood, starts), strict=True):
+    for (candidate, minus_log10_p), fitted in zip(clearest, best, strict=True):
         drop = max(base - fitted.deviance, 0.0)
         gain = drop / screen.overdispersion_of(candidate)
         clear = min(minus_log10_p, minus_log10_p_of_gain(gain, len(candidate.parameters)))
@@ -71,7 +73,17 @@ def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
     return ranked
 
 
-def start_of(survey: Survey, candidate: Candidate) -> list[float]:
+def fits_beside(
+    rest: Point, candidates: Sequence[Candidate], survey: Survey, likelihood: Likelihood, iterations: int = 12
+) -> list[Fit]:
+    """The Fit of each of `candidates` beside the effects of `rest`, from where it explains most in the survey.
+
+    likelihood: of the fits. iterations: of each, at most.
+    """
+    return each(lambda c: fit(likelihood, {**rest, c: _start_of(survey, c)}, iterations), candidates)
+
+
+def _start_of(survey, candidate) -> list[float]:
     """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
     if candidate.effect.is_local:
         return _placed(survey, candidate)

@@ -6,10 +6,11 @@ import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
-from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, penalty, start_of
+from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_beside, penalty
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, Point, fit, fits
+from drake_ispace.explain.fit.likelihood import Fit, Point, fit
+from drake_ispace.explain.threads import each
 
 _LEAST_RISE = max(2.0 * MARGIN, LEAST_FURTHER)  # of the deviance, for which an effect is kept
 _LEAST_SHARE = 0.01  # of what all named effects explain of a sensor, below which an effect is next to nothing
@@ -82,8 +83,8 @@ def _one_for_all(decision) -> Point | None:
     Of two wheels, one that is larger can first be named as two effects: both are larger, and the other is smaller.
     """
     start, likelihood = decision.start, decision.end.likelihood
-    singles = [{candidate: start_of(start, candidate)} for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]]
-    best = min(fits(likelihood, singles, iterations=6), key=lambda single: single.deviance)
+    tried = [candidate for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]]
+    best = min(fits_beside({}, tried, start, likelihood, iterations=6), key=lambda single: single.deviance)
     return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
 
 
@@ -96,4 +97,4 @@ def _with_named(survey_at, decision, point) -> Decision:
 def without_each(survey: Survey, named: Fit) -> dict[Candidate, Fit]:
     """Each effect of `named` -> the fit of all others, under the noise of `survey`."""
     rests = [{c: z for c, z in named.point.items() if c is not candidate} for candidate in named.point]
-    return dict(zip(named.point, fits(survey.likelihood, rests), strict=True))
+    return dict(zip(named.point, each(lambda rest: fit(survey.likelihood, rest), rests), strict=True))

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
-from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, penalty, start_of
-from drake_ispace.explain.fit.likelihood import Fit, fits
+from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, fits_beside, penalty
+from drake_ispace.explain.fit.likelihood import Fit
 
 _RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
@@ -37,12 +37,12 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
         and screen.knows(effect) and screen.alike(effect, other) >= _LEAST_LIKENESS
     ]
-    starts = [{**rest, other: start_of(start, other)} for other in others]
+    fitted = fits_beside(rest, others, start, decision.end.likelihood, iterations=6)
     rivals = []
-    for other, fitted in zip(others, fits(decision.end.likelihood, starts, iterations=6), strict=True):
-        behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = max(MARGIN * scatter(decision.end, named, fitted), _RELATIVE_MARGIN * decision.total_gain)
+    for other, best in zip(others, fitted, strict=True):
+        behind = best.deviance - named.deviance + penalty(other) - penalty(effect)
+        limit = max(MARGIN * scatter(decision.end, named, best), _RELATIVE_MARGIN * decision.total_gain)
         told = [rival.candidate.name for rival, _ in rivals]
-        if behind < limit and other.name not in told and other.makes_sense(fitted.point[other]):
-            rivals.append((Rival(other, behind), fitted))
+        if behind < limit and other.name not in told and other.makes_sense(best.point[other]):
+            rivals.append((Rival(other, behind), best))
     return rivals

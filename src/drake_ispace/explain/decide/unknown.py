@@ -104,10 +104,9 @@ class Doubt:
         """Drops in deviance by the effects of `named`, and by the disagreement in their place."""
         w = likelihood.whitened(self.survey.point)
         signatures = [s for s in self.survey.view.signatures if s.candidate == self.unknown.candidate]
-        changes = np.stack([likelihood.whitening(s.change) for s in signatures])
-        marginalised = likelihood.marginalised(changes)
-        products = marginalised @ w
-        drop = float(products @ amounts_of(changes @ marginalised.T, products))
+        changes = [likelihood.whitening(s.change) for s in signatures]
+        gram = likelihood.products(np.vstack([changes, w]))
+        drop = float(gram[:-1, -1] @ amounts_of(gram[:-1, :-1], gram[:-1, -1]))
         return likelihood.deviance(w) - fit(likelihood, named).deviance, drop
 
 

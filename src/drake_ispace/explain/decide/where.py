@@ -8,6 +8,7 @@ from drake_ispace.explain.decide.survey.signatures import difference
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.threads import each
 
 _PARTS = 8  # along each side of the room
 
@@ -28,12 +29,12 @@ def start_in_room(survey: Survey, candidate: Candidate) -> list[float]:
     def change(part):
         x, y = part
         values = candidate.values(within((x, x + 1), (y, y + 1)))
-        return difference(survey.residuals, prediction.residuals({**known, effect.name: values}))
+        without = difference(survey.residuals, prediction.residuals({**known, effect.name: values}))
+        return survey.likelihood.whitening(without)
 
     parts = list(itertools.product(range(_PARTS), repeat=2))
-    changes = np.stack([survey.likelihood.whitening(c) for c in (view.pool.map if view.pool else map)(change, parts)])
-    left = survey.likelihood.marginalised(changes)
-    products, gram = (left @ survey.w).reshape(_PARTS, _PARTS), (left @ changes.T).reshape([_PARTS] * 4)
+    found = survey.likelihood.products(np.stack([*each(change, parts), survey.w]))
+    products, gram = found[-1, :-1].reshape(_PARTS, _PARTS), found[:-1, :-1].reshape([_PARTS] * 4)
     best, start = 0.0, None
     for x, y in itertools.product(itertools.combinations(range(_PARTS + 1), 2), repeat=2):
         along, across = slice(*x), slice(*y)

@@ -5,14 +5,14 @@ There are hundreds of them, each as long as all runs together. Only their scalar
 
 import itertools
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from drake_ispace.explain.fit.directions import Directions, amounts_of
-from drake_ispace.explain.fit.memory import Memory
+from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Residuals
+from drake_ispace.explain.threads import each
 
 _BATCH = 32  # changes to a job
 
@@ -23,8 +23,7 @@ class Changes:
     k is their number, n the length of the whitened residuals.
 
     Args:
-        whitening: the noise. residuals: of all runs; only their sizes are used. changes: k of them. pool: threads that
-            may be used.
+        whitening: the noise. residuals: of all runs; only their sizes are used. changes: k of them.
 
     Attributes:
         starts: (runs + 1,) where each run begins in a long vector, and its length.
@@ -32,10 +31,9 @@ class Changes:
 
     def __init__(
         self, whitening: Whitening, residuals: Residuals, changes: Sequence[Residuals],
-        pool: ThreadPoolExecutor | None = None,
     ):
         self.starts = whitening.starts(residuals)
-        self._whitening, self._residuals, self._changes, self._pool = whitening, residuals, list(changes), pool
+        self._whitening, self._residuals, self._changes = whitening, residuals, list(changes)
 
     def __len__(self) -> int:
         return len(self._changes)
@@ -45,16 +43,15 @@ class Changes:
         """Where each run begins and ends in a long vector."""
         return list(zip(self.starts[:-1].tolist(), self.starts[1:].tolist(), strict=True))
 
-    def of_run(self, i: int) -> np.ndarray:
-        """(k, n_i) the changes of run `i`, whitened."""
-        whitened = np.empty((len(self), self.starts[i + 1] - self.starts[i]))
+    @property
+    def batches(self) -> list[slice]:
+        """Of the changes, each for a job."""
+        return [slice(first, min(first + _BATCH, len(self))) for first in range(0, len(self), _BATCH)]
 
-        def write(first):
-            some = slice(first, first + _BATCH)
-            whitened[some] = self._whitening.several(i, [change[i] for change in self._changes[some]])
-
-        list((self._pool.map if self._pool else map)(write, range(0, len(self), _BATCH)))
-        return whitened
+    def of_run(self, i: int, some: slice = slice(None)) -> np.ndarray:
+        """(k, n_i) the changes of run `i`, or some of them, whitened."""
+        chosen = [change[i] for change in self._changes[some]]
+        return self._whitening.several(i, chosen) if chosen else np.empty((0, self.starts[i + 1] - self.starts[i]))
 
     def dot(self, w: np.ndarray) -> np.ndarray:
         """(k,) scalar products of the whitened changes with `w` (n,)."""
@@ -73,16 +70,16 @@ class Changes:
 
 def directions(
     whitening: Whitening, residuals: Residuals, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (), pool: ThreadPoolExecutor | None = None,
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
 ) -> Directions:
     """Whitened changes of all residuals, kept, and whitened offsets.
 
     offsets: (run, change of its residuals) of each, in the order of the runs. Others: as of Changes.
     """
-    whole = Changes(whitening, residuals, changes, pool)
-    everywhere = np.hstack([whole.of_run(i) for i in range(len(residuals))])
+    whole = Changes(whitening, residuals, changes)
+    everywhere = np.hstack(each(whole.of_run, range(len(residuals))))
     grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
-    parts = (pool.map if pool else map)(lambda group: whitening.several(*group), grouped)
+    parts = each(lambda group: whitening.several(*group), grouped)
     return Directions(everywhere, [(int(whole.starts[i]), part) for (i, _), part in zip(grouped, parts, strict=True)])
 
 
@@ -123,19 +120,13 @@ class Marginal:
         self, changes: Changes, offsets: Directions, memories: Sequence[Memory] = (), inner: np.ndarray | None = None
     ):
         k, q, self._changes, self._offsets, self._memories = len(changes), len(offsets), changes, offsets, memories
-        plain, with_offsets = np.zeros((k, k)), np.zeros((k, q))
-        remembered = [np.zeros((k, *memory.shape)) for memory in memories]
-        for i, (start, end) in enumerate(changes.spans):
-            part = changes.of_run(i)
-            plain += part @ part.T
-            with_offsets += offsets.part(start, end).dot(part)
-            for amounts, memory in zip(remembered, memories, strict=True):
-                amounts += memory.amounts(part, start)
+        by_run = [_products(changes, i, offsets, memories) for i in range(len(changes.spans))]
+        plain, with_offsets, *remembered = (sum(parts) for parts in zip(*by_run, strict=True))
         self.gram = np.block([[plain, with_offsets], [with_offsets.T, offsets.gram()]])
         of_offsets = [memory.amounts_in(offsets) for memory in memories]
         for own, other in zip(remembered, of_offsets, strict=True):
-            plain -= np.tensordot(own, own, axes=((1, 2), (1, 2)))
-            with_offsets -= np.tensordot(own, other, axes=((1, 2), (1, 2)))
+            plain -= alike(own, own)
+            with_offsets -= alike(own, other)
         self._used = np.zeros((k, q)) if inner is None else with_offsets @ inner
         self.inner = plain - self._used @ with_offsets.T
         self._remembered = [
@@ -156,13 +147,40 @@ class Marginal:
 
         instants: (n,) which instant of which run each number belongs to, ascending; no two runs share one.
         """
-        sums = []
-        for i, (start, end) in enumerate(self._changes.spans):
-            part = self._changes.of_run(i)
-            part -= self._offsets.part(start, end).combined(self._used)
+        return np.hstack([self._sums(i, w, instants) for i in range(len(self._changes.spans))])
+
+    def _sums(self, i, w, instants):
+        """(k, instants) the same of run `i`."""
+        start, end = self._changes.spans[i]
+        offsets, firsts = self._offsets.part(start, end), np.flatnonzero(np.diff(instants[start:end], prepend=-1))
+
+        def sums(some):
+            part = self._changes.of_run(i, some)
+            part -= offsets.combined(self._used[some])
             for amounts, memory in zip(self._remembered, self._memories, strict=True):
-                memory.subtract(amounts, part, start)
+                memory.subtract(amounts[some], part, start)
             part *= w[start:end]
-            starts = np.flatnonzero(np.diff(instants[start:end], prepend=-1))
-            sums.append(np.add.reduceat(part, starts, axis=1))
-        return np.hstack(sums)
+            return np.add.reduceat(part, firsts, axis=1)
+
+        return np.vstack([np.empty((0, len(firsts))), *each(sums, self._changes.batches)])
+
+
+def _products(changes, i, offsets, memories) -> list[np.ndarray]:
+    """Of run `i`: products (k, k) of changes with each other, (k, q) with offsets, and amounts of every memory."""
+    k, (start, end) = len(changes), changes.spans[i]
+    part, own_offsets = np.empty((k, end - start)), offsets.part(start, end)
+    plain, with_offsets = np.zeros((k, k)), np.empty((k, len(offsets)))
+    remembered = [np.empty((k, *memory.shape)) for memory in memories]
+
+    def whiten(some):
+        part[some] = changes.of_run(i, some)
+
+    def multiply(some):
+        plain[some, some.start :] = part[some] @ part[some.start :].T
+        with_offsets[some] = own_offsets.dot(part[some])
+        for amounts, memory in zip(remembered, memories, strict=True):
+            amounts[some] = memory.amounts(part[some], start)
+
+    each(whiten, changes.batches)
+    each(multiply, changes.batches)
+    return [np.triu(plain) + np.triu(plain, 1).T, with_offsets, *remembered]

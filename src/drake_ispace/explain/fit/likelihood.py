@@ -7,18 +7,17 @@ fit of effects and coefficients would. Far from the best point the past of the r
 which the removal would hide.
 """
 
-import copy
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import Directions
-from drake_ispace.explain.fit.memory import Memory, gram
+from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
+from drake_ispace.explain.threads import each
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
 _STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
@@ -43,25 +42,27 @@ class Likelihood:
         whitening: the noise model of the residuals.
         offsets: whitened changes of the residuals by nuisance parameters, one prior standard deviation each.
         sizes: candidate -> a natural size of each of its coordinates.
-        pool: threads for predictions; None: none.
         memory: of the noise model, to be removed; empty: it is not removed.
         inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for their priors.
+        remembered: of each memory, the amounts of its basis in the offsets.
     """
 
     prediction: Prediction
     whitening: Whitening
     offsets: Directions
     sizes: Mapping[Candidate, Sequence[float]]
-    pool: ThreadPoolExecutor | None = None
     memory: Sequence[Memory] = ()
     inner: np.ndarray = field(init=False, repr=False)
+    remembered: list[np.ndarray] = field(init=False, repr=False)
 
     def __post_init__(self):
-        self.inner = np.linalg.inv(gram(self.memory, self.offsets) + np.eye(len(self.offsets)))
+        self.remembered = [memory.amounts_in(self.offsets) for memory in self.memory]
+        products = self.offsets.gram() - sum(alike(amounts, amounts) for amounts in self.remembered)
+        self.inner = np.linalg.inv(products + np.eye(len(self.offsets)))
 
     def raw(self, point: Point) -> Residuals:
         """The residuals at `point`, not whitened."""
-        return self.prediction.residuals(merged(point), self.pool)
+        return self.prediction.residuals(merged(point))
 
     def whitened(self, point: Point) -> np.ndarray:
         """(rows,) the whitened residuals at `point`."""
@@ -70,27 +71,31 @@ class Likelihood:
     def marginalised(self, vectors: np.ndarray) -> np.ndarray:
         """The part of (rows,) or (k, rows) vectors that neither the noise's memory nor the offsets can explain.
 
-        It is M (I - N (N'MN + 1)^-1 N' M) times each, M being the projection that removes the memory, N the offsets.
+        It is (M - M N (N'MN + 1)^-1 N' M) times each, M being the projection that removes the memory, N the offsets.
         """
         remainder = np.array(vectors, ndmin=2)
-        self._remove_memory(remainder)
-        remainder -= self.offsets.combined(self.offsets.dot(remainder) @ self.inner)
-        self._remove_memory(remainder)
+        remembered, products = self._seen(remainder)
+        used = products @ self.inner
+        remainder -= self.offsets.combined(used)
+        for memory, own, of_offsets in zip(self.memory, remembered, self.remembered, strict=True):
+            memory.subtract(own - np.tensordot(used, of_offsets, axes=1), remainder)
         return remainder.reshape(vectors.shape)
 
-    def offsets_in(self, w: np.ndarray) -> np.ndarray:
-        """(q,) the best amount of every offset in whitened residuals (rows,), in prior standard deviations."""
-        remainder = w[None].copy()
-        self._remove_memory(remainder)
-        return self.offsets.dot(remainder[0]) @ self.inner
+    def products(self, vectors: np.ndarray) -> np.ndarray:
+        """(k, k) scalar products of (k, rows) vectors with what is left of them when they are marginalised."""
+        remembered, products = self._seen(vectors)
+        explained = sum(alike(own, own) for own in remembered)
+        return vectors @ vectors.T - explained - products @ self.inner @ products.T
 
-    def _remove_memory(self, vectors):
-        for memory in self.memory:
-            memory.remove_from(vectors)
+    def _seen(self, vectors):
+        """Of (k, rows) vectors the amounts of each memory's basis, and (k, q) products with offsets, memory removed."""
+        remembered = [memory.amounts(vectors) for memory in self.memory]
+        explained = sum(alike(own, of) for own, of in zip(remembered, self.remembered, strict=True))
+        return remembered, self.offsets.dot(vectors) - explained
 
     def deviance(self, w: np.ndarray) -> float:
         """Sum of squares of whitened residuals (rows,) with the best offsets, their priors included."""
-        return float(self.parts(w).sum())
+        return float(self.products(w[None])[0, 0])
 
     def parts(self, w: np.ndarray) -> np.ndarray:
         """(rows,) what each of the whitened residuals (rows,) adds to the deviance."""
@@ -98,8 +103,8 @@ class Likelihood:
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
         """(len(moved), rows) changes of the whitened residuals per natural size of each coordinate; w: at `point`."""
-        changes = []
-        for candidate, i in moved:
+        def slope(coordinate):
+            candidate, i = coordinate
             low, high = candidate.bounds[i]
             z, size = point[candidate][i], self.sizes[candidate][i]
             step = _STEP * max(abs(z - candidate.neutral[i]), size)
@@ -112,8 +117,9 @@ class Likelihood:
                 change = (self.whitened({**point, candidate: z_new}) - w) * (size / signed_step)
                 if np.isfinite(change).all():
                     break
-            changes.append(np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0))
-        return np.stack(changes) if changes else np.empty((0, len(w)))
+            return np.nan_to_num(change, nan=0.0, posinf=0.0, neginf=0.0)
+
+        return np.stack([*each(slope, moved), np.empty_like(w)])[:-1]
 
 
 @dataclass(frozen=True)
@@ -162,9 +168,8 @@ def fit(
     if not order:
         return Fit(point, deviance, np.empty((0, 0)), order, w)
     for _ in range(iterations):
-        slopes = likelihood.slopes(point, order, w)
-        marginalised = likelihood.marginalised(slopes)
-        normal, gradient = slopes @ marginalised.T, marginalised @ w
+        products = likelihood.products(np.vstack([likelihood.slopes(point, order, w), w]))
+        normal, gradient = products[:-1, :-1], products[:-1, -1]
         free = _free(point, order, gradient)
         drop = 0.0
         for _ in range(_DAMPINGS):
@@ -180,17 +185,8 @@ def fit(
             damping *= 8.0
         if drop < tolerance:
             break
-    slopes = likelihood.slopes(point, order, w)
-    normal = slopes @ likelihood.marginalised(slopes).T
+    normal = likelihood.products(likelihood.slopes(point, order, w))
     return Fit(point, deviance, _inverse(normal), order, w)
-
-
-def fits(likelihood: Likelihood, starts: Sequence[Point], iterations: int = 12) -> list[Fit]:
-    """The Fit from each of `starts`, as `fit` finds it; each in a thread of its own where there are any."""
-    alone = copy.copy(likelihood)
-    alone.pool = None  # a thread that waits for others of its pool could wait forever
-    pool = likelihood.pool
-    return list((pool.map if pool else map)(lambda start: fit(alone, start, iterations), starts))
 
 
 def _inverse(normal):

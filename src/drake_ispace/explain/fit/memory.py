@@ -41,10 +41,6 @@ class Memory:
         groups = [(0, directions.everywhere), *directions.own]
         return np.concatenate([self.amounts(part, start) for start, part in groups])
 
-    def remove_from(self, vectors: np.ndarray) -> None:
-        """Subtract from vectors (m, n), in place, all that the basis could explain of them."""
-        self.subtract(self.amounts(vectors), vectors)
-
     def subtract(self, amounts: np.ndarray, vectors: np.ndarray, start: int = 0) -> None:
         """Subtract amounts (m, p, q) of the basis, in place, from vectors (m, n) that begin at `start`."""
         for (a, b), basis in zip(self.places, self.bases, strict=True):
@@ -53,10 +49,6 @@ class Memory:
                 vectors[:, a - start : b - start] -= part.reshape(len(vectors), -1)
 
 
-def gram(memories: Sequence[Memory], directions: Directions) -> np.ndarray:
-    """(k + q, k + q) scalar products of directions from which every memory is removed."""
-    products = directions.gram()
-    for memory in memories:
-        amounts = memory.amounts_in(directions)
-        products -= np.tensordot(amounts, amounts, axes=((1, 2), (1, 2)))
-    return products
+def alike(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(k, m) scalar products of the parts of vectors that a memory explains, by its amounts (k, p, q), (m, p, q)."""
+    return np.tensordot(one, other, axes=((1, 2), (1, 2)))

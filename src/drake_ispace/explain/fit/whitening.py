@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.explain.fit.memory import Memory
 from drake_ispace.explain.predict.prediction import RESTING, Residuals
+from drake_ispace.explain.threads import each
 
 _ROWS_AT_ONCE = 256  # that are whitened at once
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
@@ -213,7 +214,7 @@ class Whitening:
 
     def __call__(self, residuals: Residuals) -> np.ndarray:
         """(n,) the whitened residuals of all runs, one run after the other."""
-        return np.concatenate([self.one(i, run) for i, run in enumerate(residuals)])
+        return np.concatenate(each(self.one, range(len(residuals)), residuals))
 
     def plain(self, residuals: Residuals) -> np.ndarray:
         """(n,) the numbers of the long vector before whitening, NaN where they are not scored."""

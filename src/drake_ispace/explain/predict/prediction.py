@@ -10,7 +10,6 @@ Residuals come in streams, each with its own clock and noise:
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +22,7 @@ from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track, read_ticks
+from drake_ispace.explain.threads import each
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
@@ -99,9 +99,9 @@ class Prediction:
         """The unit of a channel called as in `labels`."""
         return _UNITS[label.split()[1]]
 
-    def residuals(self, values: Values, pool: ThreadPoolExecutor | None = None) -> Residuals:
+    def residuals(self, values: Values) -> Residuals:
         """The residuals of every run with these effects in the model."""
-        return self._residuals(self.tracks, values, pool)
+        return self._residuals(self.tracks, values)
 
     def injected(self, commands: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals with `commands` (ticks + LEAD_TICKS, m), one per run, added to the recorded ones."""
@@ -114,11 +114,11 @@ class Prediction:
         tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
         return self._residuals(tracks, values)
 
-    def _residuals(self, tracks, values, pool=None):
+    def _residuals(self, tracks, values):
         """The residuals of these tracks in the place of the runs' own."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)
         one = lambda i, track: self._of_run(i, track, numbers, share)  # noqa: E731
-        return list((pool.map if pool else map)(one, range(len(tracks)), tracks))
+        return each(one, range(len(tracks)), tracks)
 
     def displaced(self, displacements: Sequence[np.ndarray], values: Values) -> Residuals:
         """The residuals if the model moved by `displacements` (ticks + LEAD_TICKS, 3) [m, m, rad] more, one per run."""
@@ -130,7 +130,7 @@ class Prediction:
         return self._residuals(tracks, values)
 
     def nuisances(
-        self, values: Values, pool: ThreadPoolExecutor | None = None
+        self, values: Values
     ) -> list[tuple[int, dict[str, np.ndarray]]]:
         """The changes of the residuals by every offset that a run may have, one prior standard deviation large.
 
@@ -138,7 +138,7 @@ class Prediction:
             (run, stream -> (rows, channels)) of each, in the order of the runs.
         """
         numbers, share = self.replay.parameters(values), self._dropouts(values)
-        at, jobs = self.residuals(values, pool), []
+        at, jobs = self.residuals(values), []
         for i, track in enumerate(self.tracks):
             jobs += [(i, lambda t=track, o=o: replace(t, measured=t.measured + o)) for o in self._offsets(track)]
             jobs += [(i, lambda t=track, f=f: self.replay.pushed(t, f)) for f in self._slow_forces(track)]
@@ -148,7 +148,7 @@ class Prediction:
             moved_rows = self._of_run(i, moved(), numbers, share)
             return i, change(moved_rows, at[i])
 
-        return list((pool.map if pool else map)(one, jobs))
+        return each(one, jobs)
 
     def _slow_forces(self, track):
         """Yield unknown forces (rows, 3), each along one axis over a few seconds, one standard deviation large."""

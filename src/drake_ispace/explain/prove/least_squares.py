@@ -4,7 +4,6 @@ It knows nothing of filters, innovations or a model of the noise. It begins at t
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,6 +14,7 @@ from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
 from drake_ispace.explain.prove.left_out import step_without
+from drake_ispace.explain.threads import each
 
 _MOST_TRIALS = 12  # evaluations
 _FAR = 1e3  # times what noise leaves: the error of a model that runs away
@@ -23,7 +23,7 @@ _STEP = 0.05  # of the finite differences, in natural sizes
 
 def plain_fit(
     prediction: Prediction, windows: Sequence[Windows], point: Point, sizes: Mapping[Candidate, Sequence[float]],
-    floors: Mapping[Measure, float], pool: ThreadPoolExecutor | None = None,
+    floors: Mapping[Measure, float],
 ) -> tuple[Point, list[Point]]:
     """The point with the effects of `point` at which the squared errors of free runs are least, and without each run.
 
@@ -52,7 +52,7 @@ def plain_fit(
             return scaled_errors(prediction, i, windows[i], merged(at(z)), floors, horizons[i])
 
         jobs = [(z, i) for z in zs for i in range(len(windows))]
-        found, n = list((pool.map if pool else map)(one, jobs)), len(windows)
+        found, n = each(one, jobs), len(windows)
         return [found[k : k + n] for k in range(0, len(found), n)]
 
     def residuals(zs, horizons):

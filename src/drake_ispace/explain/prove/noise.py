@@ -8,7 +8,6 @@ of that form does not is then no noise; and a strength beyond the limits of the 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -41,6 +40,7 @@ from drake_ispace.explain.prove.free_run import (
     start_of,
 )
 from drake_ispace.explain.prove.paths import chained, compose, relative
+from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import COMMAND
 from drake_ispace.room.localizer import Localizer, camera_of, see
 from drake_ispace.scenario import Scenario
@@ -160,7 +160,7 @@ class Spreads:
 
     Args:
         prediction: model and runs. windows: of each run. values: effects in the model, of each run. unperturbed:
-            simulation of each run. noise: of the sensors. seed: of the draws. pool: threads that simulations may use.
+            simulation of each run. noise: of the sensors. seed: of the draws.
 
     Attributes:
         errors: of each run, unperturbed.
@@ -168,10 +168,10 @@ class Spreads:
 
     def __init__(
         self, prediction: Prediction, windows: Sequence[Windows], values: Sequence[Values],
-        unperturbed: Sequence[Simulated], noise: SensorNoise, seed: int, pool: ThreadPoolExecutor | None = None,
+        unperturbed: Sequence[Simulated], noise: SensorNoise, seed: int,
     ):
         self._prediction, self._windows, self._values, self._noise = prediction, windows, values, noise
-        self._unperturbed, self._seed, self._pool = unperturbed, seed, pool
+        self._unperturbed, self._seed = unperturbed, seed
         self.errors = [
             compare(prediction, *run) for run in zip(prediction.tracks, windows, unperturbed, strict=True)
         ]
@@ -214,7 +214,7 @@ class Spreads:
             return {m: again[m] - e for m, e in self.errors[i].items() if m in again and again[m].shape == e.shape}
 
         differences: Spread = [{} for _ in self._windows]
-        for (i, _), difference in zip(jobs, (self._pool.map if self._pool else map)(one, jobs), strict=True):
+        for (i, _), difference in zip(jobs, each(one, jobs), strict=True):
             for measure, part in difference.items():
                 part = np.nan_to_num(wrap(part) if measure.channel == "heading" else part)
                 known = differences[i].get(measure)

@@ -1,7 +1,6 @@
 """The proof of an answer: the gap on training and on unseen runs, and what is left there that is not noise."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +26,7 @@ from drake_ispace.explain.prove.noise import (
 )
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.explain.prove.sizes import SizesByRun, filtered_sizes, leads_nearer, plain_sizes
+from drake_ispace.explain.threads import each
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class _Judged:
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else np.inf
 
 
-def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | None = None) -> Proof:
+def prove(case: Case, decision: Decision, seed: int) -> Proof:
     """Measure the gap, and test whether the answer suffices.
 
     seed: of the draws of noise and of the bootstrap.
@@ -94,16 +94,16 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
 
     def judged_with(sizes):
         values = [merged(point) for point in (sizes.without if parts > 1 else [sizes.point])]
-        return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed, pool)
+        return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed)
 
     chosen = SizesByRun({}, [{}] * parts) if decision.named is None else filtered_sizes(decision, blocks)
     judged = judged_with(chosen)
-    fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed, pool)
+    fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)
     plain = None
     if chosen.point:
         noise, chance = fitted_to.part(slice(0, n))
         floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
-        found = plain_sizes(training, fitted_to.windows[:n], decision, floors, pool)
+        found = plain_sizes(training, fitted_to.windows[:n], decision, floors)
         plain = found.point
         if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors):
             chosen = found
@@ -120,12 +120,11 @@ def prove(case: Case, decision: Decision, seed: int, pool: ThreadPoolExecutor | 
     return Proof(by, rows, _distinct(left), judged.noise, chosen.point, plain)
 
 
-def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int, pool) -> _Judged:
-    each = pool.map if pool else map
-    windows = list(each(lambda i: windows_of(prediction, i, values[i]), range(len(values))))
-    before = list(each(lambda i: errors(prediction, i, windows[i], {}), range(len(values))))
-    simulated = list(each(lambda i: simulate(prediction, i, windows[i], values[i]), range(len(values))))
-    spreads = Spreads(prediction, windows, values, simulated, sensors, seed, pool)
+def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int) -> _Judged:
+    windows = each(lambda i: windows_of(prediction, i, values[i]), range(len(values)))
+    before = each(lambda i: errors(prediction, i, windows[i], {}), range(len(values)))
+    simulated = each(lambda i: simulate(prediction, i, windows[i], values[i]), range(len(values)))
+    spreads = Spreads(prediction, windows, values, simulated, sensors, seed)
     by_sensors, by_process = spreads.of_sensors(), spreads.of_process()
     noise = process_noise(prediction, windows[0].shortest, spreads.errors, by_sensors, by_process)
     return _Judged(prediction, windows, list(values), before, spreads.errors, by_sensors, by_process, noise)

@@ -6,7 +6,6 @@ paths are the answer's.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,14 +39,13 @@ def filtered_sizes(decision: Decision, blocks: int) -> SizesByRun:
 
 def plain_sizes(
     training: Prediction, windows: Sequence[Windows], decision: Decision, floors: Mapping[Measure, float],
-    pool: ThreadPoolExecutor | None,
 ) -> SizesByRun:
     """The sizes that free-run least squares finds.
 
     training: model and runs. windows: of each run. floors: measure -> what noise leaves.
     """
     sizes = decision.end.likelihood.sizes
-    return SizesByRun(*plain_fit(training, windows, decision.named.point, sizes, floors, pool))
+    return SizesByRun(*plain_fit(training, windows, decision.named.point, sizes, floors))
 
 
 def leads_nearer(

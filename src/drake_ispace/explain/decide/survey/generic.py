@@ -5,7 +5,6 @@ the verdict is "unknown", and the disagreement tells which link is wrong and wha
 """
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds, wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
@@ -26,8 +26,8 @@ _WARM_S = 5.0  # time constant of what wears off
 _RUN_S = 20.0  # after which what grows with time has amplitude one
 _LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero
 
-#: (prediction, point, residuals at the point, pool) -> a signature for every amplitude of every generic disagreement.
-Generics = Callable[[Prediction, Point, Residuals, ThreadPoolExecutor | None], list[Signature]]
+#: (prediction, point, residuals at the point) -> a signature for every amplitude of every generic disagreement.
+Generics = Callable[[Prediction, Point, Residuals], list[Signature]]
 #: A generic disagreement, and for each of its amplitudes an array per run.
 _Shapes = tuple["Generic", list[list[np.ndarray]]]
 
@@ -58,7 +58,7 @@ class Generic:
 
 
 def generic_signatures(
-    prediction: Prediction, point: Point, base: Residuals, pool: ThreadPoolExecutor | None
+    prediction: Prediction, point: Point, base: Residuals
 ) -> list[Signature]:
     """A signature for every amplitude of every generic disagreement that these runs could show.
 
@@ -82,7 +82,7 @@ def generic_signatures(
         z = [float(i == at) for i in range(candidate.effect.columns)]
         return Signature(candidate, z, at, False, difference(base, predict(column, values)))
 
-    return list((pool.map if pool else map)(signature, amplitudes))
+    return each(signature, amplitudes)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Signatures: what each effect would change in the residuals."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, change
+from drake_ispace.explain.threads import each
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,6 @@ class Signature:
 
 def signatures(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], scales: dict[str, float], base: Residuals,
-    pool: ThreadPoolExecutor | None = None,
 ) -> list[Signature]:
     """The signature of every probe of every candidate; probes at which the model runs away are left out.
 
@@ -49,7 +48,7 @@ def signatures(
 
     tried = [(candidate, z) for candidate in candidates for z in probes(candidate, scales)]
     tried = [(candidate, z) for candidate, z in tried if not candidate.parameters[moved(candidate, z)].shape]
-    return [found for found in (pool.map if pool else map)(signature, tried) if found is not None]
+    return [found for found in each(signature, tried) if found is not None]
 
 
 def moved(candidate: Candidate, z: Sequence[float]) -> int:

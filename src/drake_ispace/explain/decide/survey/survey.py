@@ -1,7 +1,6 @@
 """Tests of all effects from one point, under the noise that no effect explains there."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,18 +82,18 @@ class Survey:
 
 
 def survey(
-    prediction: Prediction, point: Point, candidates: Sequence[Candidate], pool: ThreadPoolExecutor | None = None,
+    prediction: Prediction, point: Point, candidates: Sequence[Candidate],
     whitening: Whitening | None = None, near: bool = False, generics: Generics = generic_signatures,
 ) -> Survey:
     """Test all effects for a model that has those of `point`.
 
     Args:
-        prediction: model and runs. candidates: effects to try. pool: threads that predictions may use.
+        prediction: model and runs. candidates: effects to try.
         whitening: noise, default that of the residuals at `point`. near: whether `point` is nearly the best one, so
             that the noise's memory is marginalised. generics: signatures of what competes with the candidates.
     """
-    base = prediction.residuals(merged(point), pool)
-    view = view_from(prediction, point, candidates, base, pool, generics)
+    base = prediction.residuals(merged(point))
+    view = view_from(prediction, point, candidates, base, generics)
     likelihood = view.likelihood(point, base, near) if whitening is None else view.with_noise(whitening, base, near)
     return _survey(point, view, base, likelihood)
 
@@ -131,7 +130,7 @@ def likelihood_with_flaws(survey: Survey, residuals: Residuals, point: Point) ->
 def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
-    changes = Changes(whitening, residuals, [s.change for s in view.signatures], view.pool)
+    changes = Changes(whitening, residuals, [s.change for s in view.signatures])
     marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.inner)
     screen, noise = Screen(view.signatures, marginal.inner), _unexplained(marginal, w)
     instants = whitening.instants(residuals)
@@ -153,18 +152,38 @@ def _unexplained(marginal, w):
 def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     """Fit the effects of `start` and the noise in turn until the sizes stay; the Likelihood with that noise, the Fit.
 
-    Noise that was learned while a size was wrong holds the size back, so that a single fit would stop half-way.
+    Noise that was learned while a size was wrong holds the size back or drives it too far, so that a single fit would
+    stop half-way, and fits in turn could go to and fro. Each turn therefore begins where sizes and fits so far let
+    sizes be expected that stay.
     """
-    point, regression = start, None
+    point, regression, begun, ended = start, None, [], []
     for _ in range(_MOST_TURNS):
-        residuals = view.prediction.residuals(merged(point), view.pool)
+        residuals = view.prediction.residuals(merged(point))
         likelihood = view.likelihood(point, residuals, near=True, start=regression)
         best = fit(likelihood, point)
-        moves = [
-            abs(best.point[c][i] - point[c][i]) / max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order
-        ]
-        point = best.point
-        if max(moves, default=0.0) < _STAYS:
+        stds = np.array([max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order])
+        begun.append([point[c][i] for c, i in best.order])
+        ended.append([best.point[c][i] for c, i in best.order])
+        if np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0) < _STAYS:
             break
+        point = _at(best.point, best.order, expected_to_stay(begun / stds, ended / stds) * stds)
         regression = regression or view.regression(likelihood.whitening, residuals)
     return likelihood, best
+
+
+def expected_to_stay(begun: np.ndarray, ended: np.ndarray) -> np.ndarray:
+    """(k,) where turns (n, k) that lead from `begun` to `ended` would lead nowhere else, were they linear.
+
+    Anderson's acceleration of a fixed-point iteration (J. ACM 12, 1965), with all turns.
+    """
+    moves = np.subtract(ended, begun)
+    amounts = np.linalg.lstsq(np.diff(moves, axis=0).T, moves[-1], rcond=None)[0]
+    return ended[-1] - amounts @ np.diff(ended, axis=0)
+
+
+def _at(point, order, coordinates):
+    """The point with these coordinates, as far as bounds allow."""
+    moved = {candidate: list(z) for candidate, z in point.items()}
+    for (candidate, i), value in zip(order, coordinates, strict=True):
+        moved[candidate][i] = float(np.clip(value, *candidate.bounds[i]))
+    return moved

@@ -1,7 +1,6 @@
 """Changes of the residuals by effects and nuisances around one point, and the noise that none explains."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,7 @@ class View:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
             are explained away while the noise is learned. offsets: (run, change) of every nuisance of a single run.
             tolerated: changes by what a sound robot may be off. sizes: natural size of each coordinate of each
-            candidate. pool: threads that predictions may use.
+            candidate.
     """
 
     prediction: Prediction
@@ -35,12 +34,11 @@ class View:
     offsets: list[tuple[int, dict[str, np.ndarray]]]
     tolerated: list[Residuals]
     sizes: Mapping[Candidate, Sequence[float]]
-    pool: ThreadPoolExecutor | None
 
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
-        changes = Changes(whitening, residuals, self.changes, self.pool)
-        return Regression(whitening, Marginal(changes, directions(whitening, residuals, [], self.offsets, self.pool)))
+        changes = Changes(whitening, residuals, self.changes)
+        return Regression(whitening, Marginal(changes, directions(whitening, residuals, [], self.offsets)))
 
     def likelihood(
         self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
@@ -59,9 +57,9 @@ class View:
         near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
             the memory is marginalised. flaws: further changes to be tolerated, one standard deviation each.
         """
-        offsets = directions(whitening, residuals, [*self.tolerated, *flaws], self.offsets, self.pool)
+        offsets = directions(whitening, residuals, [*self.tolerated, *flaws], self.offsets)
         memory = whitening.memory(residuals) if near else ()
-        return Likelihood(self.prediction, whitening, offsets, self.sizes, self.pool, memory)
+        return Likelihood(self.prediction, whitening, offsets, self.sizes, memory)
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class Regression:
 
 def view_from(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], base: Residuals,
-    pool: ThreadPoolExecutor | None, generics: Generics,
+    generics: Generics,
 ) -> View:
     """The View around `point`.
 
@@ -94,15 +92,15 @@ def view_from(
     named = {c.name for c in point}
     others = [c for c in candidates if c.name not in named]
     sizes = {c: _sizes(c, scales) for c in candidates}
-    tested = signatures(prediction, point, others, scales, base, pool) + generics(prediction, point, base, pool)
+    tested = signatures(prediction, point, others, scales, base) + generics(prediction, point, base)
     steady = [s.change for s in tested if not s.candidate.effect.is_local]
     noise, timing = (
         [difference(other, base) for other in assumed(merged(point))]
         for assumed in (prediction.under_other_noise, prediction.under_other_timing)
     )
-    changes = steady + _changes_by_sizes(prediction, point, sizes, base, pool) + timing
-    offsets = prediction.nuisances(merged(point), pool)
-    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes, pool)
+    changes = steady + _changes_by_sizes(prediction, point, sizes, base) + timing
+    offsets = prediction.nuisances(merged(point))
+    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes)
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -121,14 +119,14 @@ def _sizes(candidate, scales):
     return [min(sizes) if sizes else 1.0 for sizes in steps]
 
 
-def _changes_by_sizes(prediction, point, sizes, base, pool):
+def _changes_by_sizes(prediction, point, sizes, base):
     """Changes of the residuals by other sizes of the effects in `point`."""
     changes = []
     for candidate, z in point.items():
         for i, (low, high) in enumerate(candidate.bounds):
             step = 0.2 * max(abs(z[i] - candidate.neutral[i]), sizes[candidate][i])
             moved = [*z[:i], z[i] + step if z[i] + step <= high else max(z[i] - step, low), *z[i + 1 :]]
-            change = difference(prediction.residuals(merged({**point, candidate: moved}), pool), base)
+            change = difference(prediction.residuals(merged({**point, candidate: moved})), base)
             if is_finite(change):
                 changes.append(change)
     return changes
@@ -154,10 +152,10 @@ def flaws_of_form(view: View, point: Point) -> list[Residuals]:
     No model has the robot's exact form; what such a flaw leaves is not to be taken for a further effect.
     """
     changes, modulations = [], view.prediction.modulations()
-    residuals = view.prediction.residuals(merged(point), view.pool)
+    residuals = view.prediction.residuals(merged(point))
     for candidate in point:
         others = {c: z for c, z in point.items() if c is not candidate}
-        whole = difference(view.prediction.residuals(merged(others), view.pool), residuals)
+        whole = difference(view.prediction.residuals(merged(others)), residuals)
         if is_finite(whole):
             changes += [
                 [
