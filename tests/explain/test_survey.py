@@ -13,7 +13,12 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
-from drake_ispace.explain.decide.survey.survey import survey, with_memory_marginalised, with_past_speeds
+from drake_ispace.explain.decide.survey.survey import (
+    expected_to_stay,
+    survey,
+    with_memory_marginalised,
+    with_past_speeds,
+)
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.prediction import past_speeds
@@ -172,3 +177,24 @@ def test_speeds_know_nothing_of_later_counts(count, ticks):
     assert np.array_equal(speeds[:101], past_speeds(changed)[:101]) and not np.array_equal(changed, angles)
     assert not speeds[0].any()
     assert speeds[150] == pytest.approx((angles[150] - angles[150 - ticks]) / (ticks * TICK_S))
+
+
+# -- Sizes and noise in turn
+
+
+def test_a_turn_goes_on_where_the_last_one_ended():
+    assert expected_to_stay([[1.0, 2.0]], [[3.0, 5.0]]).tolist() == [3.0, 5.0]
+
+
+@pytest.mark.parametrize("slope", [-1.0, -2.0, 0.5, 0.9])
+def test_turns_that_go_to_and_fro_or_crawl_meet_at_the_size_that_stays(slope):
+    ended = [[4.0 + slope * (begun - 4.0)] for begun in (1.0, 4.0 - 3.0 * slope)]
+    assert expected_to_stay([[1.0], [4.0 - 3.0 * slope]], ended) == pytest.approx([4.0])
+
+
+def test_of_several_sizes_as_many_turns_and_one_suffice():
+    slopes, stays, begun, ended = np.array([[-0.9, 0.4], [0.3, 0.6]]), np.array([2.0, -1.0]), [[0.0, 0.0]], []
+    for _ in range(3):
+        ended.append(stays + slopes @ (begun[-1] - stays))
+        begun.append(expected_to_stay(begun, ended))
+    assert begun[-1] == pytest.approx(stays)

@@ -1,0 +1,70 @@
+"""Jobs side by side give what one after the other gives."""
+
+import threading
+from concurrent.futures import Future
+
+import pytest
+
+from drake_ispace.explain import threads
+from drake_ispace.explain.threads import each, side_by_side
+
+CORES = 2
+
+
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch):
+    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda pid: range(CORES), raising=False)
+
+
+def test_results_are_in_the_order_of_the_jobs():
+    with side_by_side():
+        assert each(lambda a, b: 2 * a - b, range(50), range(50)) == list(range(50))
+
+
+def test_without_threads_the_caller_computes():
+    assert each(lambda _: threading.current_thread(), range(3)) == [threading.current_thread()] * 3
+
+
+def test_two_jobs_run_at_the_same_time():
+    meeting = threading.Barrier(2, timeout=10.0)  # broken if one is over before the other begins
+    with side_by_side():
+        each(lambda _: meeting.wait(), range(2))
+
+
+def test_jobs_of_jobs_of_jobs_end():
+    def count(depth):
+        return 1 if depth == 0 else sum(each(count, [depth - 1] * 3))
+
+    with side_by_side():
+        assert count(5) == 3**5
+
+
+def test_whoever_is_free_computes_jobs_of_a_job():
+    meeting = threading.Barrier(2, timeout=10.0)
+    with side_by_side():
+        each(lambda alone: alone or each(lambda _: meeting.wait(), range(2)), [True, False])
+
+
+def test_an_error_of_a_job_is_the_callers():
+    def divide(x):
+        return 1 / x
+
+    with side_by_side(), pytest.raises(ZeroDivisionError):
+        each(divide, [1, 0, 2])
+
+
+def test_after_an_error_no_further_job_begins():
+    begun, release = [], Future()
+
+    def job(number):
+        begun.append(number)
+        if number == 0:
+            raise ValueError
+        release.result(timeout=10.0)
+
+    with pytest.raises(ValueError), side_by_side():
+        try:
+            each(job, range(20))
+        finally:
+            threading.Timer(0.1, release.set_result, [None]).start()
+    assert len(begun) <= CORES + 1
