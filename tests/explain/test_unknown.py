@@ -26,7 +26,7 @@ def likelihood(runs: Linear, early: float, late: float) -> Likelihood:
 def test_what_counts_is_the_mean_under_the_noise_without_and_with_the_effects(near_late, resolved):
     runs = Linear(noise() + EFFECT + 0.6 * OTHER, {"tilt": EFFECT})
     far, near = likelihood(runs, 1.0, 20.0), likelihood(runs, 1.0, near_late)
-    (signature,) = generics_of("time", OTHER)(None, None, None, None)
+    (signature,) = generics_of("time", OTHER)(None, None, None)
     start = SimpleNamespace(point={}, likelihood=far, view=SimpleNamespace(signatures=[signature]))
     unknown = SimpleNamespace(candidate=signature.candidate, generic=signature.candidate.effect)
     decided = SimpleNamespace(named=fit(near, {TILT: [0.5]}), end=SimpleNamespace(likelihood=near))

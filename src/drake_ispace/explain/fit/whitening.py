@@ -11,7 +11,6 @@ from drake_ispace.explain.fit.memory import Memory
 from drake_ispace.explain.predict.prediction import RESTING, Residuals
 from drake_ispace.explain.threads import each
 
-_ROWS_AT_ONCE = 256  # that are whitened at once
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
 #: Stream -> lags, in rows, and rates of exponential means, per tick or fix.
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}
@@ -95,28 +94,31 @@ def whiten(y, classes, a, shrink, unit, rates, out):
     (p, p), rates (means,), out (k, rows - lags, p).
     """
     rows, p, lags, count = y.shape[1], y.shape[2], y.shape[1] - out.shape[1], rates.shape[0]
-    before, means = np.zeros((_ROWS_AT_ONCE, a.shape[0])), np.zeros((count, p))
+    past, mean, of_lags = np.empty((rows, count * p)), np.empty(count * p), np.empty((lags * p, p))
+    for k in range(lags):  # the oldest row first, as in y
+        of_lags[(lags - 1 - k) * p : (lags - k) * p] = a[k * p : (k + 1) * p]
     for n in range(y.shape[0]):
-        means[:] = 0.0
-        for start in range(0, rows, _ROWS_AT_ONCE):  # of a size that stays in the cache
-            end = min(start + _ROWS_AT_ONCE, rows)
-            for t in range(start, end):
-                row = before[t - start]
-                for k in range(min(lags, t)):
-                    for i in range(p):
-                        row[k * p + i] = y[n, t - 1 - k, i]
+        e = y[n].copy()
+        if count:
+            mean[:] = 0.0
+            for t in range(rows):
                 for m in range(count):
                     for i in range(p):
-                        row[(lags + m) * p + i] = means[m, i]
-                        means[m, i] += rates[m] * (y[n, t, i] - means[m, i])
-            predicted = np.dot(before[: end - start], a)
-            for t in range(max(start, lags), end):
-                for i in range(p):
-                    total = 0.0
-                    for j in range(p):
-                        e = y[n, t, j] - predicted[t - start, j]
-                        total += unit[i, j] * (e * shrink[classes[t], j])
-                    out[n, t - lags, i] = total
+                        past[t, m * p + i] = mean[m * p + i]
+                        mean[m * p + i] += rates[m] * (y[n, t, i] - mean[m * p + i])
+            e -= np.dot(past, a[lags * p :])
+        for first in range(lags):  # every lags-th row, whose last rows lie one after the other in y
+            windows = (rows - 1 - first) // lags
+            if windows > 0:
+                before = y[n, first : first + windows * lags].reshape(windows, lags * p)
+                predicted = np.dot(before, of_lags)
+                for w in range(windows):
+                    for i in range(p):
+                        e[first + (w + 1) * lags, i] -= predicted[w, i]
+        for t in range(lags, rows):
+            for i in range(p):
+                e[t, i] *= shrink[classes[t], i]
+        out[n] = np.dot(e[lags:], unit.T)
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
