@@ -101,6 +101,14 @@ class Likelihood:
         """(rows,) what each of the whitened residuals (rows,) adds to the deviance."""
         return w * self.marginalised(w)
 
+    def moved(self, point: Point, order: Sequence[tuple[Candidate, int]], step: np.ndarray) -> Point:
+        """The point after a step (k,) of the coordinates `order`, in natural sizes, as far as bounds allow."""
+        moved = {candidate: list(z) for candidate, z in point.items()}
+        for (candidate, i), change in zip(order, step, strict=True):
+            low, high = candidate.bounds[i]
+            moved[candidate][i] = float(min(max(moved[candidate][i] + change * self.sizes[candidate][i], low), high))
+        return moved
+
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
         """(len(moved), rows) changes of the whitened residuals per natural size of each coordinate; w: at `point`."""
         def slope(coordinate):
@@ -176,7 +184,7 @@ def fit(
             step = np.zeros(len(order))
             damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
             step[free] = -np.linalg.lstsq(damped[np.ix_(free, free)], gradient[free], rcond=None)[0]
-            moved = _moved(likelihood, point, order, step)
+            moved = likelihood.moved(point, order, step)
             w_new = likelihood.whitened(moved)
             new = likelihood.deviance(w_new) if np.isfinite(w_new).all() else np.inf
             if new < deviance:
@@ -204,12 +212,3 @@ def _free(point, order, gradient):
         if not ((z <= low and gradient[at] > 0.0) or (z >= high and gradient[at] < 0.0)):
             free.append(at)
     return free
-
-
-def _moved(likelihood, point, order, step):
-    """The point after a step (k,) in natural sizes, clipped to bounds."""
-    moved = {candidate: list(z) for candidate, z in point.items()}
-    for (candidate, i), change in zip(order, step, strict=True):
-        low, high = candidate.bounds[i]
-        moved[candidate][i] = min(max(moved[candidate][i] + change * likelihood.sizes[candidate][i], low), high)
-    return moved

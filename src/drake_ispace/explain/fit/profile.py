@@ -36,10 +36,7 @@ def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
 
     def excess(value):
         step = (value - best.point[candidate][i]) / likelihood.sizes[candidate][i]
-        point = {c: list(z) for c, z in best.point.items()}
-        for (c, j), slope in zip(best.order, along, strict=True):
-            low, high = c.bounds[j]
-            point[c][j] = float(np.clip(point[c][j] + slope * step * likelihood.sizes[c][j], low, high))
+        point = likelihood.moved(best.point, best.order, step * along)
         point[candidate][i] = value
         return fit(likelihood, point, iterations=3, held=(candidate, i)).deviance - best.deviance - rise
 

@@ -29,11 +29,7 @@ def points_without(decision: Decision, groups: np.ndarray) -> list[Point]:
         rows = groups == group
         own = slopes[:, rows] @ marginalised[:, rows].T, marginalised[:, rows] @ best.w[rows]
         step = step_without(normal, gradient, *own)
-        point = {candidate: list(z) for candidate, z in best.point.items()}
-        for (candidate, i), change in zip(best.order, step, strict=True):
-            low, high = candidate.bounds[i]
-            point[candidate][i] = min(max(point[candidate][i] + change * likelihood.sizes[candidate][i], low), high)
-        points.append(point)
+        points.append(likelihood.moved(best.point, best.order, step))
     return points
 
 

@@ -153,22 +153,27 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     """Fit the effects of `start` and the noise in turn until the sizes stay; the Likelihood with that noise, the Fit.
 
     Noise that was learned while a size was wrong holds the size back or drives it too far, so that a single fit would
-    stop half-way, and fits in turn could go to and fro. Each turn therefore begins where sizes and fits so far let
-    sizes be expected that stay.
+    stop half-way, and fits in turn could go to and fro. Each turn therefore begins where the turns so far let sizes be
+    expected that stay. If none does, the turn counts in which sizes moved least.
     """
-    point, regression, begun, ended = start, None, [], []
+    point, regression, begun, ended, least = start, None, [], [], np.inf
     for _ in range(_MOST_TURNS):
         residuals = view.prediction.residuals(merged(point))
         likelihood = view.likelihood(point, residuals, near=True, start=regression)
         best = fit(likelihood, point)
+        sizes = np.array([view.sizes[c][i] for c, i in best.order])
         stds = np.array([max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order])
         begun.append([point[c][i] for c, i in best.order])
         ended.append([best.point[c][i] for c, i in best.order])
-        if np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0) < _STAYS:
+        move = np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0)
+        if not move >= least:
+            least, steadiest = move, (likelihood, best)
+        if move < _STAYS:
             break
-        point = _at(best.point, best.order, expected_to_stay(begun / stds, ended / stds) * stds)
+        step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
+        point = likelihood.moved(best.point, best.order, step / sizes)
         regression = regression or view.regression(likelihood.whitening, residuals)
-    return likelihood, best
+    return steadiest
 
 
 def expected_to_stay(begun: np.ndarray, ended: np.ndarray) -> np.ndarray:
@@ -179,11 +184,3 @@ def expected_to_stay(begun: np.ndarray, ended: np.ndarray) -> np.ndarray:
     moves = np.subtract(ended, begun)
     amounts = np.linalg.lstsq(np.diff(moves, axis=0).T, moves[-1], rcond=None)[0]
     return ended[-1] - amounts @ np.diff(ended, axis=0)
-
-
-def _at(point, order, coordinates):
-    """The point with these coordinates, as far as bounds allow."""
-    moved = {candidate: list(z) for candidate, z in point.items()}
-    for (candidate, i), value in zip(order, coordinates, strict=True):
-        moved[candidate][i] = float(np.clip(value, *candidate.bounds[i]))
-    return moved
