@@ -123,7 +123,7 @@ def test_a_diagnosis_says_where_its_time_went():
         found = data["robots"][robot]
         assert hidden in found["named"]
         stages = [stage["stage"] for stage in found["stages"]]
-        assert stages[:3] == ["preparing the predictions", "looking at every effect", "fitting the leaders"]
+        assert "looking at every effect" in stages and "measuring the gap" in stages
         assert found["dominates"] in found["parts"]
         assert all(part["calls"] > 0 for part in found["parts"].values())
 
