@@ -11,6 +11,7 @@ It is not noise where
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
+from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
 from drake_ispace.explain.prove.free_run import (
     ATE,
     HORIZONS_S,
@@ -46,6 +48,7 @@ _CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
 _FOLDS = 4  # into which the only run is cut
 NOTHING = "nothing measured"
+_OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
 
 
 @dataclass(frozen=True)
@@ -93,13 +96,21 @@ def remainders(
             same of process noise that is as strong as assumed.
     """
     motion = [_sensed(prediction, i, w, e) for i, (w, e) in enumerate(zip(windows, after, strict=True))]
-    rooms = [_places(prediction, i, v) for i, v in enumerate(values)]
+    reckoned = {
+        i: Simulation(prediction.replay, track, prediction.starts[i], values[i]).reckoned[1:]
+        for i, track in enumerate(prediction.tracks)
+        if {"encoder", "kinect"} <= prediction.replay.feeds and len(track.fix_t) > 1
+    }
+    rooms = [_places(prediction, i, reckoned[i]) if i in reckoned else {} for i in range(len(values))]
+    tracks = [prediction.tracks[i] for i in reckoned]
+    of_each = error_of_each_fix([(path, t.poses) for path, t in zip(reckoned.values(), tracks, strict=True)])
+    of_fixes = left_by_fixes(of_each, [(track.fix_t, track.poses) for track in tracks])
     names = [track.name for track in prediction.tracks]
     dead_reckoned = [
         {m: _without_offset(m, e) for m, e in run.items() if m.driven_by == WHEELS or m.metric == PREDICTION}
         for run in after
     ]
-    found = [*_too_noisy(noise, names), *too_large(dead_reckoned, sensors, chance, names)]
+    found = [*_too_noisy(noise, names), *too_large(dead_reckoned, sensors, chance, names, of_fixes)]
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
@@ -120,11 +131,13 @@ def _too_noisy(noise, names):
 
 
 def too_large(
-    after: Sequence[Errors], sensors: Mapping[Measure, float], chance: Mapping[Measure, float], names: Sequence[str]
+    after: Sequence[Errors], sensors: Mapping[Measure, float], chance: Mapping[Measure, float], names: Sequence[str],
+    of_fixes: Mapping[tuple[str, str], float] = MappingProxyType({}),
 ) -> list[Remainder]:
     """Where an error of the next samples, or of places and angles over longer times, is larger than it may be.
 
-    after: errors of each run. sensors, chance: as of `remainders`. names: of the runs.
+    after: errors of each run. sensors, chance: as of `remainders`. names: of the runs. of_fixes: as of
+        `left_by_fixes`.
     """
     found = []
     for m in sorted({m for run in after for m in run}):
@@ -134,9 +147,12 @@ def too_large(
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
         if size > _TOO_LARGE[m.metric] * max(floor, 1e-300):
+            because = f"sensors and plausible process noise leave {floor:.2g} {m.unit}"
+            if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
+                because += f"; {_OF_FIXES}"
             found.append(Remainder(
                 m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
-                _worst(sizes, names), f"sensors and plausible process noise leave {floor:.2g} {m.unit}",
+                _worst(sizes, names), because,
             ))
     return found
 
@@ -257,13 +273,10 @@ def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> 
     return series
 
 
-def _places(prediction: Prediction, i: int, values: Values) -> dict[Measure, _Series]:
-    """Errors of dead reckoning over each horizon, in the axes of the body and of the room."""
-    track = prediction.tracks[i]
-    if not {"encoder", "kinect"} <= prediction.replay.feeds or len(track.fix_t) < 2:
-        return {}
-    reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned[1:]
-    series = {}
+def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measure, _Series]:
+    """Errors of dead reckoning, (k, 3) poses at the fixes, over each horizon, in the axes of the body and of the room.
+    """
+    track, series = prediction.tracks[i], {}
     for horizon in HORIZONS_S:
         rows = pairs(track.fix_t, horizon, 0.0)
         if not len(rows):

@@ -1,0 +1,51 @@
+"""The error that every fix has by itself is told from what goes on from fix to fix."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.prove.adequacy import too_large
+from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
+from drake_ispace.explain.prove.free_run import ATE, RPE, RUN, WHEELS, Measure
+from drake_ispace.explain.prove.paths import chained, pairs, relative_errors
+
+STEP_S, ROWS, WAY_M, TURN_RAD = 0.1, 4000, 0.03, 0.02
+STD = np.array([0.004, 0.006, 0.02])
+
+
+def driven(seed=0, scale=1.0, slip=0.0):
+    """(ROWS, 3) poses on an arc; a wrong scale, or slip (standard deviation of each step), lets the path go astray."""
+    steps = np.tile([scale * WAY_M, 0.0, TURN_RAD], (ROWS - 1, 1))
+    return chained(np.zeros(3), steps + slip * np.random.default_rng(seed).standard_normal(steps.shape))
+
+
+def seen(poses, std, seed=1):
+    """Fixes of these poses."""
+    return poses + std * np.random.default_rng(seed).standard_normal(poses.shape)
+
+
+def test_it_is_the_noise_of_the_fixes():
+    assert error_of_each_fix([(driven(), seen(driven(), STD))] * 2) == pytest.approx(STD, rel=0.1)
+
+
+@pytest.mark.parametrize("off", [{"scale": 1.05}, {"slip": 0.003}])
+def test_a_path_that_goes_astray_is_no_error_of_the_fixes(off):
+    assert np.all(error_of_each_fix([(driven(**off), driven())]) < [6e-4, 6e-4, 6e-4])
+
+
+def test_it_makes_the_relative_errors_of_a_noisy_camera():
+    fixes, t = seen(driven(), STD), STEP_S * np.arange(ROWS)
+    left = left_by_fixes(STD, [(t, fixes)])
+    for horizon in (1.0, 5.0):
+        a, b = pairs(t, horizon, 0.0).T
+        off = relative_errors((driven()[a], driven()[b]), (fixes[a], fixes[b]))
+        x, y, heading = np.sqrt(np.mean(off**2, axis=0))
+        assert left[f"{horizon:g}s", "position"] == pytest.approx(np.hypot(x, y), rel=0.1)
+        assert left[f"{horizon:g}s", "heading"] == pytest.approx(heading, rel=0.1)
+
+
+@pytest.mark.parametrize("metric, horizon", [(RPE, "1s"), (ATE, RUN)])
+@pytest.mark.parametrize("own, said", [(0.9, True), (0.5, False)])
+def test_it_is_said_where_it_is_most_of_what_is_left(metric, horizon, own, said):
+    measure, error = Measure(metric, horizon, "position", "m", WHEELS), np.full((50, 2), 1.0 / np.sqrt(2.0))
+    (left,) = too_large([{measure: error}], {measure: 0.1}, {}, ["run"], {(horizon, "position"): own})
+    assert ("every fix by itself" in left.because) == said
