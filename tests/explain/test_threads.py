@@ -5,6 +5,7 @@ from concurrent.futures import Future
 
 import pytest
 
+import drake_ispace as di
 from drake_ispace.explain import threads
 from drake_ispace.explain.threads import each, side_by_side
 
@@ -68,3 +69,15 @@ def test_after_an_error_no_further_job_begins():
         finally:
             threading.Timer(0.1, release.set_result, [None]).start()
     assert len(begun) <= CORES + 1
+
+
+def test_an_answer_does_not_depend_on_the_number_of_threads(monkeypatch):
+    scenario, known = di.load_scenario("omni_multirate"), di.effects()
+    effects = [known["floor_tilt"], known["coulomb_friction"]]
+    runs = di.hide(scenario, "omni", {"coulomb_friction": {"torque_n_m": 0.01}}, ["square", "figure_eight"], 0, 6.0)
+    answers = []
+    for cores in (1, 2):
+        monkeypatch.setattr(threads.os, "sched_getaffinity", lambda pid, cores=cores: range(cores), raising=False)
+        found = di.explain(scenario, list(runs.values())[:1], list(runs.values())[1:], effects)
+        answers.append(repr(found.to_data() | {"seconds": 0.0}))
+    assert answers[0] == answers[1] and found.effects
