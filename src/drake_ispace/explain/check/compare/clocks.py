@@ -78,7 +78,7 @@ class _Trial:
         link, times = self.link, (since.ravel(), until.ravel())
         x, besides = link.predicted(*times).reshape(*since.shape, -1), None
         without = np.zeros_like(x[:1])  # beside nothing, to be unrelated is the same along all paths
-        if link.besides is not None:
+        if link.any_share:
             besides, without = link.besides(*times).reshape(*x.shape, -1), np.zeros_like(x)
             besides = np.concatenate([besides, besides])
         x = np.concatenate([x, without])
@@ -132,7 +132,7 @@ class _Trial:
 
     def jump(self) -> Path | None:
         """The best path with a clock that jumps once by more than a latency; None beside motions of any share."""
-        if self.link.besides is not None:
+        if self.link.any_share:
             return None
         known = np.nan_to_num(self.loss)
         before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
@@ -231,7 +231,7 @@ def _losses(link, base, since, until):
     x = link.predicted(*times).reshape(*since.shape, -1)
     kept = inside(base, since, until)
     y, left = np.broadcast_to(link.measured, x.shape), link.measured - x
-    if link.besides is not None:
+    if link.any_share:
         y, left = _without(link.besides(*times).reshape(*x.shape, -1), kept, y, left)
     near = _near(y, link)
     loss = np.log1p((left / near) ** 2).sum(axis=-1) - np.log1p((y / near) ** 2).sum(axis=-1)

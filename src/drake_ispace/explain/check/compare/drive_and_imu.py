@@ -129,7 +129,7 @@ def _imu_parts(run, base, given):
         read = [six @ c.matrix.T + (0.0 if c.offset is None else lasts * c.offset) for c in given]
         turn = np.stack([values[:, 5:] for values in read])
         x = _related(given) * link.predicted(since, until)
-        parts.append(part(x, turn, ((0,),), np.zeros((len(given), 1))))
+        parts.append(part(x, turn, ((0,),), np.zeros((len(given), 1)), link.besides(since, until), link.slack))
         force = np.stack([values[:, :3] for values in read])
         x = _related(given) * lasts * np.array([0.0, 0.0, GRAVITY])
         parts.append(part(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))

@@ -81,7 +81,7 @@ def _at_lag(link, base, lag_s):
         x, y, noise = predicted[:, group], link.measured[kept][:, group], link.noise[group]
         z = None if besides is None else besides[:, group]
         # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
-        own = (x, y) if z is None else [residuals(0.0 * x, motion, z) for motion in (x, y)]
+        own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
         if all(moving(motion, noise, _CLEARLY) for motion in own):
             both = np.stack([x, 0.0 * x]), np.stack([y, y])
             given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z,

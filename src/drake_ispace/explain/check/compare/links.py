@@ -19,7 +19,7 @@ from drake_ispace.explain.check.compare.motion import (
     turned,
     windows,
 )
-from drake_ispace.explain.check.compare.regression import PHYSICS, Slack
+from drake_ispace.explain.check.compare.regression import PHYSICS, SLACK, Slack
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
@@ -91,6 +91,12 @@ class Link:
     usual_s: tuple[float, float] = (-LATENCY_S, LATENCY_S)
     slack: Slack = PHYSICS
 
+    @property
+    def any_share(self) -> bool:
+        """Whether motions besides may have any share, so that the channel may follow them without following the wheels.
+        """
+        return self.besides is not None and np.isinf(self.slack.besides)
+
 
 def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
     """The wheels of a run; None without an encoder that can be compared."""
@@ -125,13 +131,13 @@ def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIV
 
 
 def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
-    """The gyro's turns about the vertical."""
+    """The gyro's turns about the vertical. Of wheels that differ a little, a share of the way looks like a turn."""
     imu = run.channels["imu"]
     stretches = _grid(imu, base, _GYRO_S, starts)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
-        "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),),
-        base.noise[2:],
+        "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), base.noise[2:],
+        lambda since, until: base.moved(since, until)[:, None, :2], slack=Slack(besides=SLACK / arm(base.geometry)),
     )
 
 

@@ -20,11 +20,15 @@ _FREE = 1e-6  # precision of the prior of f beside that of the data: motions may
 
 @dataclass(frozen=True)
 class Slack:
-    """What S may be on its diagonal: standard deviation, least and most. Elsewhere it is that of physics."""
+    """What S may be on its diagonal: standard deviation, least and most. Elsewhere it is that of physics.
+
+    besides: standard deviation of the share of every motion z, in units of y over those of z; infinite: any share.
+    """
 
     std: float = SLACK
     least: float = -MOST_SLACK
     most: float = MOST_SLACK
+    besides: float = np.inf
 
     def stds(self, d: int) -> np.ndarray:
         """(d, d) of S."""
@@ -50,7 +54,7 @@ def scores(
             scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k), the same for all
             hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
-    shares, residual = _fitted(x, y, z, slack)
+    shares, residual, improbable = _fitted(x, y, z, slack)
     size = np.empty_like(noise)
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
@@ -59,7 +63,7 @@ def scores(
     # Student's density; what is far out counts, but as its logarithm only
     far = 0.5 * (_FREEDOM + 1.0) * np.log1p((residual / (ratio * size)[:, None]) ** 2 / _FREEDOM).mean(axis=1)
     rows = min(x.shape[1], _MOST_ROWS)
-    improbable = ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
+    improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
     return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
 
 
@@ -74,15 +78,20 @@ def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.n
 
 
 def _fitted(x, y, z, slack):
-    """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares."""
+    """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares.
+
+    Also (h,) how improbable f is, as a loss of log likelihood.
+    """
     h, n, d = x.shape
-    z = np.zeros((n, d, 0)) if z is None else z / np.sqrt((z**2).mean(axis=-3, keepdims=True) + 1e-24)
-    k = z.shape[-1]
+    z = np.zeros((n, d, 0)) if z is None else z
+    k, size = z.shape[-1], np.sqrt((z**2).mean(axis=-3, keepdims=True) + 1e-24)
+    z, certain = z / size, 1.0 / (slack.besides * size[..., 0, :, :]) ** 2
     design = np.concatenate([
         np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
     ], axis=3)
-    prior = np.zeros((d, d + k, d + k))
-    prior[:, range(d), range(d)] = 1.0 / slack.stds(d) ** 2
+    prior = np.zeros((*certain.shape[:-1], d + k, d + k))
+    prior[..., range(d), range(d)] = 1.0 / slack.stds(d) ** 2
+    prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
     shares, residual = np.zeros((h, d, d + k)), y - x
     least = 1e-6 * np.sqrt((y**2).mean(axis=1)) + 1e-12
@@ -96,7 +105,7 @@ def _fitted(x, y, z, slack):
         shares = np.linalg.solve(normal, moment[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
         residual = y - x - np.einsum("hndi,hdi->hnd", design, shares)
-    return shares[..., :d], residual
+    return shares[..., :d], residual, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
 
 
 def _scale(values):
