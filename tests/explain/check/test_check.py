@@ -12,6 +12,7 @@ from drake_ispace.faults.repair import rows
 from drake_ispace.files.recording import load
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
+from hidden.generator import generate
 
 MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
 
@@ -260,6 +261,19 @@ def test_a_steady_circle_hardly_says_whose_torque_it_is():
     """Its push towards the middle is constant, and what is left of the torque is noise."""
     run = hide("omni_multirate", "omni", {}, ["circle"], 3, 100.0)["circle"]
     assert found([run], "omni") == []
+
+
+@pytest.mark.parametrize("seconds", [5.0, 6.0])
+def test_a_larger_wheel_is_no_gyro_of_another_run_where_the_robot_only_drives_straight(seconds):
+    larger = {"single_wheel_radius_error": {"wheel": 2, "share": 0.05}}
+    run = generate("pendulum", "square", larger, seconds, 10)
+    assert check(MODEL["pendulum"], [run]).serious == []
+
+
+def test_a_gyro_of_another_run_is_found(sound):
+    runs = list(sound["pendulum"])
+    runs[0] = replace(runs[0], channels=runs[0].channels | {"imu": runs[1].channels["imu"]})
+    assert ("channel_of_another_run", "imu") in [(f.fault, f.channel) for f in check(MODEL["pendulum"], runs).serious]
 
 
 def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
