@@ -7,7 +7,7 @@ import pytest
 
 import answers
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.explanation import Estimate
+from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation
 from drake_ispace.explain.answer.verdict import add_proof
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.explain import explain
@@ -31,6 +31,13 @@ def on_bound(answer):
     return replace(answer, effects=[
         replace(effect, parameters={"torque_n_m": Estimate(0.01, (0.008, 0.01), "N*m", on_bound=True)})
     ])
+
+
+def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
+    shows, hidden = (DetectionResult(p_value, 3.0, 0.01, 2.0) for p_value in (0.001, 0.2))
+    assert "lacks something" in Explanation("unknown", [], shows, [], []).title
+    assert "No effect shows" in Explanation("unknown", [], hidden, [], []).title
+    assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
 
 
 def test_effects_that_leave_noise_keep_their_verdict():

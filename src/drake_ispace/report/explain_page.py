@@ -26,12 +26,6 @@ from drake_ispace.scenario import Scenario, difference
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 
 MARK = "explanation.json"
-_TITLES = {
-    "named": "The model lacks {}", "incomplete": "The model lacks {}, and something more",
-    "set": "The model lacks one of a few effects that these runs cannot tell apart",
-    "none": "The model lacks nothing that these runs could show",
-    "unknown": "The model lacks something that no effect of the library stands for",
-}
 _REFERENCE = "reference"  # what drives the model along it: its own controller
 _AHEAD = {RUN: "whole run", STEP: "next sample"}
 
@@ -182,11 +176,9 @@ def page(
     explanation: Explanation, model: Scenario, pictures: Sequence[tuple[str, str]], path: dict | None, folder: Path
 ) -> str:
     """The HTML page, with the pictures in it that lie in `folder`."""
-    *names, last = [effect.name.replace("_", " ") for effect in explanation.effects] or [""]
-    names = f"{', '.join(names)} and {last}" if names else last
     cells = {which: [_cells(row) for row in explanation.gap if row.runs == which] for which in (HELD_OUT, TRAINING)}
     return render(
-        "explain.html.j2", title=_TITLES[explanation.verdict].format(names), e=explanation, path=path,
+        "explain.html.j2", title=explanation.title, e=explanation, path=path,
         cards={name: library()[name].card for name in _mentioned(explanation) if name in library()},
         lines=changed_lines(model, explanation), blocks=[(title, embedded(folder / name)) for name, title in pictures],
         lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),

@@ -227,6 +227,15 @@ class Explanation:
         }
         return plain(data)
 
+    @property
+    def title(self) -> str:
+        """The verdict in a sentence."""
+        shows = self.detection is None or self.detection.p_value < self.detection.false_alarm_rate
+        if self.verdict == "unknown" and self.unknown is None and not shows:
+            return _ONLY_LEFT
+        *names, last = [effect.name.replace("_", " ") for effect in self.effects] or [""]
+        return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
+
     def gap_in_words(self) -> list[str]:
         """The headline, and the places on unseen runs over each horizon."""
         row = self.headline
@@ -244,7 +253,7 @@ class Explanation:
             beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
-        lines = [_VERDICTS[self.verdict] + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
+        lines = [self.title + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
         lines += [f"! {warning}" for warning in [*self.drifts, *self.warnings]]
         if self.verdict == "data":
             lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]
@@ -277,13 +286,14 @@ class Explanation:
 
 
 _TABLES = ("gap", "remainders", "validated", "plant")
-_VERDICTS = {
-    "named": "The model lacks", "set": "The model lacks one of a set that these runs cannot tell apart",
-    "incomplete": "The model lacks these effects, and something more",
+_TITLES = {
+    "named": "The model lacks {}", "incomplete": "The model lacks {}, and something more",
+    "set": "The model lacks one of a few effects that these runs cannot tell apart",
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
     "data": "The recordings contradict each other, or the model's dimensions",
 }
+_ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 
 
 def plain(value):
