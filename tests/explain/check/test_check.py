@@ -1,5 +1,6 @@
 """Do the checks find what is wrong with recordings, and nothing in sound ones?"""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.frames import _grid
 from drake_ispace.explain.check.repaired import save_repaired
 from drake_ispace.faults.repair import rows
 from drake_ispace.files.recording import load
@@ -261,6 +263,16 @@ def test_a_steady_circle_hardly_says_whose_torque_it_is():
     """Its push towards the middle is constant, and what is left of the torque is noise."""
     run = hide("omni_multirate", "omni", {}, ["circle"], 3, 100.0)["circle"]
     assert found([run], "omni") == []
+
+
+def test_the_even_steps_of_half_an_hour_of_stamps_take_little_memory():
+    t = 0.3 + 0.0953 * np.arange(19000) + np.random.default_rng(0).uniform(-0.02, 0.02, 19000)
+    tracemalloc.start()
+    grid = _grid(t)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert grid.since_s == pytest.approx(0.3, abs=1e-3) and most < 400 * t.nbytes
+    assert grid.step_s == pytest.approx(0.0953, abs=1e-3 / len(t))
 
 
 @pytest.mark.parametrize("seconds", [5.0, 6.0])

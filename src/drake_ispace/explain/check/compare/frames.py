@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from drake_ispace.explain.check.compare.links import LATENCY_S, Base
 from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
@@ -11,6 +12,7 @@ from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Channel, Recording
 
 _FEWEST = 40  # fixes
+_BINS = 16  # to a step, into which stamps are sorted to find its length
 _LAGS_S = np.arange(-LATENCY_S, LATENCY_S + 1e-9, 0.01)
 
 
@@ -35,10 +37,14 @@ def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[F
 def _grid(t: np.ndarray) -> Gridded:
     """The even steps that stamps (n,) lie nearest to."""
     usual = float(np.median(np.diff(t)))
-    rates = np.arange(0.8, 1.2, 0.25 * usual / (t[-1] - t[0])) / usual  # so fine that no phase is lost from end to end
-    sums = np.exp(2j * np.pi * rates[:, None] * (t - t[0])).sum(axis=1)
-    best = int(np.argmax(np.abs(sums)))
-    return Gridded("kinect", float(1.0 / rates[best]), float(t[0] + np.angle(sums[best]) / (2.0 * np.pi * rates[best])))
+    bins = np.round((t - t[0]) * (_BINS / usual)).astype(int)
+    rows = next_fast_len(4 * int(bins[-1] + 1), real=True)  # rates so fine that no phase is lost from end to end
+    sums, rates = np.abs(rfft(np.bincount(bins, minlength=rows))), np.arange(rows // 2 + 1) * (_BINS / usual / rows)
+    near = np.flatnonzero((rates > 0.8 / usual) & (rates < 1.2 / usual))
+    rate = float(rates[near[np.argmax(sums[near])]])
+    phase = float(np.angle(np.exp(2j * np.pi * rate * (t - t[0])).sum()))
+    step_s, since_s = np.polyfit(np.rint(rate * (t - t[0]) - phase / (2.0 * np.pi)), t, 1)
+    return Gridded("kinect", float(step_s), float(since_s))
 
 
 def _disagreement(kinect: Channel, base: Base) -> float:
