@@ -94,31 +94,40 @@ def whiten(y, classes, a, shrink, unit, rates, out):
     (p, p), rates (means,), out (k, rows - lags, p).
     """
     rows, p, lags, count = y.shape[1], y.shape[2], y.shape[1] - out.shape[1], rates.shape[0]
-    past, mean, of_lags = np.empty((rows, count * p)), np.empty(count * p), np.empty((lags * p, p))
+    past, mean = np.empty((rows, count * p)), np.empty(count * p)
+    of_lags, e = np.empty((lags * p, p)), np.empty((rows, p))
+    # loops, because an assignment of slices takes ten seconds to compile
     for k in range(lags):  # the oldest row first, as in y
-        of_lags[(lags - 1 - k) * p : (lags - k) * p] = a[k * p : (k + 1) * p]
+        for j in range(p):
+            for i in range(p):
+                of_lags[(lags - 1 - k) * p + j, i] = a[k * p + j, i]
     for n in range(y.shape[0]):
-        e = y[n].copy()
+        mean[:] = 0.0
+        for t in range(rows):
+            for i in range(p):
+                e[t, i] = y[n, t, i]
+            for m in range(count):
+                for i in range(p):
+                    past[t, m * p + i] = mean[m * p + i]
+                    mean[m * p + i] += rates[m] * (y[n, t, i] - mean[m * p + i])
         if count:
-            mean[:] = 0.0
+            predicted = np.dot(past, a[lags * p :])
             for t in range(rows):
-                for m in range(count):
-                    for i in range(p):
-                        past[t, m * p + i] = mean[m * p + i]
-                        mean[m * p + i] += rates[m] * (y[n, t, i] - mean[m * p + i])
-            e -= np.dot(past, a[lags * p :])
+                for i in range(p):
+                    e[t, i] -= predicted[t, i]
         for first in range(lags):  # every lags-th row, whose last rows lie one after the other in y
             windows = (rows - 1 - first) // lags
             if windows > 0:
-                before = y[n, first : first + windows * lags].reshape(windows, lags * p)
-                predicted = np.dot(before, of_lags)
+                predicted = np.dot(y[n, first : first + windows * lags].reshape(windows, lags * p), of_lags)
                 for w in range(windows):
                     for i in range(p):
                         e[first + (w + 1) * lags, i] -= predicted[w, i]
         for t in range(lags, rows):
             for i in range(p):
-                e[t, i] *= shrink[classes[t], i]
-        out[n] = np.dot(e[lags:], unit.T)
+                total = 0.0
+                for j in range(p):
+                    total += unit[i, j] * (e[t, j] * shrink[classes[t], j])
+                out[n, t - lags, i] = total
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
