@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import resource
 import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
@@ -62,6 +63,17 @@ def _run(summarise, job, at_most_s=float("inf")):
     scenario = di.load_scenario(job.scenario, job.overrides)
     scenario.seconds = min(scenario.seconds, at_most_s)
     return summarise(di.simulate(scenario))
+
+
+def apart(measured: Callable, *arguments) -> object:
+    """What `measured`, a function at the top level of a module, gives in a process of its own."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(measured, *arguments).result()
+
+
+def peak_mb() -> float:
+    """The most memory that this process has had [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0**2 if sys.platform == "darwin" else 1024.0)
 
 
 def options(description: str, **more: dict) -> argparse.Namespace:

@@ -25,14 +25,15 @@ VARY = {"omni_plant.mass_kg": "normal(7.31, 0.4)", "omni_plant.slip.ratio_x": "u
 SECONDS, TINY_S = 20.0, 0.5
 
 _CHILD = """
-import json, resource, sys
+import json, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
+from _runs import peak_mb
 from campaign import campaign
 runs, seconds, seed, out, cluster = json.loads(sys.argv[1])
 done = campaign(runs, seconds, seed, Path(out), cluster)
 print(json.dumps({"wall_s": done.wall_s, "runs_now": done.runs_now,
-                  "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0}))
+                  "peak_mb": peak_mb()}))
 """
 
 

@@ -8,16 +8,12 @@ twice: between the messages of `explain`, and by what the prediction Diagram and
 """
 
 import os
-import resource
 import statistics
-import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context
 
-from _runs import options, print_json, print_table
+from _runs import apart, options, peak_mb, print_json, print_table
 
 import drake_ispace as di
 from drake_ispace.explain.decide.survey import screen, view
@@ -101,9 +97,9 @@ def measure(
     scenario = di.load_scenario(f"{robot}_multirate")
     runs = list(di.hide(scenario, robot, HIDDEN[robot], motions, seed, seconds).values())
     held_out = list(di.hide(scenario, robot, HIDDEN[robot], motions[:1], seed + 1, seconds).values())
-    before = _peak_mb()
+    before = peak_mb()
     first = diagnosis(robot, runs, held_out, effects, seed)
-    peak = _peak_mb() - before
+    peak = peak_mb() - before
     again = [diagnosis(robot, runs, held_out, effects, seed) for _ in range(repetitions)]
     warm = sorted(again, key=lambda d: d["wall_s"])
     middle = warm[len(warm) // 2]
@@ -113,17 +109,6 @@ def measure(
         "median_wall_s": statistics.median(d["wall_s"] for d in warm), "dominates": dominates,
         "peak_mb": peak,
     }
-
-
-def _peak_mb():
-    """The most memory that this process has had."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1024.0**2 if sys.platform == "darwin" else 1024.0)
-
-
-def apart(measured, *arguments):
-    """What `measured` gives in a process of its own."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        return pool.submit(measured, *arguments).result()
 
 
 def main() -> None:

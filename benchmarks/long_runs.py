@@ -8,12 +8,10 @@ hundredth of the ticks.
 """
 
 import sys
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from _runs import options, print_json, print_table
+from _runs import apart, options, print_json, print_table
 
 import drake_ispace as di
 from drake_ispace.blocks.rates import TICK_S
@@ -78,11 +76,7 @@ def main():
         jobs.append((in_drake, "omni_multirate", max(ticks // 100, 10)))
     rows = []
     for function, name, count in jobs:
-        if asked.tiny:
-            rows.append(function(name, count))
-            continue
-        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            rows.append(pool.submit(function, name, count).result())
+        rows.append(function(name, count) if asked.tiny else apart(function, name, count))
     if asked.json:
         print_json({"runs": rows})
         return

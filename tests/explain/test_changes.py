@@ -31,7 +31,7 @@ OFFSETS = directions(
 CHANGES = Changes(WHITENING, MEASURED, FOUND)
 X = np.array([WHITENING(change) for change in FOUND])
 LIKELIHOOD = Likelihood(None, WHITENING, OFFSETS, {}, WHITENING.memory(MEASURED))
-MARGINAL = Marginal(CHANGES, OFFSETS, LIKELIHOOD.memory, LIKELIHOOD.inner)
+MARGINAL = Marginal(CHANGES, OFFSETS, LIKELIHOOD.memory, LIKELIHOOD.remembered, LIKELIHOOD.inner)
 
 
 def test_the_transpose_has_the_products_of_the_whitened():

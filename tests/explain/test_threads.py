@@ -29,7 +29,7 @@ def test_without_threads_the_caller_computes():
 def test_two_jobs_run_at_the_same_time():
     meeting = threading.Barrier(2, timeout=10.0)  # broken if one is over before the other begins
     with side_by_side():
-        each(lambda _: meeting.wait(), range(2))
+        assert sorted(each(lambda _: meeting.wait(), range(2))) == [0, 1]
 
 
 def test_jobs_of_jobs_of_jobs_end():
@@ -43,7 +43,8 @@ def test_jobs_of_jobs_of_jobs_end():
 def test_whoever_is_free_computes_jobs_of_a_job():
     meeting = threading.Barrier(2, timeout=10.0)
     with side_by_side():
-        each(lambda alone: alone or each(lambda _: meeting.wait(), range(2)), [True, False])
+        alone, both = each(lambda alone: alone or each(lambda _: meeting.wait(), range(2)), [True, False])
+    assert alone and sorted(both) == [0, 1]
 
 
 def test_an_error_of_a_job_is_the_callers():

@@ -45,7 +45,7 @@ class Changes:
 
     @property
     def batches(self) -> list[slice]:
-        """Of the changes, each for a job."""
+        """Numbers of the changes that are whitened in one job, for every job."""
         return [slice(first, min(first + _BATCH, len(self))) for first in range(0, len(self), _BATCH)]
 
     def of_run(self, i: int, some: slice = slice(None)) -> np.ndarray:
@@ -110,20 +110,21 @@ class Marginal:
     (X - U N) M, U = X M N' (N M N' + 1)^-1.
 
     Args:
-        changes: X. offsets: N. memories: of the noise. inner: (q, q) the inverse; None: nothing is removed.
+        changes: X. offsets: N. memories: of the noise. of_offsets: of each memory, the amounts of its basis in the
+            offsets. inner: (q, q) the inverse; None: nothing is removed.
 
     Attributes:
         gram: (k + q, k + q) products of changes and offsets with each other. inner: (k, k) X times what is left of X.
     """
 
     def __init__(
-        self, changes: Changes, offsets: Directions, memories: Sequence[Memory] = (), inner: np.ndarray | None = None
+        self, changes: Changes, offsets: Directions, memories: Sequence[Memory] = (),
+        of_offsets: Sequence[np.ndarray] = (), inner: np.ndarray | None = None,
     ):
         k, q, self._changes, self._offsets, self._memories = len(changes), len(offsets), changes, offsets, memories
         by_run = [_products(changes, i, offsets, memories) for i in range(len(changes.spans))]
         plain, with_offsets, *remembered = (sum(parts) for parts in zip(*by_run, strict=True))
         self.gram = np.block([[plain, with_offsets], [with_offsets.T, offsets.gram()]])
-        of_offsets = [memory.amounts_in(offsets) for memory in memories]
         for own, other in zip(remembered, of_offsets, strict=True):
             plain -= alike(own, own)
             with_offsets -= alike(own, other)
@@ -150,7 +151,7 @@ class Marginal:
         return np.hstack([self._sums(i, w, instants) for i in range(len(self._changes.spans))])
 
     def _sums(self, i, w, instants):
-        """(k, instants) the same of run `i`."""
+        """(k, instants of run `i`) products of what is left of the changes with `w` (n,), summed over each instant."""
         start, end = self._changes.spans[i]
         offsets, firsts = self._offsets.part(start, end), np.flatnonzero(np.diff(instants[start:end], prepend=-1))
 
@@ -166,7 +167,10 @@ class Marginal:
 
 
 def _products(changes, i, offsets, memories) -> list[np.ndarray]:
-    """Of run `i`: products (k, k) of changes with each other, (k, q) with offsets, and amounts of every memory."""
+    """Products of the whitened changes in run `i`: (k, k) with each other and (k, q) with the offsets.
+
+    After these come, for every memory, the amounts (k, p, q) of its basis in the changes.
+    """
     k, (start, end) = len(changes), changes.spans[i]
     part, own_offsets = np.empty((k, end - start)), offsets.part(start, end)
     plain, with_offsets = np.zeros((k, k)), np.empty((k, len(offsets)))

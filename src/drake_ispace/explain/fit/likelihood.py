@@ -88,7 +88,7 @@ class Likelihood:
         return vectors @ vectors.T - explained - products @ self.inner @ products.T
 
     def _seen(self, vectors):
-        """Of (k, rows) vectors the amounts of each memory's basis, and (k, q) products with offsets, memory removed."""
+        """Amounts of every memory's basis in vectors (k, rows), and products (k, q) of what it leaves with offsets."""
         remembered = [memory.amounts(vectors) for memory in self.memory]
         explained = sum(alike(own, of) for own, of in zip(remembered, self.remembered, strict=True))
         return remembered, self.offsets.dot(vectors) - explained

@@ -131,7 +131,7 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
-    marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.inner)
+    marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.remembered, likelihood.inner)
     screen, noise = Screen(view.signatures, marginal.inner), _unexplained(marginal, w)
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
