@@ -239,9 +239,9 @@ def _digest(emitter: Emitter) -> str:
 
 def _of_single_runs(emitter, digest):
     row, rows = numba.float64[::1], numba.float64[:, ::1]
-    names = {"local": views.local, "part": views.part, **emitter.kernels}
+    of_views = {name: getattr(views, name) for name in ("local", "part", "row", "copied")}
     arguments = (numba.int64, numba.int64, row, row, row, rows, *[rows] * len(emitter._log))
-    return machine_code(emitter.source, names, arguments, digest)
+    return machine_code(emitter.source, of_views | emitter.kernels, arguments, digest)
 
 
 def machine_code(source: str, names: Mapping[str, object], arguments: Sequence, digest: str):

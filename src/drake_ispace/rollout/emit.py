@@ -21,7 +21,8 @@ _LONGEST_COPY = 64  # floats; a longer parameter, a path's table, is read where 
 _LARGEST_LOCAL = 1024  # floats; LLVM takes minutes over a longer vector on the stack
 #: What the text says itself. Names that begin with "log_" are those of logs, with "lanes_" those of lane_text.py.
 _RESERVED = frozenset(
-    "np local part matrix empty k i h h6 x d p first last reached finite recorded range rollout lane rows min".split()
+    "np local part matrix row copied empty k i h h6 x d p first last reached finite recorded range rollout lane rows"
+    " min".split()
 )
 
 
@@ -36,10 +37,9 @@ class _Code:
     def add(self, line: str) -> None:
         self.lines.append("    " * self.depth + line)
 
-    def copy(self, size: int, source: str, target: str) -> None:
-        """An element-wise copy, with `i` in both texts: a slice assignment would check for overlap every time."""
-        self.add(f"for i in range({size}):")
-        self.add(f"    {target} = {source}")
+    def copy(self, size: int, source: str, target: str, first: int = 0, at: int = 0) -> None:
+        """`size` floats of `source` from its number `first` on, to `target` from its number `at` on."""
+        self.add(f"copied({source}, {first}, {size}, {target}, {at})")
 
     @contextmanager
     def inside(self, condition: str | None):
@@ -80,7 +80,7 @@ class Emitter:
             start = 0
             with body.inside("k < last") as inner:
                 for name, size in self._network.inputs.items():
-                    inner.copy(size, f"recorded[k, {_at(start)}]", f"{self._port(Port(None, name))}[i]")
+                    inner.copy(size, "row(recorded, k)", self._port(Port(None, name)), first=start)
                     start += size
         self._write_logs(body, "k")
         body.add("if k == last:")
@@ -107,12 +107,12 @@ class Emitter:
                 size = len(leaf.continuous_state)
                 for vector in ("x", "x0", "k1", "k2", "dx"):
                     code.add(_made(self._vector(name, vector), size))
-                code.copy(size, f"x[{_at(self.layout.continuous[name].start)}]", f"{self._vector(name, 'x')}[i]")
+                code.copy(size, "x", self._vector(name, "x"), first=self.layout.continuous[name].start)
             if size := len(leaf.discrete_state):
                 before = [] if self._is_in_place(name) else ["next"]
                 for vector in ("d", *before, *(["held"] if self._has_several(name) else [])):
                     code.add(_made(self._vector(name, vector), size))
-                code.copy(size, f"d[{_at(self.layout.discrete[name].start)}]", f"{self._vector(name, 'd')}[i]")
+                code.copy(size, "d", self._vector(name, "d"), first=self.layout.discrete[name].start)
             start = self.layout.parameters[name].start
             for parameter, size, is_scalar in parameter_sizes(leaf.spec):
                 own = self._parameter(name, parameter)
@@ -122,7 +122,7 @@ class Emitter:
                     code.add(f"{own} = part(p, {start}, {size})")
                 else:
                     code.add(_made(own, size))
-                    code.copy(size, f"p[{_at(start)}]", f"{own}[i]")
+                    code.copy(size, "p", own, first=start)
                 start += size
         for port in [key for key in self._names if isinstance(key, Port)]:
             code.add(_made(self._port(port), self._network.source_size(port)))
@@ -134,9 +134,9 @@ class Emitter:
         code = _Code([], depth=1)
         for name, leaf in self._network.leaves.items():
             if size := len(leaf.continuous_state):
-                code.copy(size, f"{self._vector(name, 'x')}[i]", f"x[{_at(self.layout.continuous[name].start)}]")
+                code.copy(size, self._vector(name, "x"), "x", at=self.layout.continuous[name].start)
             if size := len(leaf.discrete_state):
-                code.copy(size, f"{self._vector(name, 'd')}[i]", f"d[{_at(self.layout.discrete[name].start)}]")
+                code.copy(size, self._vector(name, "d"), "d", at=self.layout.discrete[name].start)
         return code.lines
 
     # -- phases ----------------------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ class Emitter:
                         self._evaluate(inner, port, tick)
                         row = "0" if divisor is None else "k" if divisor == 1 else f"k // {divisor}"
                         size = self._network.source_size(port)
-                        inner.copy(size, f"{self._port(port)}[i]", f"{self._log_name(name)}[{row}, i]")
+                        inner.copy(size, self._port(port), f"row({self._log_name(name)}, {row})")
 
     def _write_phase(self, code: _Code, phase: Phase) -> None:
         """All updates of a phase see the state before it; then all are stored. Those of one leaf act one after the
@@ -189,8 +189,8 @@ class Emitter:
         code.fresh = {item for item in code.fresh if not changed & self._depends(item)}
 
     def _copy_memory(self, code, name, source, target):
-        source, target = (f"{self._vector(name, vector)}[i]" for vector in (source, target))
-        code.copy(len(self._network.leaves[name].discrete_state), source, target)
+        size = len(self._network.leaves[name].discrete_state)
+        code.copy(size, self._vector(name, source), self._vector(name, target))
 
     def _has_several(self, name):
         return len(self._network.leaves[name].spec.updates) > 1
@@ -387,8 +387,3 @@ def _condition(update: Update) -> str | None:
     if update.offset_ticks == 0:
         return f"k % {update.period_ticks} == 0"
     return f"k >= {update.offset_ticks} and (k - {update.offset_ticks}) % {update.period_ticks} == 0"
-
-
-def _at(start: int) -> str:
-    """The index of element `i` of a part that begins at `start`."""
-    return f"{start} + i" if start else "i"

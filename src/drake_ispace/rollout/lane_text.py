@@ -18,7 +18,8 @@ def text_for_lanes(
     source: of the function for a single run. parameters: its values; varied: which of them may differ between runs.
     long_kernels: names of those that do more than copy.
     """
-    return _Writer(ast.parse(source).body[0], lanes, parameters, varied, long_kernels).text
+    rollout = ast.fix_missing_locations(_Loops().visit(ast.parse(source).body[0]))
+    return _Writer(rollout, lanes, parameters, varied, long_kernels).text
 
 
 class _Writer:
@@ -181,6 +182,26 @@ class _Writer:
 
     def _looped(self, lines: Sequence[str]) -> list[str]:
         return [f"for lane in range({self._lanes}):", *_indented(lines)]
+
+
+class _Loops(ast.NodeTransformer):
+    """Writes copies as loops over their elements: those of all lanes are no vectors."""
+
+    def visit_Expr(self, node):
+        if not isinstance(node.value, ast.Call) or node.value.func.id != "copied":
+            return node
+        source, first, size, target, at = node.value.args
+        copied = f"{_element(target, at)} = {_element(source, first)}"
+        return ast.parse(f"for i in range({ast.unparse(size)}):\n    {copied}").body[0]
+
+
+def _element(vector, start) -> str:
+    """The text of element `i` from `start` on, of a vector or of a row of a matrix."""
+    at = f"{start.value} + i" if start.value else "i"
+    if isinstance(vector, ast.Name):
+        return f"{vector.id}[{at}]"
+    rows, number = vector.args  # row(rows, number)
+    return f"{rows.id}[{ast.unparse(number)}, {at}]"
 
 
 class _Laned(ast.NodeTransformer):

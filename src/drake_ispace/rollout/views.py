@@ -52,6 +52,35 @@ def part(typing_context, vector, start, size):
     return _VECTOR(_VECTOR, start, size), codegen
 
 
+@intrinsic
+def row(typing_context, rows, number):
+    """rows[number] as a vector of rows (n, size) without gaps. It shares their memory."""
+    def codegen(context, builder, signature, arguments):
+        source = make_array(_MATRIX)(context, builder, arguments[0])
+        size = builder.extract_value(source.shape, 1)
+        start = builder.mul(context.cast(builder, arguments[1], number, types.intp), size)
+        return _array(context, builder, cgutils.gep(builder, source.data, start), size)
+
+    return _VECTOR(rows, number), codegen
+
+
+@intrinsic
+def copied(typing_context, source, first, size, target, at):
+    """target[at:at + size] = source[first:first + size]; `first`, `size`, `at`: literals. They share no memory.
+
+    To numba a loop is ten statements, and a rollout has a hundred copies: most of what it would take to compile.
+    """
+    start, count, place = _literal(first), _literal(size), _literal(at)
+
+    def codegen(context, builder, signature, arguments):
+        source, target = (make_array(_VECTOR)(context, builder, arguments[number]).data for number in (0, 3))
+        begin, end = cgutils.gep(builder, target, place), cgutils.gep(builder, source, start)
+        cgutils.memcpy(builder, begin, end, context.get_constant(types.intp, count))
+        return context.get_dummy_value()
+
+    return types.void(source, first, size, target, at), codegen
+
+
 def _literal(size):
     if not isinstance(size, types.IntegerLiteral):
         raise RequireLiteralValue("expected a literal size")
@@ -68,7 +97,8 @@ def _array(context, builder, data, *shape):
     array = make_array(_VECTOR if len(shape) == 1 else _MATRIX)(context, builder)
     size = 8
     strides = [size * int(math.prod(shape[axis + 1 :])) for axis in range(len(shape))]
-    integer = lambda values: [context.get_constant(types.intp, value) for value in values]  # noqa: E731
+    known = lambda value: value if isinstance(value, ir.Value) else context.get_constant(types.intp, value)  # noqa: E731
+    integer = lambda values: [known(value) for value in values]  # noqa: E731
     populate_array(
         array, data=data, shape=integer(shape), strides=integer(strides), itemsize=integer([size])[0], meminfo=None,
     )

@@ -4,7 +4,7 @@ Closed is the share of the squared error above what sensors and chance leave tha
 
     closed = 1 - max(after^2 - sensors^2 - chance^2, 0) / (before^2 - sensors^2 - chance^2)
 
-It is given only where `before` is three times both, and for places only where noise leaves less than the size of the
+It is given only where `before` is three times each, and for places only where noise leaves less than the size of the
 path: a simulation that may be anywhere proves nothing.
 """
 
