@@ -153,12 +153,12 @@ class _Writer:
         lines = [f"{name} = {self._views[name]}" for name in used if name in self._views]
         kept = [name for name in used if name in self._sizes and name not in self._own]
         for name in kept:
-            lines += [f"for i in range({self._sizes[name]}):", f"    {name}[i] = lanes_{name}[i, lane]"]
+            lines.append(f"copied(column(lanes_{name}, lane), 0, {self._sizes[name]}, {name}, 0)")
         for statement in group:
             lines += self._elements(statement, {}) if isinstance(statement, ast.For) else [ast.unparse(statement)]
         for name in dict.fromkeys(name for statement in group for name in _written(statement)):
             if name in kept:
-                lines += [f"for i in range({self._sizes[name]}):", f"    lanes_{name}[i, lane] = {name}[i]"]
+                lines.append(f"copied({name}, 0, {self._sizes[name]}, column(lanes_{name}, lane), 0)")
         return self._looped(lines)
 
     def _copy(self, loop: ast.For) -> list[str]:

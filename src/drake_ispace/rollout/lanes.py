@@ -125,10 +125,10 @@ def lanes_of(single: Rollout, lanes: int = LANES, varied: Iterable[str] | None =
         may_vary[single.index(name)] = True
     long = {name for name, kernel in single.kernels.items() if not is_small(kernel.py_func)}
     text = text_for_lanes(single.source, lanes, single.parameters, may_vary, long)
-    functions = {"local": views.local, "matrix": views.matrix, "part": views.part, **single.kernels}
+    of_views = {name: getattr(views, name) for name in ("local", "matrix", "part", "column", "copied")}
     rows, cube = numba.float64[:, ::1], numba.float64[:, :, ::1]
     arguments = (numba.int64, numba.int64, rows, rows, rows, rows, cube, numba.int64[::1])
-    function = machine_code(text, functions, (*arguments, *[cube] * len(single.logged)), single.digest)
+    function = machine_code(text, of_views | single.kernels, (*arguments, *[cube] * len(single.logged)), single.digest)
     return LaneRollout(single, text, lanes, may_vary, function)
 
 

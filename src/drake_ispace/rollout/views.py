@@ -6,8 +6,6 @@ share its memory with any other. So loops over it stay loops, and every store fo
 elements in registers, as it does for a fixed array in C.
 """
 
-import math
-
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.errors import RequireLiteralValue
@@ -16,6 +14,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 _CACHE_LINE = 64  # bytes, and the longest vector register; a store over the end of one takes twice as long
 _VECTOR, _MATRIX = (types.Array(types.float64, dimensions, "C") for dimensions in (1, 2))
+_COLUMN = types.Array(types.float64, 1, "A")
 
 
 @intrinsic
@@ -54,14 +53,26 @@ def part(typing_context, vector, start, size):
 
 @intrinsic
 def row(typing_context, rows, number):
-    """rows[number] as a vector of rows (n, size) without gaps. It shares their memory."""
+    """rows[number] of a matrix without gaps. It shares the memory of the matrix."""
     def codegen(context, builder, signature, arguments):
-        source = make_array(_MATRIX)(context, builder, arguments[0])
-        size = builder.extract_value(source.shape, 1)
+        matrix = make_array(_MATRIX)(context, builder, arguments[0])
+        size = builder.extract_value(matrix.shape, 1)
         start = builder.mul(context.cast(builder, arguments[1], number, types.intp), size)
-        return _array(context, builder, cgutils.gep(builder, source.data, start), size)
+        return _array(context, builder, builder.gep(matrix.data, [start]), size)
 
     return _VECTOR(rows, number), codegen
+
+
+@intrinsic
+def column(typing_context, rows, number):
+    """rows[:, number] of a matrix without gaps. It shares the memory of the matrix."""
+    def codegen(context, builder, signature, arguments):
+        matrix = make_array(_MATRIX)(context, builder, arguments[0])
+        length, size = (builder.extract_value(matrix.shape, axis) for axis in (0, 1))
+        data = builder.gep(matrix.data, [context.cast(builder, arguments[1], number, types.intp)])
+        return _array(context, builder, data, length, kind=_COLUMN, step=size)
+
+    return _COLUMN(rows, number), codegen
 
 
 @intrinsic
@@ -73,12 +84,22 @@ def copied(typing_context, source, first, size, target, at):
     start, count, place = _literal(first), _literal(size), _literal(at)
 
     def codegen(context, builder, signature, arguments):
-        source, target = (make_array(_VECTOR)(context, builder, arguments[number]).data for number in (0, 3))
-        begin, end = cgutils.gep(builder, target, place), cgutils.gep(builder, source, start)
-        cgutils.memcpy(builder, begin, end, context.get_constant(types.intp, count))
+        sources, targets = (_elements(context, builder, signature.args[n], arguments[n]) for n in (0, 3))
+        with cgutils.for_range(builder, context.get_constant(types.intp, count)) as loop:
+            builder.store(builder.load(sources(loop.index, start)), targets(loop.index, place))
         return context.get_dummy_value()
 
     return types.void(source, first, size, target, at), codegen
+
+
+def _elements(context, builder, kind, vector):
+    """A function (index, start) -> pointer to the element at the sum of both, of a vector or a column."""
+    array = make_array(kind)(context, builder, vector)
+    if kind != _COLUMN:
+        return lambda index, start: builder.gep(cgutils.gep(builder, array.data, start), [index])
+    step = builder.extract_value(array.strides, 0)
+    moved = lambda index, start: builder.mul(builder.add(index, context.get_constant(types.intp, start)), step)  # noqa: E731
+    return lambda index, start: cgutils.pointer_add(builder, array.data, moved(index, start))
 
 
 def _literal(size):
@@ -93,13 +114,13 @@ def _zeros(builder, count):
     return builder.bitcast(memory, ir.DoubleType().as_pointer())
 
 
-def _array(context, builder, data, *shape):
-    array = make_array(_VECTOR if len(shape) == 1 else _MATRIX)(context, builder)
-    size = 8
-    strides = [size * int(math.prod(shape[axis + 1 :])) for axis in range(len(shape))]
+def _array(context, builder, data, *shape, kind=None, step=1):
+    """An array of numba; shape and step (in floats, between elements of the last axis) are numbers, or known later."""
     known = lambda value: value if isinstance(value, ir.Value) else context.get_constant(types.intp, value)  # noqa: E731
-    integer = lambda values: [known(value) for value in values]  # noqa: E731
-    populate_array(
-        array, data=data, shape=integer(shape), strides=integer(strides), itemsize=integer([size])[0], meminfo=None,
-    )
+    size = known(8)
+    array = make_array(kind or (_VECTOR if len(shape) == 1 else _MATRIX))(context, builder)
+    shape, strides = [known(length) for length in shape], [builder.mul(known(step), size)]
+    for length in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    populate_array(array, data=data, shape=shape, strides=strides, itemsize=size, meminfo=None)
     return array._getvalue()
