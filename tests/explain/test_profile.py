@@ -6,7 +6,7 @@ from tried import candidate
 
 from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
-from drake_ispace.explain.fit.profile import profile_interval
+from drake_ispace.explain.fit.profile import profile_intervals
 
 RISE = 1.645**2
 
@@ -28,7 +28,7 @@ def interval(name, residuals, start, i=0):
     tried = candidate(name)
     toy = Toy(tried, residuals)
     best = fit(toy, {tried: start}, iterations=30, tolerance=1e-9)
-    low, high = profile_interval(toy, best, tried, i, RISE)
+    low, high = profile_intervals(toy, best, tried, RISE)[i]
     return low, best.point[tried][i], high
 
 

@@ -65,7 +65,7 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
         generate("pendulum", motion, {"command_delay": {"delay_s": 0.003}}, 12.0, 70 + i)
         for i, motion in enumerate(["square", "back_and_forth"])
     ]
-    few = some("command_delay", "motor_lag", "torque_slew_limit", "accelerometer_bias", "imu_misalignment", "mass_error")
+    few = some("command_delay", "motor_lag", "imu_lag", "imu_misalignment", "accelerometer_bias", "accelerometer_scale")
     found = explain("pendulum_multirate", runs, effects=few)
     assert [(e.name, e.equivalents) for e in found.effects] == [("command_delay", [])]
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)

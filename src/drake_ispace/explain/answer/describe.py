@@ -29,7 +29,7 @@ from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.changes import without
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
 from drake_ispace.explain.fit.likelihood import Fit, Point
-from drake_ispace.explain.fit.profile import profile_interval
+from drake_ispace.explain.fit.profile import profile_intervals
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 
@@ -129,9 +129,11 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
     likelihood = decision.end.likelihood
     parameters = _wheels(case.replay.body, candidate)
     overdispersion = decision.start.screen.overdispersion_of(candidate)
-    for i, (parameter, z) in enumerate(zip(candidate.parameters, named.point[candidate], strict=True)):
+    intervals = profile_intervals(likelihood, named, candidate, 1.645**2 * overdispersion)
+    for i, (parameter, z, (lower, upper)) in enumerate(
+        zip(candidate.parameters, named.point[candidate], intervals, strict=True)
+    ):
         form = 1.645 * FORM_SHARE * abs(z - candidate.neutral[i])
-        lower, upper = profile_interval(likelihood, named, candidate, i, 1.645**2 * overdispersion)
         ends = z - np.hypot(z - lower, form), z + np.hypot(upper - z, form)
         parameters[parameter.name] = _estimate(case, named, candidate, i, ends)
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))

@@ -132,26 +132,19 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Fit:
-    """The best point, and how well it is known.
+    """The best point.
 
     Attributes:
         point: effects and their coordinates.
         deviance: at the point.
-        covariance: (k, k) of the fitted coordinates, in natural sizes.
-        order: (candidate, number of the coordinate) of each row of `covariance`.
+        order: (candidate, number of the coordinate) of each coordinate that was fitted.
         w: (rows,) whitened residuals at the point.
     """
 
     point: Point
     deviance: float
-    covariance: np.ndarray
     order: list[tuple[Candidate, int]]
     w: np.ndarray = field(repr=False)
-
-    def std(self, candidate: Candidate, i: int, sizes) -> float:
-        """Standard deviation of a fitted coordinate; sizes: candidate -> natural size of each coordinate."""
-        at = self.order.index((candidate, i))
-        return float(np.sqrt(max(self.covariance[at, at], 0.0)) * sizes[candidate][i])
 
 
 def fit(
@@ -174,7 +167,7 @@ def fit(
         w = likelihood.whitened(point)
     deviance, damping = likelihood.deviance(w), 1e-3
     if not order:
-        return Fit(point, deviance, np.empty((0, 0)), order, w)
+        return Fit(point, deviance, order, w)
     for _ in range(iterations):
         products = likelihood.products(np.vstack([likelihood.slopes(point, order, w), w]))
         normal, gradient = products[:-1, :-1], products[:-1, -1]
@@ -193,12 +186,13 @@ def fit(
             damping *= 8.0
         if drop < tolerance:
             break
-    normal = likelihood.products(likelihood.slopes(point, order, w))
-    return Fit(point, deviance, _inverse(normal), order, w)
+    return Fit(point, deviance, order, w)
 
 
-def _inverse(normal):
-    """(k, k) covariance for a normal matrix; large along whatever the deviance does not depend on."""
+def covariance_of(likelihood: Likelihood, best: Fit) -> np.ndarray:
+    """(k, k) covariance of the fitted coordinates, in natural sizes; large along what the deviance does not depend on.
+    """
+    normal = likelihood.products(likelihood.slopes(best.point, best.order, best.w))
     values, vectors = np.linalg.eigh(normal)
     return vectors / np.maximum(values, _LEVEL * max(values[-1], 1.0)) @ vectors.T
 

@@ -1,46 +1,46 @@
 """Profile likelihood: how far a coordinate may be off before the deviance rises too much, all others fitted anew."""
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.optimize import brentq
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, Likelihood, fit
+from drake_ispace.explain.fit.likelihood import Fit, Likelihood, covariance_of, fit
+from drake_ispace.explain.threads import each
 
 _DOUBLINGS = 5  # of a guessed distance
 _FAR = 1e9  # deviance where the model runs away
 _TOLERANCE = 0.03  # of an end, as a share of its distance
 
 
-def profile_interval(
-    likelihood: Likelihood, best: Fit, candidate: Candidate, i: int, rise: float
-) -> tuple[float, float]:
-    """The coordinates below and above the best at which the profile deviance has risen by `rise`.
+def profile_intervals(
+    likelihood: Likelihood, best: Fit, candidate: Candidate, rise: float
+) -> list[tuple[float, float]]:
+    """For each coordinate of the candidate those below and above at which the profile deviance has risen by `rise`.
 
     A bound where it never rises so far, or 32 times the distance at which a parabola would have, if that is nearer.
     """
-    z = best.point[candidate][i]
-    guess = max(best.std(candidate, i, likelihood.sizes), 1e-12 * max(abs(z), 1.0)) * np.sqrt(rise)
-    excess = _excess(likelihood, best, candidate, i, rise)
+    covariance = covariance_of(likelihood, best)
+    fitted = [best.order.index((candidate, i)) for i in range(len(candidate.parameters))]
+    return each(lambda at: _interval(likelihood, best, covariance, at, rise), fitted)
+
+
+def _interval(likelihood, best, covariance, at, rise) -> tuple[float, float]:
+    """The interval of the fitted coordinate number `at`."""
+    candidate, i = best.order[at]
+    z, size, variance = best.point[candidate][i], likelihood.sizes[candidate][i], max(covariance[at, at], 0.0)
+    guess = max(np.sqrt(variance) * size, 1e-12 * max(abs(z), 1.0)) * np.sqrt(rise)
+    along = covariance[:, at] / max(covariance[at, at], 1e-300)
+
+    def excess(value):
+        """The deviance there, the others fitted anew, less that of the best fit and `rise`."""
+        point = likelihood.moved(best.point, best.order, (value - z) / size * along)
+        point[candidate][i] = value
+        return fit(likelihood, point, iterations=3, held=(candidate, i)).deviance - best.deviance - rise
+
     low, high = candidate.bounds[i]
     below = _reach(lambda t: excess(z - t), guess, z - low, rise)
     above = _reach(lambda t: excess(z + t), guess, high - z, rise)
     return low if below >= z - low else z - below, high if above >= high - z else z + above
-
-
-def _excess(likelihood, best, candidate, i, rise) -> Callable[[float], float]:
-    """Coordinate -> its deviance, the others fitted anew, less that of the best fit and `rise`."""
-    at = best.order.index((candidate, i))
-    along = best.covariance[:, at] / max(best.covariance[at, at], 1e-300)
-
-    def excess(value):
-        step = (value - best.point[candidate][i]) / likelihood.sizes[candidate][i]
-        point = likelihood.moved(best.point, best.order, step * along)
-        point[candidate][i] = value
-        return fit(likelihood, point, iterations=3, held=(candidate, i)).deviance - best.deviance - rise
-
-    return excess
 
 
 def _reach(excess, guess, most, rise):

@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
-from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit, merged
+from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
@@ -162,7 +162,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
         likelihood = view.likelihood(point, residuals, near=True, start=regression)
         best = fit(likelihood, point)
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
-        stds = np.array([max(best.std(c, i, view.sizes), 1e-300) for c, i in best.order])
+        stds = np.maximum(np.sqrt(np.maximum(np.diag(covariance_of(likelihood, best)), 0.0)) * sizes, 1e-300)
         begun.append([point[c][i] for c, i in best.order])
         ended.append([best.point[c][i] for c, i in best.order])
         move = np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0)
