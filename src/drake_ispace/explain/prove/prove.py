@@ -108,16 +108,24 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors):
             chosen = found
             fitted_to = judged = judged_with(chosen)
+        elif n > 1 and _left(judged):
+            other = judged_with(found)
+            if not _left(other):
+                chosen, fitted_to, judged = found, other, other
     rows = []
     for kind, runs in kinds.items():
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    every_run, tolerated = slice(0, len(every.tracks)), judged.noise.tolerated
+    return Proof(by, rows, _distinct(_left(judged)), judged.noise, chosen.point, plain)
+
+
+def _left(judged: _Judged) -> list[Remainder]:
+    """What the answer leaves that is not noise of a sound robot."""
+    every_run = slice(0, len(judged.windows))
     assumed = judged.part(every_run, dict.fromkeys(judged.noise.needed, 1.0))[1]
-    noise_leaves = *judged.part(every_run, tolerated), assumed
-    left = remainders(every, judged.windows, judged.values, judged.after, judged.noise, *noise_leaves)
-    return Proof(by, rows, _distinct(left), judged.noise, chosen.point, plain)
+    noise_leaves = *judged.part(every_run, judged.noise.tolerated), assumed
+    return remainders(judged.prediction, judged.windows, judged.values, judged.after, judged.noise, *noise_leaves)
 
 
 def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int) -> _Judged:
