@@ -153,6 +153,18 @@ def test_of_two_that_do_as_well_the_one_whose_size_makes_sense_is_named_alone():
         assert gains(decision) == {sensible: pytest.approx(decision.total_gain, rel=0.05)}
 
 
+@pytest.mark.parametrize("most, equals", [(0.75, ["tilt"]), (0.3, [])])
+def test_an_effect_displaced_for_its_size_stays_a_rival_if_a_size_that_makes_sense_is_near(most, equals):
+    shapes = {"tilt": SHAPES["tilt"], "scale": SHAPES["tilt"] + 0.05 * pattern(7)}
+    ends = {"tilt": most, "scale": 9.0}
+    tried = [
+        replace(c, parameters=tuple(replace(p, sensible=(-0.1, ends[c.name])) for p in c.parameters))
+        for c in made(*shapes)
+    ]
+    decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, generics=no_generics)
+    assert list(sizes(decision)) == ["scale"] and rivals(decision, "scale") == equals
+
+
 def test_each_of_two_named_effects_has_its_own_rivals():
     like = SHAPES["lag"] + 0.1 * pattern(7)
     decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.8 * SHAPES["lag"], SHAPES | {"delay": like})

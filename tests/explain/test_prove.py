@@ -1,9 +1,15 @@
 """An answer is proven on runs that its sizes were not fitted to."""
 
+from dataclasses import replace
+
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.explain import explain
+from drake_ispace.explain.fit.candidates import candidates
+from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.prove.prove import prove
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 
@@ -80,3 +86,14 @@ def test_a_sound_robot_leaves_nothing():
     *training, held_out = hide(scenario, "omni", {}, ["square", "circle", "figure_eight"], 5, 10.0).values()
     answer = explain(scenario, training, [held_out])
     assert answer.verdict == "none" and answer.remainders == [] and answer.closed is None
+
+
+def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(runs, effects):
+    *training, held_out = runs.values()
+    case = prepare(load_scenario("omni_multirate"), training, [held_out], effects, 160.0)
+    decision = decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
+    ((radius, (size,)),) = decision.named.point.items()
+    half = replace(decision, named=replace(decision.named, point={radius: [0.5 * size]}))
+    assert prove(case, decision, 0).sizes == decision.named.point
+    proof = prove(case, half, 0)
+    assert proof.sizes[radius] == [pytest.approx(0.04, rel=0.05)] and proof.remainders == []

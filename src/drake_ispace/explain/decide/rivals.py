@@ -15,8 +15,8 @@ def with_rivals(decision: Decision) -> Decision:
     """The Decision with the rivals of its named effects.
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
-    behind counts in units of how its lead scatters over the runs. A rival at a size that makes no sense is none, and
-    one that makes sense takes the place of a named effect that makes none.
+    behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
+    nearest size that does. A rival takes the place of a named effect whose size makes none.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
@@ -37,12 +37,21 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
         and screen.knows(effect) and screen.alike(effect, other) >= _LEAST_LIKENESS
     ]
-    fitted = fits_beside(rest, others, start, decision.end.likelihood, iterations=6)
-    rivals = []
-    for other, best in zip(others, fitted, strict=True):
+    likelihood, rivals = decision.end.likelihood, []
+    for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
+        best = _sensible(likelihood, other, best)
         behind = best.deviance - named.deviance + penalty(other) - penalty(effect)
         limit = max(MARGIN * scatter(decision.end, named, best), _RELATIVE_MARGIN * decision.total_gain)
         told = [rival.candidate.name for rival, _ in rivals]
-        if behind < limit and other.name not in told and other.makes_sense(best.point[other]):
+        if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind), best))
     return rivals
+
+
+def _sensible(likelihood, candidate, best) -> Fit:
+    """The fit with the candidate at the nearest size that makes sense."""
+    if candidate.makes_sense(best.point[candidate]):
+        return best
+    point = {**best.point, candidate: candidate.sensible(best.point[candidate])}
+    w = likelihood.whitened(point)
+    return replace(best, point=point, deviance=likelihood.deviance(w), w=w)

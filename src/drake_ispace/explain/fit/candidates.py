@@ -58,6 +58,12 @@ class Candidate:
         """Whether a robot that drives about may have every parameter at the coordinates `z`."""
         return all(p.makes_sense(value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))
 
+    def sensible(self, z) -> list[float]:
+        """The coordinates nearest to `z` at which every parameter makes sense."""
+        values = [value_of(p, at) for p, at in zip(self.parameters, z, strict=True)]
+        within = [min(max(v, p.sensible[0]), p.sensible[1]) for p, v in zip(self.parameters, values, strict=True)]
+        return [coordinate(p, value) for p, value in zip(self.parameters, within, strict=True)]
+
     @property
     def bounds(self) -> list[tuple[float, float]]:
         """(low, high) of every coordinate."""
