@@ -89,8 +89,7 @@ def test_a_sound_robot_leaves_nothing():
 
 
 def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(runs, effects):
-    *training, held_out = runs.values()
-    case = prepare(load_scenario("omni_multirate"), training, [held_out], effects, 160.0)
+    case = prepare(load_scenario("omni_multirate"), list(runs.values()), [], effects, 160.0)
     decision = decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
     ((radius, (size,)),) = decision.named.point.items()
     half = replace(decision, named=replace(decision.named, point={radius: [0.5 * size]}))

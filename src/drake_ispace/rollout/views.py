@@ -79,7 +79,7 @@ def column(typing_context, rows, number):
 def copied(typing_context, source, first, size, target, at):
     """target[at:at + size] = source[first:first + size]; `first`, `size`, `at`: literals. They share no memory.
 
-    To numba a loop is ten statements, and a rollout has a hundred copies: most of what it would take to compile.
+    To numba a loop is ten statements, and a rollout has a hundred copies: a third of what it would take to compile.
     """
     start, count, place = _literal(first), _literal(size), _literal(at)
 

@@ -16,19 +16,21 @@ def with_rivals(decision: Decision) -> Decision:
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
-    nearest size that does. A rival takes the place of a named effect whose size makes none.
+    nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
         decision.rivals[effect] = [rival for rival, _ in fits_of]
-        if fits_of and not effect.makes_sense(decision.named.point[effect]):
-            best, fitted = min(fits_of, key=lambda one: one[0].behind)
+        sensible = [one for one in fits_of if one[0].candidate.makes_sense(one[1].point[one[0].candidate])]
+        if sensible and not effect.makes_sense(decision.named.point[effect]):
+            best, fitted = min(sensible, key=lambda one: one[0].behind)
             gains = {best.candidate if c is effect else c: gain for c, gain in decision.gains.items()}
             return with_rivals(replace(decision.with_named(decision.end, fitted), rivals={}, gains=gains))
     return decision
 
 
 def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
+    """The rivals of a named effect, each with its best fit."""
     start, named, screen = decision.start, decision.named, decision.start.screen
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
@@ -39,9 +41,9 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     ]
     likelihood, rivals = decision.end.likelihood, []
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
-        best = _sensible(likelihood, other, best)
-        behind = best.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = max(MARGIN * scatter(decision.end, named, best), _RELATIVE_MARGIN * decision.total_gain)
+        fitted = _sensible(likelihood, other, best)
+        behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
+        limit = max(MARGIN * scatter(decision.end, named, fitted), _RELATIVE_MARGIN * decision.total_gain)
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind), best))

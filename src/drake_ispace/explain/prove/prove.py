@@ -27,6 +27,7 @@ from drake_ispace.explain.prove.noise import (
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.explain.prove.sizes import SizesByRun, filtered_sizes, leads_nearer, plain_sizes
 from drake_ispace.explain.threads import each
+from drake_ispace.robots.robot import TORQUE
 
 
 @dataclass(frozen=True)
@@ -108,24 +109,26 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors):
             chosen = found
             fitted_to = judged = judged_with(chosen)
-        elif n > 1 and _left(judged):
+        elif training.replay.body.robot.driven == TORQUE and n > 1 and _left(judged, training):
             other = judged_with(found)
-            if not _left(other):
+            if not _left(other, training):
                 chosen, fitted_to, judged = found, other, other
     rows = []
     for kind, runs in kinds.items():
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    return Proof(by, rows, _distinct(_left(judged)), judged.noise, chosen.point, plain)
+    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain)
 
 
-def _left(judged: _Judged) -> list[Remainder]:
-    """What the answer leaves that is not noise of a sound robot."""
-    every_run = slice(0, len(judged.windows))
-    assumed = judged.part(every_run, dict.fromkeys(judged.noise.needed, 1.0))[1]
-    noise_leaves = *judged.part(every_run, judged.noise.tolerated), assumed
-    return remainders(judged.prediction, judged.windows, judged.values, judged.after, judged.noise, *noise_leaves)
+def _left(judged: _Judged, first: Prediction) -> list[Remainder]:
+    """What the answer leaves that is not noise of a sound robot; first: of the first runs of `judged`, or of all."""
+    runs = slice(0, len(first.tracks))
+    assumed = judged.part(runs, dict.fromkeys(judged.noise.needed, 1.0))[1]
+    noise_leaves = *judged.part(runs, judged.noise.tolerated), assumed
+    return remainders(
+        first, judged.windows[runs], judged.values[runs], judged.after[runs], judged.noise, *noise_leaves
+    )
 
 
 def _judged(prediction: Prediction, values: Sequence[Values], sensors: SensorNoise, seed: int) -> _Judged:

@@ -2,8 +2,8 @@
 
 Where velocity is commanded, places are dead-reckoned and errors of them add up over a run, hardly to be seen from one
 fix to the next. Each run is therefore predicted with sizes fitted to the others: those that lead nearer to the measured
-paths are the answer's. Under torque they are the filter's, unless these leave more than noise on unseen runs and the
-plain ones do not (prove.py).
+paths are the answer's. Under torque they are the filter's, unless these leave more than noise on training runs that
+they were not fitted to, and the plain ones do not (prove.py).
 """
 
 from collections.abc import Mapping, Sequence
