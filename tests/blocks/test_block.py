@@ -31,6 +31,10 @@ def stored(xd, out):
     out[:] = xd
 
 
+def copied(xc, out):
+    out[:] = xc
+
+
 def constant(gain, out):
     out[0] = gain
 
@@ -170,6 +174,16 @@ def test_parameter_names_spell_out_vectors_and_groups():
 
 
 # -- State and parameters live in the Context
+
+
+@pytest.mark.parametrize("convert", [lambda block: block, lambda block: block.ToAutoDiffXd()])
+def test_a_block_has_derivatives_also_after_another_of_its_class_that_had_none(convert):
+    still, moving = Spec(), Spec(continuous_state=np.array([3.0]), derivatives=copied)
+    found = []
+    for block in (convert(Block(still)), convert(Block(moving))):
+        found.append(block.EvalTimeDerivatives(block.CreateDefaultContext()).get_vector().CopyToVector())
+    assert found[0].size == 0
+    assert found[1] == 3.0
 
 
 def test_the_parameter_in_the_context_is_the_one_used():

@@ -90,13 +90,16 @@ def test_a_new_context_is_a_fresh_robot(name):
 
 def test_the_pendulums_loop_has_every_block_of_its_figure():
     diagram = build_diagram(load_scenario("pendulum_multirate"))
-    assert {system.get_name(): type(system) for system in diagram.GetSystems()} == {
+    figure = {
         "pendulum_plant": PendulumPlant, "pendulum_actuator": TorqueActuator, "pendulum_encoder": WheelEncoder,
         "pendulum_imu": InertialSensor, "pendulum_tilt_filter": TiltKalmanFilter, "pendulum_odometry": PendulumOdometry,
         "pendulum_estimator": PositionEstimator, "pendulum_way_point": WayPoint, "pendulum_tracker": TrajectoryTracker,
         "pendulum_link": RoomLink, "pendulum_error": ErrorEstimator, "pendulum_controller": BalanceController,
         "pendulum_compensator": FrictionCompensator, "kinect": KinectLocalizer,
     }
+    systems = {system.get_name(): system for system in diagram.GetSystems()}
+    assert systems.keys() == figure.keys()
+    assert all(isinstance(systems[name], kind) for name, kind in figure.items())
 
 
 def test_an_unknown_diagram_is_refused_with_a_hint():

@@ -10,6 +10,7 @@ The same kernel runs compiled in Drake's Simulator and, in its plain Python form
 """
 
 import enum
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -109,6 +110,21 @@ def _values(value):
 _EMPTY = np.empty(0)
 
 
+@functools.cache
+def _with_derivatives(blocks: type) -> type:
+    """Return the subclass of a class of blocks that computes derivatives.
+
+    Drake asks every block that overrides DoCalcTimeDerivatives three times a step, also those without continuous
+    state, and each call of Python costs a microsecond.
+    """
+
+    def calculate(self, context, derivatives):
+        derivatives.get_mutable_vector().SetFromVector(self._derivatives(context, len(self.spec.continuous_state)))
+
+    inherited = {"__module__": blocks.__module__, "__qualname__": blocks.__qualname__, "__doc__": blocks.__doc__}
+    return type(blocks.__name__, (blocks,), {"DoCalcTimeDerivatives": calculate, **inherited})
+
+
 @TemplateSystem.define("Block_")
 def Block_(T):
     scalar_is_float = T is float
@@ -127,6 +143,7 @@ def Block_(T):
             if spec.continuous_state is not None:
                 self.DeclareContinuousState(BasicVector_[T](np.asarray(spec.continuous_state, dtype=float)))
                 self._derivatives = self._bind(spec.derivatives)
+                self.__class__ = _with_derivatives(type(self))
             if spec.discrete_state is not None:
                 self.DeclareDiscreteState(BasicVector_[T](np.asarray(spec.discrete_state, dtype=float)))
             if sum(update.phase is Phase.COMPUTE for update in spec.updates) > 1:
@@ -249,11 +266,6 @@ def Block_(T):
             if name == "tick":
                 return lambda context, parameters, xd: tick_at(float(context.get_time()))
             return lambda context, parameters, xd: parameters[name]
-
-        def DoCalcTimeDerivatives(self, context, derivatives):
-            if self.spec.derivatives is not None:
-                size = len(self.spec.continuous_state)
-                derivatives.get_mutable_vector().SetFromVector(self._derivatives(context, size))
 
     return Impl
 
