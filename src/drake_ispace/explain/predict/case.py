@@ -17,7 +17,7 @@ from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.stretches import begun, in_stretches, stretches_of
-from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, read_ticks, track
+from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, coarsest_count, read_ticks, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -97,7 +97,7 @@ def prepare(
     else:
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
-        replay = replay_of(scenario, known, channels, effects, read_ticks(tracks))
+        replay = replay_of(scenario, known, channels, effects, read_ticks(tracks), coarsest_count(tracks))
         tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
         if known.driven == TORQUE:
             tracks, n, others, shortened = _shortened(tracks, n, others, most_s, replay)

@@ -19,7 +19,9 @@ OTHER_NOISE = 4.0  # times the spectral density or variance: how wrong an assump
 OTHERS = 4  # assumptions about noise that may be wrong
 
 
-def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str], ticks: int = 1) -> Callable[..., Filter]:
+def filters_of(
+    scenario: Scenario, robot: Robot, has: frozenset[str], ticks: int = 1, count_rad: float = 0.0
+) -> Callable[..., Filter]:
     """A function of a plant, which may be another than the scenario's, that gives the filter for it.
 
     Of a robot with dynamics of its own all of the filter follows the plant: a gain that was found for another weight
@@ -30,18 +32,19 @@ def filters_of(scenario: Scenario, robot: Robot, has: frozenset[str], ticks: int
     forces along each of the three coordinates, then the encoder's rounding; None, the default: none is.
 
     Args:
-        has: channels of the runs. ticks: from one read of the encoders to the next.
+        has: channels of the runs. ticks: from one read of the encoders to the next. count_rad: of the encoders, where
+            the runs show a coarser one than the scenario says.
     """
     settings = getattr(scenario, robot.name)
     if robot.own_dynamics:
-        return partial(_filter, robot, settings, has, ticks)
-    nominal = cache(partial(_filter, robot, settings, has, ticks, settings.plant))
+        return partial(_filter, robot, settings, has, ticks, count_rad)
+    nominal = cache(partial(_filter, robot, settings, has, ticks, count_rad, settings.plant))
     return lambda plant, changed=None: replace(nominal(changed), weight=robot.mass_matrix(plant))
 
 
-def _filter(robot, settings, has, ticks, plant, changed=None):
+def _filter(robot, settings, has, ticks, count_rad, plant, changed=None):
     counts = settings.encoder.counts_per_turn
-    count = max(2.0 * np.pi / counts, _FINEST_COUNT) if counts else _FINEST_COUNT
+    count = max(2.0 * np.pi / counts if counts else 0.0, count_rad, _FINEST_COUNT)
     system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
     weight = robot.mass_matrix(plant)
     p, m, n = len(system.c), system.b.shape[1], len(system.a)

@@ -200,9 +200,7 @@ class Prediction:
         A wheel is somewhere within its count, and stays there while it rests. An IMU has a bias.
         """
         rows, p = track.measured.shape
-        wheels = self.replay.body.wheels
-        steps = np.abs(np.diff(track.measured[: track.ticks, :wheels], axis=0))
-        count = _count(steps)
+        wheels, count = self.replay.body.wheels, track.count_rad
         starts = range(0, track.ticks, _SEGMENT_TICKS) if count > _COARSE_COUNT else [0]
         for column in range(wheels):
             for start in starts:
@@ -347,8 +345,8 @@ def past_speeds(angles: np.ndarray) -> np.ndarray:
     The speed is the mean over as many ticks as ten counts usually take, but over 20 at most.
     """
     steps = np.abs(np.diff(angles, axis=0))
-    usual = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0
-    ticks = int(min(np.ceil(_SPEED_COUNTS * _count(steps) / max(usual, 1e-12)), _SPEED_TICKS))
+    usual, count = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0, np.min(steps, where=steps > 1e-9, initial=0.1)
+    ticks = int(min(np.ceil(_SPEED_COUNTS * count / max(usual, 1e-12)), _SPEED_TICKS))
     return _mean_speeds(angles, ticks, 0)
 
 
@@ -363,7 +361,3 @@ def _mean_speeds(angles, before, after):
     first, last = np.maximum(at - before, 0), np.minimum(at + after, len(angles) - 1)
     return (angles[last] - angles[first]) / (np.maximum(last - first, 1)[:, None] * TICK_S)
 
-
-def _count(steps):
-    """The smallest of the steps [rad] that is one, which is a count; 0.1 where a wheel never turns."""
-    return float(np.min(steps, where=steps > 1e-9, initial=0.1))

@@ -184,13 +184,15 @@ def applicable(effects: Sequence[Effect] | None, body: Body) -> dict[str, Effect
 
 
 def replay_of(
-    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None, ticks: int = 1
+    scenario: Scenario, robot: Robot, has: frozenset[str], effects: Sequence[Effect] | None = None, ticks: int = 1,
+    count_rad: float = 0.0,
 ) -> Replay:
     """Build and compile the prediction Diagram.
 
     Args:
         scenario, robot: the model. has: the channels that all runs have.
         effects: to try, default the whole library. ticks: from one read of the encoders to the next.
+        count_rad: of the encoders, as the runs show it.
 
     Raises:
         InputError: an effect of the model is not among `effects`.
@@ -202,7 +204,7 @@ def replay_of(
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
-    filter = filters_of(scenario, robot, has, ticks)
+    filter = filters_of(scenario, robot, has, ticks, count_rad)
     nominal = filter(body.plant)
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
     settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0

@@ -8,6 +8,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import check_sizes
+from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
@@ -32,7 +33,7 @@ class Track:
         command: (rows, m) input of the plant, torque of each wheel [N m] or velocity in B [m/s, m/s, rad/s]; zeros
             where not recorded.
         measured: (rows, p) wheel angles [rad], then the IMU's six columns of a robot that has one; zeros where not
-            recorded.
+            recorded. Without a recorded command angles of a robot driven by velocity are `straightened`.
         sightings: (rows, 5) input of a RoomView.
         fix_ticks: (k,) ticks of capture of the camera's fixes.
         fix_t: (k,) their times [s].
@@ -43,6 +44,7 @@ class Track:
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
         since_s: from the start of the recording to tick 0 [s].
         unscored_ticks: at the start, in which the state of a moving robot is not known yet.
+        count_rad: of the encoders; 0 where they show none (`count_of`).
         reads: (r,) ticks at which encoders were read of a robot that is driven by velocity; None: at every tick.
     """
 
@@ -59,6 +61,7 @@ class Track:
     force: np.ndarray | None = None
     since_s: float = 0.0
     unscored_ticks: int = 0
+    count_rad: float = 0.0
     reads: np.ndarray | None = None
 
     @property
@@ -127,7 +130,14 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     rows = ticks + LEAD_TICKS
     m = 3 if driven == COMMAND else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
-    parts = [_on_ticks(recording.channels["encoder"], rows) if "encoder" in has else np.zeros((rows, wheels))]
+    count_rad, turned = 0.0, np.zeros((rows, wheels))
+    if "encoder" in has:
+        encoder = recording.channels["encoder"]
+        count_rad = count_of(encoder.values)
+        if driven == COMMAND and driven not in has:  # its wheels are the model's input, as if they were known
+            encoder = replace(encoder, values=straightened(encoder.t, encoder.values))
+        turned = _on_ticks(encoder, rows)
+    parts = [turned]
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
     period_s = _THINNED_S if driven == COMMAND and driven not in has else 0.0
@@ -138,7 +148,10 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
     reads = _reads(recording.channels["encoder"], rows) if driven == COMMAND and "encoder" in has else None
-    return Track(name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim, reads=reads)
+    return Track(
+        name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
+        reads=reads,
+    )
 
 
 def _check_clocks(recording, has, name, shortest_s):
@@ -197,6 +210,11 @@ def _on_ticks(channel, rows):
 def read_ticks(tracks: Sequence[Track]) -> int:
     """Ticks from one read of the encoders to the next, of the run in which they are read least often."""
     return max(1 if track.reads is None else round(float(np.median(np.diff(track.reads)))) for track in tracks)
+
+
+def coarsest_count(tracks: Sequence[Track]) -> float:
+    """The largest count [rad] of the encoders in any of the runs; 0 where they show none."""
+    return max(track.count_rad for track in tracks)
 
 
 def _reads(channel, rows):
