@@ -14,6 +14,7 @@ from drake_ispace.faults.repair import rows
 from drake_ispace.files.recording import load
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
+from hidden import two_wheels
 from hidden.generator import generate
 
 MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
@@ -293,3 +294,13 @@ def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
     swapped = replace(square, channels=square.channels | {"torque": eight.channels["torque"]})
     faults = {(finding.fault, finding.channel) for finding in found([swapped], "omni")}
     assert ("channel_of_another_run", "torque") in faults
+
+
+@pytest.mark.parametrize("how", [
+    {"camera_hz": 120.0, "encoder_hz": 200.0, "others": {"marker_y_m": -0.112}},  # about a wheel that hardly turns
+    {"camera_hz": 0.8},  # a fix long after it has begun to move
+], ids=["it turns about a wheel", "a slow camera"])
+def test_a_robot_whose_wheels_may_rest_is_not_carried_and_no_wheel_is_stuck(how, monkeypatch):
+    monkeypatch.setattr(two_wheels, "COUNTS", 256)
+    runs = [two_wheels.drive(seed, 40.0, 0.0, 0.0, 0.0, **how) for seed in (2001, 2002)]
+    assert check(two_wheels.model(), runs).findings == []

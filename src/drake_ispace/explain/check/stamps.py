@@ -33,14 +33,20 @@ def stamp_findings(run: Recording, number: int) -> Iterator[Finding]:
 
 
 def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
-    """Channels whose steps are those of another unit of time."""
-    for name, channel in channels.items():
-        if name in ("truth", "reference", "command") or len(channel.t) < 3:
+    """Channels whose steps are those of another unit of time, unless they last as long as one whose steps are not."""
+    measured = {
+        name: channel for name, channel in channels.items()
+        if name not in ("truth", "reference", "command") and len(channel.t) > 2
+    }
+    steps = {name: float(np.median(np.diff(channel.t))) for name, channel in measured.items()}
+    longest = {name: _LONGEST_STEADY_S if name in _SAMPLED else _LONGEST_STEP_S for name in measured}
+    lasts = [float(np.ptp(measured[name].t)) for name, step in steps.items() if step <= longest[name]]
+    for name, step in steps.items():
+        own = float(np.ptp(measured[name].t))
+        if step <= longest[name] or any(1.0 / _UNIT_RATIO < own / other < _UNIT_RATIO for other in lasts):
             continue
-        step = float(np.median(np.diff(channel.t)))
-        longest = _LONGEST_STEADY_S if name in _SAMPLED else _LONGEST_STEP_S
         for unit, seconds in TIMES.items():
-            if step > longest and _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
+            if _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
                 repairs = (Clock(name, seconds, 0.0),)
                 yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=repairs)
                 break

@@ -146,14 +146,15 @@ def _spike(kinect, base, i, step):
 
 def _frozen(run, base, number):
     """Rows of the encoder that repeat while the camera moves."""
-    kinect, encoder = run.channels["kinect"], run.channels["encoder"]
+    kinect, encoder, usual = run.channels["kinect"], run.channels["encoder"], _as_wheels_say(run, base)
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
         for first, last in stretches(~np.any(np.diff(encoder.values[:, column], axis=0) != 0.0, axis=1)):
             since, until = float(encoder.t[first]), float(encoder.t[last])
-            if until - since < _SINCE_S or until <= kinect.t[0] or since >= kinect.t[-1]:
+            first_fix, end = np.searchsorted(kinect.t, [since, until])
+            if until - since < _SINCE_S or end - first_fix < 2:
                 continue
-            shown = _camera_motion(kinect, since, until)
-            turned = base.geometry.inverse @ shown
+            pair = Windows(kinect.t[[first_fix]], kinect.t[[end - 1]], np.array([first_fix]), np.array([end - 1]))
+            turned = base.geometry.inverse @ (seen(kinect, pair) @ usual)[0]
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
             if missed < _MOVED_M:
@@ -172,12 +173,16 @@ def _frozen(run, base, number):
                 return
 
 
-def _camera_motion(kinect, since, until):
-    """(3,) motion in body axes from the fix before to the fix after."""
-    i = max(int(np.searchsorted(kinect.t, since, side="right")) - 1, 0)
-    j = min(int(np.searchsorted(kinect.t, until)), len(kinect.t) - 1)
-    pair = Windows(kinect.t[[i]], kinect.t[[j]], np.array([i]), np.array([j]))
-    return seen(kinect, pair)[0]
+def _as_wheels_say(run, base):
+    """(3, 3) what turns motions that the camera sees (n, 3) into those that wheels make, all in all.
+
+    It is not the identity where the marker is beside the robot's middle, or the wheels are larger than believed.
+    """
+    kinect = run.channels["kinect"]
+    stretches = windows(kinect)
+    kept = inside(base, stretches.since_s, stretches.until_s)
+    camera, wheels = seen(kinect, stretches)[kept], base.moved(stretches.since_s, stretches.until_s)[kept]
+    return np.eye(3) + np.linalg.lstsq(camera, wheels - camera, rcond=None)[0]
 
 
 def _carried(run, base, number):
