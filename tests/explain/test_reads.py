@@ -55,3 +55,14 @@ def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     answer = di.explain(two_wheels.model(), some, effects=effects)
     assert [effect.name for effect in answer.effects] == ["velocity_delay"] and answer.verdict == "named"
     assert answer.effects[0].parameters["delay_s"].estimate == pytest.approx(0.064, abs=0.003)
+
+
+@pytest.mark.parametrize("left_share", [0.0, 0.05])
+def test_a_few_fixes_are_fewer_than_what_could_explain_them(left_share):
+    some = runs(2, 6.0, left_share=left_share)
+    for run in some:
+        del run.channels["command"]  # so that one fix a second is used
+    answer = di.explain(two_wheels.model(), some)
+    named = [{effect.name, *effect.equivalents} for effect in answer.effects]
+    assert answer.verdict == ("set" if left_share else "none")
+    assert len(named) == (left_share > 0.0) and all("single_wheel_radius_error" in names for names in named), answer

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.fit.directions import Directions, amounts_of
+from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Residuals
@@ -137,6 +137,14 @@ class Marginal:
     def least_squares(self, w: np.ndarray) -> np.ndarray:
         """(k + q,) amounts of changes and offsets whose sum comes nearest to `w` (n,)."""
         return amounts_of(self.gram, np.concatenate([self._changes.dot(w), self._offsets.dot(w)]))
+
+    def spent_on(self, which: np.ndarray) -> float:
+        """How many of the numbers `which` (n,) are explained by `least_squares` whatever they are."""
+        columns = []
+        for i, (start, end) in enumerate(self._changes.spans):
+            offsets, here = self._offsets.part(start, end), which[start:end]
+            columns.append(np.vstack([self._changes.of_run(i), offsets.combined(np.eye(len(offsets)))])[:, here])
+        return spent_on(self.gram, np.hstack(columns))
 
     def combined(self, amounts: np.ndarray) -> np.ndarray:
         """(n,) sum of changes and offsets, whitened, each times its amount (k + q,)."""

@@ -63,8 +63,23 @@ def amounts_of(gram: np.ndarray, products: np.ndarray) -> np.ndarray:
 
     gram: (k, k) scalar products of the vectors with each other. products: (k,) with y.
     """
+    values, vectors, lengths = _distinct(gram)
+    return vectors @ ((vectors.T @ (products / lengths)) / values) / lengths
+
+
+def spent_on(gram: np.ndarray, columns: np.ndarray) -> float:
+    """How many of m numbers a fit of k vectors takes for itself: as many as it leaves fewer degrees of freedom there.
+
+    gram: (k, k) as for `amounts_of`. columns: (k, m) the vectors' entries at these numbers.
+    """
+    values, vectors, lengths = _distinct(gram)
+    return float(np.sum((vectors.T @ (columns / lengths[:, None])) ** 2 / values[:, None]))
+
+
+def _distinct(gram):
+    """Eigenvalues (r,), eigenvectors (k, r) of the vectors at unit length, without nearly vanishing ones; lengths (k,).
+    """
     lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
     values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
     kept = values > _LEAST_EIGENVALUE * values[-1]
-    values, vectors = values[kept], vectors[:, kept]
-    return vectors @ ((vectors.T @ (products / lengths)) / values) / lengths
+    return values[kept], vectors[:, kept], lengths

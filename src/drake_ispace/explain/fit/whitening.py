@@ -139,6 +139,11 @@ def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
     return np.hstack(columns)
 
 
+def is_bounded(stream: str) -> bool:
+    """Whether the noise of a stream has a least size that is known."""
+    return stream in _LEAST_STD
+
+
 def fit_noise(
     runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0, ticks: int = 1
 ) -> Noise:
@@ -278,6 +283,13 @@ class Whitening:
             bases = np.split(_orthonormal(np.vstack(pasts[name])), ends[:-1])
             memories.append(Memory(residuals[0][name].shape[1], places[name], bases))
         return memories
+
+    def of_stream(self, residuals: Residuals, name: str) -> np.ndarray:
+        """(n,) which numbers of the long vector are those of a stream."""
+        return np.concatenate([
+            np.full(noise.rows(run[stream]) * run[stream].shape[1], stream == name)
+            for run in residuals for stream, noise in self.noise.items()
+        ])
 
     def starts(self, residuals: Residuals) -> np.ndarray:
         """(runs + 1,) where each run begins in the long vector, and its length."""

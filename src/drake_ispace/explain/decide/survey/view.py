@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.signatures import Signature, difference,
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.changes import Changes, Marginal, directions, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
-from drake_ispace.explain.fit.whitening import Whitening
+from drake_ispace.explain.fit.whitening import Whitening, is_bounded
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
 
 FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
@@ -76,6 +76,14 @@ class Regression:
     def amounts(self, residuals: Residuals) -> np.ndarray:
         """How much of every change is in the residuals."""
         return self.marginal.least_squares(self.whitening(residuals))
+
+    def is_overfitted(self, residuals: Residuals, name: str) -> bool:
+        """Whether the changes explain more than half of a stream whatever is in it: what they leave is no noise."""
+        if is_bounded(name):
+            return False
+        which = self.whitening.of_stream(residuals, name)
+        numbers = np.count_nonzero(which)
+        return 2 * len(self.marginal.gram) > numbers and 2.0 * self.marginal.spent_on(which) > numbers
 
 
 def view_from(
@@ -178,6 +186,11 @@ def noise_of(
     classes, ticks = view.prediction.classes(merged(point), speeds), view.prediction.row_ticks
     whitening = start.whitening if start else Whitening(residuals, classes, ticks=ticks)
     for _ in range(1 if start else _ROUNDS):
-        amounts = (start or view.regression(whitening, residuals)).amounts(residuals)
-        whitening = Whitening(without(residuals, amounts, view.changes, view.offsets), classes, len(amounts), ticks)
+        regression = start or view.regression(whitening, residuals)
+        amounts = regression.amounts(residuals)
+        left = without(residuals, amounts, view.changes, view.offsets)
+        for name in [name for name in whitening.noise if regression.is_overfitted(residuals, name)]:
+            for run, own in zip(left, residuals, strict=True):
+                run[name] = own[name]
+        whitening = Whitening(left, classes, len(amounts), ticks)
     return whitening
