@@ -10,7 +10,9 @@ from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation
 from drake_ispace.explain.answer.verdict import add_proof
 from drake_ispace.explain.decide import detect
+from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.scenario import load_scenario
 from hidden.generator import generate
@@ -105,3 +107,16 @@ def test_an_alarm_in_doubt_must_show_on_unseen_runs(monkeypatch, drag, verdict):
     assert answer.detection.p_value < 1e-3
     assert answer.verdict == verdict
     assert any("trace of wheel_drag" in warning for warning in answer.warnings) == (verdict == "none")
+
+
+@pytest.mark.parametrize(("tolerances", "verdict"), [(0.9, "incomplete"), (1.5, "named")])
+def test_a_size_that_a_sound_robot_may_have_is_not_what_was_detected(tolerances, verdict):
+    friction, run = library()["coulomb_friction"], generate("omni", "square", {}, 4.0, 5)
+    case = prepare(MODEL, [run], effects=[friction])
+    (size, *_) = friction.parameters_of(case.replay.body)
+    one = tolerances * size.tolerance * scales_of(case.prediction)["torque"]
+    answer = answers.named(MODEL)
+    (effect,) = answer.effects
+    answer.effects = [replace(effect, parameters={size.name: Estimate(one, (0.0, 2.0 * one), "N*m")})]
+    add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {friction: [one]}, None))
+    assert answer.verdict == verdict and ("sound robot" in " ".join(answer.warnings)) == (verdict == "incomplete")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from drake_ispace.explain.answer.describe import with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
@@ -14,15 +15,29 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
     if proof.least_squares is not None:
         answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares)
-    _judge(answer)
+    _judge(answer, _tolerated(answer, case) if proof.sizes and case.scenario is not None else [])
 
 
-def _judge(answer: Explanation) -> None:
+def _tolerated(answer, case) -> list[str]:
+    """Sentences about effects whose sizes a sound robot may have: what was detected is something else."""
+    scales, said = scales_of(case.prediction), []
+    for effect in answer.effects:
+        known = {p.name: p for p in case.replay.effects[effect.name].parameters_of(case.replay.body) if p.tolerance}
+        shares = [
+            abs(value.estimate - known[name].neutral) / (known[name].tolerance * scales.get(known[name].scale, 1.0))
+            for name, value in effect.parameters.items() if name in known
+        ]
+        if shares and max(shares) <= 1.0:
+            said.append(f"{effect.name} is no larger than in a sound robot: what was detected is something else")
+    return said
+
+
+def _judge(answer: Explanation, tolerated: Sequence[str]) -> None:
     """Correct the verdict.
 
-    Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, that is not the
-    same in every run, or that makes a channel of unseen runs worse. A model that lacks nothing known but leaves more
-    than noise makes it "unknown".
+    Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, or that a sound
+    robot may have (`tolerated`), that is not the same in every run, or that makes a channel of unseen runs worse. A
+    model that lacks nothing known but leaves more than noise makes it "unknown".
     """
     beyond = [
         f"{name} of {effect.name} is {p.estimate:.3g} {p.unit}, which is on a bound or beyond what makes sense"
@@ -32,8 +47,8 @@ def _judge(answer: Explanation) -> None:
         f"{row.channel} ({row.driven_by}, {row.horizon}) got worse on unseen runs: {row.before:.3g} -> {row.after:.3g} "
         f"{row.unit}" for row in made_worse(answer.gap)
     ]
-    answer.warnings = beyond + worse + answer.warnings
-    if answer.verdict in ("named", "set") and (beyond or worse or answer.drifts or answer.remainders):
+    answer.warnings = beyond + [*tolerated] + worse + answer.warnings
+    if answer.verdict in ("named", "set") and (beyond or tolerated or worse or answer.drifts or answer.remainders):
         answer.verdict = "incomplete"
     elif answer.verdict == "none" and answer.remainders:
         answer.verdict = "unknown"

@@ -158,7 +158,9 @@ def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
     if not common & {"encoder", "kinect", "imu"}:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
     if robot.driven == COMMAND and COMMAND not in common:
-        tracks = [replace(one, command=np.zeros_like(one.command)) for one in tracks]
+        tracks = [
+            replace(one, command=np.zeros_like(one.command), measured=one.turned, rounding=None) for one in tracks
+        ]
     return tracks, common
 
 

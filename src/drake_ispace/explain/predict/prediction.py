@@ -223,7 +223,7 @@ class Prediction:
         speeds: of the wheels from their angles, default `wheel_speeds`.
         """
         speeds, wheels, by_run = speeds or wheel_speeds, self.replay.body.wheels, []
-        speeds_of_runs = [np.abs(speeds(track.measured[: track.ticks, :wheels])) for track in self.tracks]
+        speeds_of_runs = [np.abs(speeds(track.turned[: track.ticks, :wheels])) for track in self.tracks]
         edges = np.array(_CLASS_EDGES) * np.sqrt(np.mean(np.vstack(speeds_of_runs) ** 2))
         turning = min(self.replay.turning_rad_s(values), edges[-1])
         for track, moving in zip(self.tracks, speeds_of_runs, strict=True):
@@ -273,11 +273,11 @@ class Prediction:
 
 def _forward(body, track):
     """(ticks,) mean speed of the wheels, signed."""
-    return wheel_speeds(track.measured[: track.ticks, : body.wheels]).mean(axis=1)
+    return wheel_speeds(track.turned[: track.ticks, : body.wheels]).mean(axis=1)
 
 
 def _speed(body, track):
-    return np.abs(wheel_speeds(track.measured[: track.ticks, : body.wheels])).mean(axis=1)
+    return np.abs(wheel_speeds(track.turned[: track.ticks, : body.wheels])).mean(axis=1)
 
 
 def _load(body, track):

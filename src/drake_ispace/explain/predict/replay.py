@@ -47,6 +47,8 @@ class Replay:
         others: how many of these there are.
         settling_ticks: of the filter, where a run begins while the robot moves; 0 where velocity is commanded, which
             leaves no state to be found.
+        alone: indices of run-time numbers, and their values, with which wheels alone move the model, whatever was
+            commanded; None: no velocity was recorded.
     """
 
     body: Body
@@ -57,6 +59,7 @@ class Replay:
     filter: Callable[..., Filter]
     others: int
     settling_ticks: int = 0
+    alone: tuple[np.ndarray, np.ndarray] | None = None
 
     def combined(self, values: Values) -> dict[str, dict[str, float]]:
         """Values of these effects and of the known ones; those of a known effect are added to what the model has."""
@@ -116,12 +119,24 @@ class Replay:
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.
 
+        Where the command was recorded, the wheels themselves lead to the fixes, by the straightest motion within their
+        counts: rounding would change with the instant at which one looks.
+
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
-        state, numbers = self.state(start), self.since(run, numbers)
-        inputs = self.inputs(run) | {"measured": run.shown}
-        logs = self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
-        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
+        numbers = self.since(run, numbers)
+        logs = looks = self._logs(run, start, numbers, self._command(run))
+        if self.alone is not None:
+            which, values = self.alone
+            numbers = numbers.copy()
+            numbers[which] = values
+            straight = dataclasses.replace(run, measured=run.turned)
+            looks = self._logs(straight, start, numbers, self._turned(straight))
+        return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
+
+    def _logs(self, run, start, numbers, command):
+        inputs = self.inputs(run) | {"measured": run.shown, "command": command}
+        return self.rollout.run(run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=inputs)
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
         """The run-time numbers for a run that is a later part of a recording: some effects grow with time."""
@@ -168,8 +183,12 @@ class Replay:
         """(rows, m) the recorded command; the measured wheels' velocity where it was not recorded."""
         if self.body.robot.driven == TORQUE or COMMAND in self.feeds:
             return run.command
+        return run.command + self._turned(run)
+
+    def _turned(self, run):
+        """(rows, 3) velocity in B, as the measured wheels turn."""
         turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
-        return run.command + turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
+        return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     def _set(self, numbers, block, parameters):
         """Write these parameters of a block into run-time numbers."""
@@ -208,7 +227,22 @@ def replay_of(
     nominal = filter(body.plant)
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
     settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0
-    return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks)
+    alone = None
+    if robot.driven == COMMAND and has >= {COMMAND, "encoder"}:
+        alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))
+    return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks, alone)
+
+
+def _alone(rollout, robot, effects, filter):
+    """`alone` of a Replay; filter: that follows wheels where no command was recorded."""
+    own = {f"{robot}_{name}" for name, effect in effects.items() if getattr(effect, "wire", "") == "velocity"}
+    numbers, names = rollout.parameters.copy(), rollout.parameter_names
+    which = [i for i, name in enumerate(names) if name.split(".")[0] in own]
+    spec = Spec(parameters={key: value for key, value in numbers_of(filter).items() if key != "weight"})
+    for name, value in zip(spec.parameter_names, spec.parameter_values, strict=True):
+        which.append(rollout.index(f"{robot}_follower.{name}"))
+        numbers[which[-1]] = value
+    return np.array(which), numbers[which]
 
 
 def replay_diagram(scenario: Scenario, robot: Robot, filter: Filter, effects: Mapping[str, Effect]) -> Diagram:

@@ -33,7 +33,7 @@ class Track:
         command: (rows, m) input of the plant, torque of each wheel [N m] or velocity in B [m/s, m/s, rad/s]; zeros
             where not recorded.
         measured: (rows, p) wheel angles [rad], then the IMU's six columns of a robot that has one; zeros where not
-            recorded. Without a recorded command angles of a robot driven by velocity are `straightened`.
+            recorded.
         sightings: (rows, 5) input of a RoomView.
         fix_ticks: (k,) ticks of capture of the camera's fixes.
         fix_t: (k,) their times [s].
@@ -45,6 +45,8 @@ class Track:
         since_s: from the start of the recording to tick 0 [s].
         unscored_ticks: at the start, in which the state of a moving robot is not known yet.
         count_rad: of the encoders; 0 where they show none (`count_of`).
+        rounding: (rows, p) what `measured` has besides the straightest motion of the wheels, where velocity is
+            commanded; None: nothing.
         reads: (r,) ticks at which encoders were read of a robot that is driven by velocity; None: at every tick.
     """
 
@@ -62,6 +64,7 @@ class Track:
     since_s: float = 0.0
     unscored_ticks: int = 0
     count_rad: float = 0.0
+    rounding: np.ndarray | None = None
     reads: np.ndarray | None = None
 
     @property
@@ -87,6 +90,11 @@ class Track:
         shown = np.full(self.measured.shape, np.nan)
         shown[self.reads] = self.measured[self.reads]
         return shown
+
+    @property
+    def turned(self) -> np.ndarray:
+        """(rows, p) `measured` without rounding."""
+        return self.measured if self.rounding is None else self.measured - self.rounding
 
     @property
     def scored_fixes(self) -> slice:
@@ -130,14 +138,12 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     rows = ticks + LEAD_TICKS
     m = 3 if driven == COMMAND else wheels
     command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
-    count_rad, turned = 0.0, np.zeros((rows, wheels))
+    count_rad, straight, parts = 0.0, None, [np.zeros((rows, wheels))]
     if "encoder" in has:
         encoder = recording.channels["encoder"]
-        count_rad = count_of(encoder.values)
-        if driven == COMMAND and driven not in has:  # its wheels are the model's input, as if they were known
-            encoder = replace(encoder, values=straightened(encoder.t, encoder.values))
-        turned = _on_ticks(encoder, rows)
-    parts = [turned]
+        count_rad, parts = count_of(encoder.values), [_on_ticks(encoder, rows)]
+        if driven == COMMAND:
+            straight = _on_ticks(replace(encoder, values=straightened(encoder.t, encoder.values)), rows)
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
     period_s = _THINNED_S if driven == COMMAND and driven not in has else 0.0
@@ -148,9 +154,10 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
     reads = _reads(recording.channels["encoder"], rows) if driven == COMMAND and "encoder" in has else None
+    rounding = None if straight is None else np.hstack([parts[0] - straight, *np.zeros_like(parts[1:])])
     return Track(
         name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
-        reads=reads,
+        rounding=rounding, reads=reads,
     )
 
 

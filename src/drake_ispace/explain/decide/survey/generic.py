@@ -107,7 +107,7 @@ def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speed
     speeds: of the wheels from their angles.
     """
     body = prediction.replay.body
-    angles = track.measured[:, : body.wheels]
+    angles = track.turned[:, : body.wheels]
     forward = body.plant.geometry.forward
     velocity = speeds(angles) @ forward.T
     ticks_s = np.arange(len(angles)) * TICK_S
