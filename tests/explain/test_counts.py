@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.filters import filters_of
 from drake_ispace.robots.library import robots
@@ -78,6 +79,18 @@ def test_a_coarse_encoder_is_trusted_less():
     assert gains[1] < gains[0]
 
 
+def without_command(run):
+    return dataclasses.replace(run, channels={name: c for name, c in run.channels.items() if name != "command"})
+
+
+def test_what_the_camera_sees_is_predicted_from_the_wheels_whether_or_not_the_command_was_logged():
+    run = two_wheels.drive(5, 8.0, 0.04, 0.08, 0.06, camera_hz=10.0)
+    found = [prepare(two_wheels.model(), [one]).prediction for one in (run, without_command(run))]
+    for effects in ({}, {"wheel_radius_error": {"share": 0.05}, "camera_latency": {"latency_s": 0.1}}):
+        (logged,), (alone,) = (prediction.residuals(effects) for prediction in found)
+        assert logged["motion"].any() and np.array_equal(logged["room"], alone["room"])
+
+
 @pytest.mark.parametrize("has_command", [False, True])
 def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
@@ -86,8 +99,6 @@ def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
         two_wheels.drive(700 + i, 20.0, 0.0, 0.0, 0.0, camera_hz=10.0, encoder_hz=200.0, in_step=True) for i in range(3)
     ]
     if not has_command:
-        runs = [
-            dataclasses.replace(run, channels={n: c for n, c in run.channels.items() if n != "command"}) for run in runs
-        ]
+        runs = [without_command(run) for run in runs]
     answer = di.explain(two_wheels.model(), runs[:2], runs[2:])
     assert answer.verdict == "none" and not answer.data, answer

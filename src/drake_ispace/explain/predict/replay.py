@@ -223,7 +223,8 @@ def replay_of(
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
-    filter = filters_of(scenario, robot, has, ticks, count_rad)
+    wheels_lead = robot.driven == COMMAND and COMMAND not in has  # without rounding, by Track.turned
+    filter = filters_of(scenario, robot, has, ticks, 0.0 if wheels_lead else count_rad)
     nominal = filter(body.plant)
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
     settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0
