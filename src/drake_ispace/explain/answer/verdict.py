@@ -15,10 +15,10 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
     if proof.least_squares is not None:
         answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares)
-    _judge(answer, _tolerated(answer, case) if proof.sizes and case.scenario is not None else [])
+    _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
 
 
-def _tolerated(answer, case) -> list[str]:
+def _within_tolerance(answer, case) -> list[str]:
     """Sentences about effects whose sizes a sound robot may have: what was detected is something else."""
     scales, said = scales_of(case.prediction), []
     for effect in answer.effects:
