@@ -83,8 +83,8 @@ def without_command(run):
     return dataclasses.replace(run, channels={name: c for name, c in run.channels.items() if name != "command"})
 
 
-def test_what_the_camera_sees_is_predicted_from_the_wheels_whether_or_not_the_command_was_logged():
-    run = two_wheels.drive(5, 8.0, 0.04, 0.08, 0.06, camera_hz=10.0)
+def test_wheels_that_are_read_at_every_tick_lead_to_the_fixes_whether_or_not_the_command_was_logged():
+    run = two_wheels.drive(5, 8.0, 0.04, 0.08, 0.06, camera_hz=10.0, encoder_hz=200.0)
     found = [prepare(two_wheels.model(), [one]).prediction for one in (run, without_command(run))]
     for effects in ({}, {"wheel_radius_error": {"share": 0.05}, "camera_latency": {"latency_s": 0.1}}):
         (logged,), (alone,) = (prediction.residuals(effects) for prediction in found)

@@ -48,7 +48,7 @@ class Replay:
         settling_ticks: of the filter, where a run begins while the robot moves; 0 where velocity is commanded, which
             leaves no state to be found.
         alone: indices of run-time numbers, and their values, with which wheels alone move the model, whatever was
-            commanded; None: no velocity was recorded.
+            commanded; None: no velocity was recorded, or wheels were not read at every tick.
     """
 
     body: Body
@@ -119,8 +119,8 @@ class Replay:
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.
 
-        Where the command was recorded, the wheels themselves lead to the fixes, by the straightest motion within their
-        counts: rounding would change with the instant at which one looks.
+        Wheels that were read at every tick lead to the fixes alone, whatever was commanded, and without rounding, which
+        would change with the instant at which one looks. Between rarer reads a command knows when the wheels changed.
 
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
@@ -229,7 +229,7 @@ def replay_of(
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
     settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0
     alone = None
-    if robot.driven == COMMAND and has >= {COMMAND, "encoder"}:
+    if robot.driven == COMMAND and has >= {COMMAND, "encoder"} and ticks == 1:
         alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))
     return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks, alone)
 
