@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.explain.fit.directions import Directions, amounts_of
+from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
 
 RNG = np.random.default_rng(0)
@@ -91,3 +91,15 @@ def test_products_less_memory_are_those_of_vectors_less_memory():
     known = memory()
     left, amounts = removed(known, DENSE), known.amounts_in(DIRECTIONS)
     assert DIRECTIONS.gram() - alike(amounts, amounts) == pytest.approx(left @ left.T, abs=1e-9)
+
+
+def test_a_fit_spends_as_many_numbers_as_it_has_vectors_and_more_of_them_where_these_are():
+    random = np.random.default_rng(4)
+    vectors = np.vstack([random.standard_normal((6, 40)), np.zeros((1, 40))])
+    vectors = np.vstack([vectors, vectors[0]])  # one vanishes, and two are the same
+    vectors[:, 30:] *= 1e-3
+    gram = vectors @ vectors.T
+    assert spent_on(gram, vectors) == pytest.approx(6.0, rel=1e-6)
+    assert spent_on(gram, vectors[:, :30]) == pytest.approx(6.0, rel=1e-3)
+    fitted = vectors[:6].T @ np.linalg.pinv(vectors[:6].T)
+    assert spent_on(gram, vectors[:, :4]) == pytest.approx(np.trace(fitted[:4, :4]), rel=1e-6)
