@@ -125,17 +125,17 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         numbers = self.since(run, numbers)
-        logs = looks = self._logs(run, start, numbers, self._command(run))
+        logs = looks = self._logs(run, start, numbers)
         if self.alone is not None:
             which, values = self.alone
             numbers = numbers.copy()
             numbers[which] = values
             straight = dataclasses.replace(run, measured=run.turned)
-            looks = self._logs(straight, start, numbers, self._turned(straight))
+            looks = self._logs(straight, start, numbers, command=self._turned(straight))
         return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
 
-    def _logs(self, run, start, numbers, command):
-        inputs = self.inputs(run) | {"measured": run.shown, "command": command}
+    def _logs(self, run, start, numbers, **other_inputs):
+        inputs = self.inputs(run) | {"measured": run.shown} | other_inputs
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=inputs)
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
