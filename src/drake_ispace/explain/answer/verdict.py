@@ -32,7 +32,7 @@ def _within_tolerance(answer, case) -> list[str]:
     return said
 
 
-def _judge(answer: Explanation, tolerated: Sequence[str]) -> None:
+def _judge(answer: Explanation, tolerated: list[str]) -> None:
     """Correct the verdict.
 
     Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, or that a sound
@@ -47,7 +47,7 @@ def _judge(answer: Explanation, tolerated: Sequence[str]) -> None:
         f"{row.channel} ({row.driven_by}, {row.horizon}) got worse on unseen runs: {row.before:.3g} -> {row.after:.3g} "
         f"{row.unit}" for row in made_worse(answer.gap)
     ]
-    answer.warnings = beyond + [*tolerated] + worse + answer.warnings
+    answer.warnings = beyond + tolerated + worse + answer.warnings
     if answer.verdict in ("named", "set") and (beyond or tolerated or worse or answer.drifts or answer.remainders):
         answer.verdict = "incomplete"
     elif answer.verdict == "none" and answer.remainders:

@@ -9,6 +9,11 @@ _ALIKE = 0.01  # steps that differ by less, as a share of the smallest one, are 
 _WHOLE = 0.1  # how far from a whole number of counts a step may be
 
 
+def smallest_step(steps: np.ndarray, most: float) -> float:
+    """The smallest of these steps [rad] of wheels, any shape, that is one; `most` if none is or all are larger."""
+    return float(np.min(steps, where=steps > _LEAST_STEP_RAD, initial=most))
+
+
 def count_of(angles: np.ndarray) -> float:
     """The count [rad] of which all changes from sample to sample of angles (k,) or (k, n) are whole multiples.
 

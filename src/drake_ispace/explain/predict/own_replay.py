@@ -11,6 +11,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.explain.predict.follower import Filter, Follower, design
 from drake_ispace.explain.predict.replay import Replay, Values, applicable
@@ -23,7 +24,6 @@ from drake_ispace.wiring.bench import Bench
 from drake_ispace.wiring.effects import splice_effects
 
 _UNKNOWN_SHARE = 0.05  # unknown forces, assumed: of the root mean square of the recorded torque
-_LEAST_STEP_RAD = 1e-9  # two angles that are nearer to each other are the same
 
 
 class _NamedBench(Bench):
@@ -191,7 +191,7 @@ def _unknown_torque(model, tracks) -> float:
 def _angle_variance(tracks):
     """Variance of one encoder sample [rad^2]: a count's rounding, or the noise from tick to tick if that is larger."""
     steps = np.abs(np.vstack([np.diff(t.measured[: t.ticks], axis=0) for t in tracks]))
-    count = float(np.min(steps, where=steps > _LEAST_STEP_RAD, initial=1.0))
+    count = smallest_step(steps, 1.0)
     thirds = np.vstack([np.diff(t.measured[: t.ticks], n=3, axis=0) for t in tracks])
     # a third difference has 20 times a sample's variance; the median of a squared normal deviate is 0.455 variances
     noise = np.median(np.abs(thirds)) ** 2 / 20.0 / 0.455

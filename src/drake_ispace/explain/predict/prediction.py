@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING
@@ -345,8 +346,8 @@ def past_speeds(angles: np.ndarray) -> np.ndarray:
     The speed is the mean over as many ticks as ten counts usually take, but over 20 at most.
     """
     steps = np.abs(np.diff(angles, axis=0))
-    usual, count = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0, np.min(steps, where=steps > 1e-9, initial=0.1)
-    ticks = int(min(np.ceil(_SPEED_COUNTS * count / max(usual, 1e-12)), _SPEED_TICKS))
+    usual = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0
+    ticks = int(min(np.ceil(_SPEED_COUNTS * smallest_step(steps, 0.1) / max(usual, 1e-12)), _SPEED_TICKS))
     return _mean_speeds(angles, ticks, 0)
 
 

@@ -154,9 +154,10 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
     reads = _reads(recording.channels["encoder"], rows) if driven == COMMAND and "encoder" in has else None
-    rounding = None if straight is None else np.hstack([parts[0] - straight, *np.zeros_like(parts[1:])])
+    measured = np.hstack(parts)
+    rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
-        name, ticks, command, np.hstack(parts), sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
+        name, ticks, command, measured, sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
         rounding=rounding, reads=reads,
     )
 

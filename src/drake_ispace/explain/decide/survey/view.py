@@ -189,8 +189,9 @@ def noise_of(
         regression = start or view.regression(whitening, residuals)
         amounts = regression.amounts(residuals)
         left = without(residuals, amounts, view.changes, view.offsets)
-        for name in [name for name in whitening.noise if regression.is_overfitted(residuals, name)]:
-            for run, own in zip(left, residuals, strict=True):
-                run[name] = own[name]
+        for name in whitening.noise:
+            if regression.is_overfitted(residuals, name):
+                for run, own in zip(left, residuals, strict=True):
+                    run[name] = own[name]
         whitening = Whitening(left, classes, len(amounts), ticks)
     return whitening
