@@ -216,6 +216,19 @@ def test_slip_adds_to_what_the_plant_has():
     assert plant.slip.ratio == [0.1, 0.2, 0.3]
 
 
+def test_cornering_slip_moves_the_robot_outwards_and_turns_it_not():
+    plant = library()["cornering_slip"].change(OMNI.robot, OMNI.plant, {"time_s": 0.1})
+    block = OmniPlant(plant)
+    context = block.CreateDefaultContext()
+    block.get_input_port().FixValue(context, np.zeros(4))
+    for speeds, moved in (((0.4, 0.0, 2.0), (0.4, -0.08, 2.0)), ((0.0, 0.2, -1.0), (-0.02, 0.2, -1.0))):
+        for i, speed in enumerate(speeds):
+            context.get_mutable_continuous_state_vector()[3 + i] = speed
+        rates = block.EvalTimeDerivatives(context).CopyToVector()
+        assert rates[:3] == pytest.approx(moved)
+        assert OMNI.plant.geometry.forward @ rates[9:] == pytest.approx(speeds)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_wheel_slip_lags_while_driven_and_slides_on_while_braked(sign):
     plant = library()["wheel_slip"].change(PENDULUM.robot, PENDULUM.plant, {"gain": 0.3})
@@ -231,6 +244,7 @@ def test_wheel_slip_lags_while_driven_and_slides_on_while_braked(sign):
 @pytest.mark.parametrize("name, values, slip, message", [
     ("constant_slip", {"ratio_x": 0.1, "ratio_y": 0.0}, Slip(frame="world"), "constant_slip: slip.frame is world"),
     ("wheel_slip", {"gain_x": 0.1, "gain_y": 0.0}, Slip(frame="additive"), "wheel_slip: slip.frame is additive"),
+    ("cornering_slip", {"time_s": 0.1}, Slip(frame="world"), "cornering_slip: slip.frame is world"),
     ("constant_slip", {"ratio_x": 0.5, "ratio_y": 0.0}, Slip(ratio=[0.5, 0.0, 0.0]), "slip.ratio 1, expected less"),
     ("wheel_slip", {"gain_x": 0.0, "gain_y": 0.9}, Slip(traction_gain=[0, 0.5, 0]), "slip.traction_gain 1.4, expected"),
 ])
@@ -257,13 +271,13 @@ def test_bad_values_are_refused(bad, message):
 def test_neutral_effects_change_no_bit_and_others_agree_with_drake(robot):
     scenario = load_scenario(f"{robot}_multirate", ["seconds=1", f"{robot}.plant.slip.ratio=[0.05, 0, 0.05]"])
     base = simulate(scenario).signals
-    names = ("constant_slip", "wheel_slip", *FORCES)
+    names = ("constant_slip", "cornering_slip", "wheel_slip", *FORCES)
     slipping = ("ratio_x", "gain_y") if robot == "omni" else ("ratio", "gain")
     getattr(scenario, robot).effects = {name: {} for name in names}
     neutral = simulate(scenario).signals
     assert all(np.array_equal(rows, neutral[name], equal_nan=True) for name, rows in base.items())
     getattr(scenario, robot).effects = {
-        "constant_slip": {slipping[0]: 0.1}, "wheel_slip": {slipping[1]: 0.3}, "turn_scrub": {"moment_n_m": 0.03},
+        "constant_slip": {slipping[0]: 0.1}, "cornering_slip": {"time_s": 0.05}, "wheel_slip": {slipping[1]: 0.3}, "turn_scrub": {"moment_n_m": 0.03},
         "soft_floor": {"force_n": 0.5}, "floor_tilt": {"slope_x_rad": 0.01, "slope_y_rad": -0.02},
     }
     assert parity(scenario)["max_abs_difference"] == 0.0

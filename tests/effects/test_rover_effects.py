@@ -20,7 +20,7 @@ SOME = {
     "track_error": {"share": 0.05}, "constant_slip": {"ratio_x": 0.05}, "encoder_scale": {"share": 0.02},
     "encoder_lost_counts": {"wheel": 1, "share": 0.02}, "camera_scale": {"share": 0.02},
     "camera_latency": {"latency_s": 0.033}, "camera_dropouts": {"share": 0.2}, "clock_offset": {"offset_s": -0.02},
-    "velocity_lag": {"time_constant_s": 0.05},
+    "velocity_lag": {"time_constant_s": 0.05}, "cornering_slip": {"time_s": 0.04},
 }
 EXACT = ["rover.encoder.counts_per_turn=0", "space.localizer.whole_pixels=false", "space.localizer.noise_std_pixels=0"]
 

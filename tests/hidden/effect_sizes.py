@@ -26,6 +26,7 @@ _BOTH = {
     "camera_latency": {"latency_s": 0.08},
     "camera_dropouts": {"share": 0.4},
     "clock_offset": {"offset_s": -0.08},
+    "cornering_slip": {"time_s": 0.08},
 }
 
 #: For each robot and effect the parameters of a typical case.

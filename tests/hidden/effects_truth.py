@@ -63,6 +63,7 @@ _BOTH = {
     "marker_offset": {"x_m": 0.0, "y_m": 0.0},
     "camera_latency": {"latency_s": 0.0},
     "camera_dropouts": {"share": 0.0},
+    "cornering_slip": {"time_s": 0.0},
     "clock_offset": {"offset_s": 0.0},
 }
 
@@ -107,6 +108,7 @@ class Effects(NamedTuple):
     lost: np.ndarray  # share of counts each encoder misses
     slip_ratio: np.ndarray  # along x, y of the body
     slip_gain: np.ndarray
+    bend_s: float  # outward velocity over centripetal acceleration
     slope: np.ndarray  # of the floor along x, y of W [rad]
     own_dry: np.ndarray  # Coulomb friction of one wheel
     offset: np.ndarray  # constant torque of one motor
@@ -181,6 +183,7 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         lost=of_one_wheel(robot, values["encoder_lost_counts"], "share"),
         slip_ratio=np.array([slip["ratio" + axis] for axis in along], dtype=float),
         slip_gain=np.array([traction["gain" + axis] for axis in along], dtype=float),
+        bend_s=float(values["cornering_slip"]["time_s"]),
         slope=np.array([tilt["slope_x_rad"], tilt["slope_y_rad"]], dtype=float),
         delay_s=float(values["command_delay"]["delay_s"]),
         limit_n_m=float(values["torque_saturation"]["limit_n_m"]),

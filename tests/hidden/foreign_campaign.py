@@ -18,7 +18,7 @@ from hidden.effect_sizes import effects_of, scaled
 from hidden.generator import FOREIGN, RobotLost, generate
 from hidden.motions import MOTIONS
 
-_OF_CONTACTS = ("constant_slip", "wheel_slip")
+_OF_CONTACTS = ("constant_slip", "wheel_slip", "cornering_slip")
 _RUNS = 5  # of a case, the last of them held out
 _LEAST = {1: 0.5, 2: 0.05}  # effects at once -> smallest size of the first of them, in typical ones
 

@@ -125,7 +125,9 @@ def rates(time_s, z, torque, push, wander, body, e, out):
     out[SLIP + 1] = (steady_slip(fy, body.mass_kg * GRAVITY, e.slip_gain[1]) - z[SLIP + 1]) / SLIP_BUILD_UP_S
     ux = travelled(vx, e.slip_ratio[0] + wander[0], z[SLIP], z[X], z[Y], e)
     uy = travelled(vy, e.slip_ratio[1] + wander[1], z[SLIP + 1], z[X], z[Y], e)
-    out[X], out[Y], out[PHI] = c * ux - s * uy, s * ux + c * uy, (1.0 - wander[2]) * wz
+    out[PHI] = (1.0 - wander[2]) * wz
+    ux, uy = ux + e.bend_s * out[PHI] * uy, uy - e.bend_s * out[PHI] * ux
+    out[X], out[Y] = c * ux - s * uy, s * ux + c * uy
 
     gx, gy = ground_force(z[X], z[Y], out[X], out[Y], body.mass_kg, e)
     wx, wy = c * gx + s * gy, -s * gx + c * gy

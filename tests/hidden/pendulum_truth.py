@@ -185,7 +185,9 @@ def rates(time_s, z, torque, push, wander, body, e, out):
         out[THETA + i] = rate
     out[SLIP] = (steady_slip(drive_n, body.total_kg * GRAVITY, e.slip_gain[0]) - z[SLIP]) / SLIP_BUILD_UP_S
     u = travelled(z[V], e.slip_ratio[0] + wander[0], z[SLIP], z[X], z[Y], e)
-    out[X], out[Y], out[PHI], out[TILT] = c * u, s * u, (1.0 - wander[1]) * z[TURN], z[NOD]
+    out[PHI], out[TILT] = (1.0 - wander[1]) * z[TURN], z[NOD]
+    aside = -e.bend_s * u * out[PHI]
+    out[X], out[Y] = c * u - s * aside, s * u + c * aside
     gx, gy = ground_force(z[X], z[Y], out[X], out[Y], body.total_kg, e)
     lifted = body.body_kg * body.z_m * GRAVITY
     effort[0] += c * gx + s * gy
@@ -213,14 +215,14 @@ def advance(time_s, z, torque, push, wander, body, e, work):
 def read_imu(tick, z, velocity, change, imu, slope, readings):
     """Specific force and rate in the sensor's axes, into row `tick` of `readings` (ticks + 1, 6).
 
-    velocity (3): s', phi', tilt rate as the room sees them; change (3): their rates of change.
+    velocity (4): along x of B, phi', tilt rate, along y of B, as the room sees them; change (4): their rates of change.
     """
     c, s, l = np.cos(z[TILT]), np.sin(z[TILT]), imu.height_m
     uphill = np.cos(z[PHI]) * slope[0] + np.sin(z[PHI]) * slope[1]
     aside = -np.sin(z[PHI]) * slope[0] + np.cos(z[PHI]) * slope[1]
-    v, turn, nod = velocity
-    ax = change[0] + l * (change[2] * c - nod * nod * s) - turn * turn * l * s + GRAVITY * uphill
-    ay = v * turn + change[1] * l * s + 2.0 * turn * l * c * nod + GRAVITY * aside
+    v, turn, nod, side = velocity
+    ax = change[0] - side * turn + l * (change[2] * c - nod * nod * s) - turn * turn * l * s + GRAVITY * uphill
+    ay = change[3] + v * turn + change[1] * l * s + 2.0 * turn * l * c * nod + GRAVITY * aside
     az = GRAVITY - l * (change[2] * s + nod * nod * c)
     # a point ahead of it on the body: d(rates)/dt x arm + rates x (rates x arm)
     p, r, far = -s * turn, c * turn, imu.ahead_m
@@ -251,9 +253,10 @@ def as_read(tick, force, turned, imu, readings):
 
 @njit(cache=True)
 def seen_velocity(z, slip, e):
-    """Forward speed, turning rate and tilt rate (3) of the robot on the floor, slip taken off."""
+    """Forward speed, turning rate, tilt rate and speed to the left (4) of the robot on the floor, slip taken off."""
     u = travelled(z[V], e.slip_ratio[0] + slip[0], z[SLIP], z[X], z[Y], e)
-    return np.array([u, (1.0 - slip[1]) * z[TURN], z[NOD]])
+    turn = (1.0 - slip[1]) * z[TURN]
+    return np.array([u, turn, z[NOD], -e.bend_s * u * turn])
 
 
 class Loop(NamedTuple):
@@ -346,7 +349,7 @@ def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera,
     z, work, loop = np.zeros(SIZE), np.zeros((5, SIZE)), fresh(ticks, law, encoder)
     z[:3] = start
     torque, force, slip = np.zeros(2), np.zeros(3), np.zeros(2)
-    velocity, before, change = np.zeros(3), np.zeros(3), np.zeros(3)
+    velocity, before, change = np.zeros(4), np.zeros(4), np.zeros(4)
     for tick in range(ticks + 1):
         read_imu(tick, z, velocity, change, imu, e.slope, loop.felt)
         if not sense_and_command(tick, z, z[THETA:] + loop.gap, loop, way_points, law, encoder, camera, e):
@@ -360,6 +363,6 @@ def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera,
             before[:] = seen_velocity(z, slip, e)
             advance(time_s, z, torque, force, slip, body, e, work)
             velocity[:] = seen_velocity(z, slip, e)
-            for i in range(3):
+            for i in range(4):
                 change[i] = (velocity[i] - before[i]) / STEP_S
     return loop.commanded, loop.angles, loop.felt, loop.fixes[: int(loop.numbers[0])], loop.truth

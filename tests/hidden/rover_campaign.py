@@ -35,10 +35,11 @@ NAMED = {
     "lag_s": (0.1, {"velocity_lag"}),
     "delay_s": (0.1, {"velocity_delay"}),
     "gain_share": (0.1, {"velocity_gain"}),
+    "skid_s": (0.1, {"cornering_slip"}),
 }
 #: What no library names -> largest size.
 OUTSIDE = {
-    "skid_s": 0.1, "belt_m_s": 0.01, "deflating_share": 0.05, "patch_share": 0.1, "fast_slip_s2_m2": 0.3,
+    "lean_s2_m": 0.1, "belt_m_s": 0.01, "deflating_share": 0.05, "patch_share": 0.1, "fast_slip_s2_m2": 0.3,
     "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05,
 }
 _OWN = ("left_share", "late_s", "lag_s")  # arguments of `drive`

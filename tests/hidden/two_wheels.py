@@ -29,8 +29,9 @@ OTHERS = {
     "camera_share": 0.0,  # motion capture shows the room larger
     "delay_s": 0.0,  # of the command
     "gain_share": 0.0,  # the drive turns the wheels faster than told
-    # what no library names
     "skid_s": 0.0,  # the robot slides outwards: sideways velocity over speed times turning rate
+    # what no library names
+    "lean_s2_m": 0.0,  # the outer wheel is pressed: share of the radius over speed times turning rate
     "belt_m_s": 0.0,  # the floor moves along x of W
     "deflating_share": 0.0,  # of the left radius, lost until the end of the run
     "patch_share": 0.0,  # slip where x > 1 m
@@ -77,7 +78,8 @@ def drive(
     angle = np.vstack([np.zeros(2), np.cumsum(rate[:-1] * _STEP_S, axis=0)])
     slip = 1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], random.standard_normal((n, 2)), axis=0) / 0.16
     left = 1.0 + left_share - o["deflating_share"] * t / seconds
-    ground = rate * slip * (1.0 + o["radius_share"]) * RADIUS_M * np.column_stack([np.ones(n), left])
+    pressed = o["lean_s2_m"] * RADIUS_M**2 / (4.0 * HALF_TRACK_M) * (rate[:, 0] ** 2 - rate[:, 1] ** 2)  # of the right
+    ground = rate * slip * (1.0 + o["radius_share"]) * RADIUS_M * np.column_stack([1.0 - pressed, left + pressed])
     turn = (ground[:, 0] - ground[:, 1]) / (2.0 * HALF_TRACK_M * (1.0 + o["track_share"]))
     phi = 0.3 + np.concatenate([[0.0], np.cumsum(turn[:-1] * _STEP_S)])
     forward = ground.mean(axis=1) * (1.0 - o["slip_share"])

@@ -30,6 +30,7 @@ from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.contact import NORMAL_L, contact_forces, contact_parameters
 from drake_ispace.plants.friction import Friction, friction_parameters, friction_torque
 from drake_ispace.plants.slip import (
+    CORNERING,
     FRAME,
     GRAVITY,
     RELAXATION,
@@ -246,7 +247,9 @@ def body_motion(
     yaw_acc = axis_acceleration(2, xc[YAW_RATE], yaw_acc, t2, n2, x, y, slip)
     if slip[FRAME] == 0.0:
         forward_acc = axis_acceleration(0, xc[S_RATE], s_acc, t0, n0, x, y, slip)
-        sideways_acc = axis_rate(0, xc[S_RATE], t0, n0, x, y, slip) * yaw_rate
+        forward = axis_rate(0, xc[S_RATE], t0, n0, x, y, slip)
+        sideways_acc = forward * yaw_rate - slip[CORNERING] * (forward_acc * yaw_rate + forward * yaw_acc)
+        forward_acc = forward_acc + slip[CORNERING] * forward * yaw_rate * yaw_rate
     else:  # slip on the world's axes scales the acceleration in the same way as the velocity
         noise = (n0, slip_noise(xd, 1), n2)
         pose_rates(s_acc, xc[S_RATE] * yaw_rate, 0.0, (x, y, xc[PHI]), (0.0, 0.0, 0.0), noise, slip, out)

@@ -11,9 +11,10 @@ The setting `frame` selects a reading of (6.4):
 * additive: P_act = P_odo + P_er with (6.5) taken literally, on the world's axes. Only this reading makes sense of
   s = 1.3 in Fig. 6.11.
 
-The slip s is a constant that may have another value inside a rectangle of other carpet. Three further parts are
+The slip s is a constant that may have another value inside a rectangle of other carpet. Four further parts are
 optional: traction slip s = gain * F / (mu N), whose sign follows the force; a relaxation length over which traction
-slip builds up; and noise, drawn once per tick.
+slip builds up; cornering slip, a velocity towards the outside of a bend in proportion to the centripetal acceleration;
+and noise, drawn once per tick.
 """
 
 from dataclasses import dataclass
@@ -41,6 +42,8 @@ class Slip:
     friction_coefficient: float = quantity(0.6, above=0.0)
     # distance over which traction slip builds up; 0: at once
     relaxation_length_m: float = quantity(0.0, "m", minimum=0.0)
+    # outward velocity in a bend as a multiple of the centripetal acceleration
+    cornering_s: float = quantity(0.0, "s")
     # standard deviation of the slip drawn at every tick
     noise_std: list[float] = quantity([0.0, 0.0, 0.0], minimum=0.0, length=3)
     # x_min, x_max, y_min, y_max in W of a rectangle of other carpet, where patch_ratio holds; null: none
@@ -48,7 +51,9 @@ class Slip:
     patch_ratio: list[float] = quantity([0.0, 0.0, 0.0], length=3)
 
 
-(FRAME, RATIO, GAIN, MU, LEVER, RELAXATION, PATCHED, PATCH, PATCH_RATIO, NOISE_STD) = (0, 1, 4, 7, 8, 9, 10, 11, 15, 18)
+(FRAME, RATIO, GAIN, MU, LEVER, RELAXATION, CORNERING, PATCHED, PATCH, PATCH_RATIO, NOISE_STD) = (
+    0, 1, 4, 7, 8, 9, 10, 11, 12, 16, 19,
+)
 
 
 def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
@@ -60,10 +65,13 @@ def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
         where: path of these settings in the scenario, for messages.
 
     Raises:
-        InputError: there is traction slip in a frame other than body, or a slip ratio in the body frame is 1 or more.
+        InputError: there is traction or cornering slip in a frame other than body, or a slip ratio in the body frame is
+            1 or more.
     """
     if slip.frame != "body" and any(slip.traction_gain):
         raise InputError(f"{where}.traction_gain: expected zeros with frame {slip.frame}, traction acts on the body")
+    if slip.frame != "body" and slip.cornering_s:
+        raise InputError(f"{where}.cornering_s: expected 0 with frame {slip.frame}, it acts on the body")
     for key, ratios in (("ratio", slip.ratio), ("patch_ratio", slip.patch_ratio)):
         if slip.frame == "body" and max(ratios) >= 1.0:
             raise InputError(f"{where}.{key}: {max(ratios):g} drives backwards, expected less than 1 with frame body")
@@ -76,6 +84,7 @@ def slip_parameters(slip: Slip, lever_m: float, where: str) -> dict[str, float]:
         "friction_coefficient": slip.friction_coefficient,
         "lever_m": lever_m,
         "relaxation_length_m": slip.relaxation_length_m,
+        "cornering_s": slip.cornering_s,
         "patched": float(slip.patch_m is not None),
         **dict(zip(("patch_x_min", "patch_x_max", "patch_y_min", "patch_y_max"), patch, strict=True)),
         **{f"patch_ratio_{a}": s for a, s in zip(axes, slip.patch_ratio, strict=True)},
@@ -138,6 +147,8 @@ def pose_rates(vx, vy, wz, pose, traction, noise, slip, out):
     if slip[FRAME] == 0.0:
         vx = axis_rate(0, vx, traction[0], noise[0], pose[0], pose[1], slip)
         vy = axis_rate(1, vy, traction[1], noise[1], pose[0], pose[1], slip)
+        slide = slip[CORNERING] * out[2]
+        vx, vy = vx + slide * vy, vy - slide * vx
         out[0] = c * vx - s * vy
         out[1] = s * vx + c * vy
     else:

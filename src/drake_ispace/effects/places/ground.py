@@ -41,8 +41,7 @@ def _axes(body):
 
 def _slip_with(plant, name, key, values):
     """The plant's slip with `values` (ratio, ratio_x, ...) added to its list `key`."""
-    if plant.slip.frame != "body":
-        raise InputError(f"{name}: slip.frame is {plant.slip.frame}, expected body, along whose axes this effect acts")
+    _check_frame(plant, name)
     numbers = list(getattr(plant.slip, key))
     stem = key.rpartition("_")[2]
     for axis, index in _AXIS.items():
@@ -50,6 +49,11 @@ def _slip_with(plant, name, key, values):
     if max(numbers) >= 1.0:
         raise InputError(f"{name}: makes slip.{key} {max(numbers):g}, expected less than 1")
     return dataclasses.replace(plant, slip=dataclasses.replace(plant.slip, **{key: numbers}))
+
+
+def _check_frame(plant, name):
+    if plant.slip.frame != "body":
+        raise InputError(f"{name}: slip.frame is {plant.slip.frame}, expected body, along whose axes this effect acts")
 
 
 class ConstantSlip(PlantEffect):
@@ -79,6 +83,34 @@ class ConstantSlip(PlantEffect):
 
     def change(self, robot, plant, values):
         return _slip_with(plant, self.name, "ratio", values)
+
+
+class CorneringSlip(PlantEffect):
+    """v = v_wheels - time (wz x v_wheels): in a bend the robot slides outwards; added to `slip.cornering_s`.
+
+    Raises:
+        InputError: slip on the world's axes.
+    """
+
+    needs = ("slip",)
+    kinematic = True
+    card = Card(
+        name="cornering_slip", title="Sideways slip in bends", home="ground",
+        equation="v = v_wheels - time_s (wz x v_wheels)", source="tyres and rollers that creep under a sideways force",
+        signature="the camera sees the robot slide outwards in bends, in proportion to speed times turning rate, and "
+        "not at all on a straight line or on the spot; the heading is right",
+        look_alikes=("marker_offset", "camera_latency", "clock_offset", "constant_slip"),
+        excitation="bends at several speeds, both ways, ahead and backwards: what a marker aside seems to slide goes with "
+        "the turning rate alone; a late camera errs along the path, this across it",
+    )
+    parameters = (
+        Parameter("time_s", "s", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=2e-3, sensible=(-0.01, 0.5)),
+    )
+
+    def change(self, robot, plant, values):
+        _check_frame(plant, self.name)
+        slip = dataclasses.replace(plant.slip, cornering_s=plant.slip.cornering_s + values["time_s"])
+        return dataclasses.replace(plant, slip=slip)
 
 
 class WheelSlip(PlantEffect):
@@ -313,4 +345,6 @@ class FloorTilt(GroundEffect, PlantEffect):
         return {"downhill_m_s2": downhill} | body.robot.weight(body.plant)
 
 
-EFFECTS = (ConstantSlip(), WheelSlip(), TurnScrub(), SoftFloor(), SoftPatch(), QuadraticDrag(), FloorTilt())
+EFFECTS = (
+    ConstantSlip(), CorneringSlip(), WheelSlip(), TurnScrub(), SoftFloor(), SoftPatch(), QuadraticDrag(), FloorTilt(),
+)
