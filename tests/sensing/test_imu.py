@@ -77,7 +77,8 @@ def moved(plant, state, torque, h):
 @pytest.mark.parametrize("slip", [
     Slip(), Slip(ratio=[0.1, 0.0, 0.2]), Slip(traction_gain=[0.9, 0.0, 0.9]),
     Slip(frame="world", ratio=[0.5, 0.1, 0.2]), Slip(frame="additive", ratio=[0.5, 0.1, 0.2]),
-], ids=["grip", "body", "traction", "world", "additive"])
+    Slip(ratio=[0.1, 0.0, 0.2], cornering_s=0.2),
+], ids=["grip", "body", "traction", "world", "additive", "cornering"])
 @pytest.mark.parametrize("height", [0.0, 0.15])
 def test_motion_equals_finite_differences_in_the_world_while_the_robot_turns_and_leans(slip, height):
     plant = PendulumPlant(PendulumPlantParameters(slip=slip), imu_height_m=height)
