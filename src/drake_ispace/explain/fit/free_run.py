@@ -6,7 +6,7 @@ whole runs best; `fitted` finds the latter.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -59,8 +59,7 @@ def fitted(replay: OwnReplay, tracks: Sequence[Track], start: Point) -> Sizes:
         return point, dict(zip(replay.free, numbers, strict=False))
 
     def residuals(z):
-        point, plant = at(z)
-        return np.concatenate([errors(replay, track, merged(point), plant).ravel() for track in tracks])
+        return errors_of(replay, tracks, Sizes(*at(z)))
 
     solution = least_squares(residuals, given / sizes, diff_step=_STEP, bounds=(np.array(bounds) / sizes[:, None]).T)
     ends = np.cumsum([errors(replay, track, {}).size for track in tracks])[:-1]
@@ -89,9 +88,29 @@ def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, 
     return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
 
 
+def errors_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.ndarray:
+    """(rows,) `errors` of all runs, one after the other."""
+    return np.concatenate([errors(replay, track, merged(sizes.point), sizes.plant).ravel() for track in tracks])
+
+
+def slopes(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.ndarray:
+    """(k, rows) changes of `errors_of` with each of the numbers that `fitted` moves."""
+    at, found = errors_of(replay, tracks, sizes), []
+    for name, value in sizes.plant.items():
+        moved = replace(sizes, plant={**sizes.plant, name: (1.0 + _STEP) * value})
+        found.append((errors_of(replay, tracks, moved) - at) / (_STEP * value))
+    for candidate, z in sizes.point.items():
+        for i, value in enumerate(z):
+            step = _STEP * max(abs(value), _LEAST_SIZE)
+            step = -step if value + step > candidate.bounds[i][1] else step
+            moved = replace(sizes, point={**sizes.point, candidate: [*z[:i], value + step, *z[i + 1 :]]})
+            found.append((errors_of(replay, tracks, moved) - at) / step)
+    return np.stack(found)
+
+
 def error_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> float:
     """Root mean square error [rad or rad/s] of free-run simulations, all ticks and wheels pooled."""
-    return rms(np.concatenate([errors(replay, track, merged(sizes.point), sizes.plant).ravel() for track in tracks]))
+    return rms(errors_of(replay, tracks, sizes))
 
 
 def measured(replay: OwnReplay, track: Track) -> np.ndarray:

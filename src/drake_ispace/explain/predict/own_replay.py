@@ -16,7 +16,7 @@ from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S,
 from drake_ispace.explain.predict.follower import Filter, Follower, design
 from drake_ispace.explain.predict.replay import Replay, Values, applicable
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
-from drake_ispace.explain.predict.tracks import Track, track
+from drake_ispace.explain.predict.tracks import Track, read_ticks, track
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.actuator import Actuator, TorqueActuator
 from drake_ispace.rollout.compile import compile_diagram
@@ -83,12 +83,12 @@ class OwnReplay(Replay):
     def _logs(self, run, angles, numbers):
         """Logs of the rollout from these wheel angles (n,) [rad] at t = 0."""
         state = self.rollout.continuous_state + self.place @ (angles - self.angles)
-        inputs = {"command": run.command, "measured": run.measured}
+        inputs = {"command": run.command, "measured": run.shown}
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
 
 
 def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
-    """Put a recording of the plant on 5 ms ticks; torque that is logged faster is averaged over each tick.
+    """Put a recording of the plant on 5 ms ticks; torque, held from sample to sample, is averaged over each tick.
 
     Raises:
         InputError: no channel torque or encoder, or one with another number of columns than the plant has wheels.
@@ -97,21 +97,7 @@ def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
         if channel not in recording.channels:
             raise InputError(f"{name}: has no channel {channel}, expected torque and encoder")
     kept = {channel: recording.channels[channel] for channel in ("torque", "encoder")}
-    run = track(replace(recording, channels=kept), model.robot, model, name, shortest_s=0.0)
-    return replace(run, command=_means(recording.channels["torque"], run.command))
-
-
-def _means(channel, held):
-    """(rows, n) mean of the channel over each tick where it is faster than ticks, else `held` (rows, n)."""
-    period = float(np.median(np.diff(channel.t)))
-    if period > 0.75 * TICK_S:
-        return held
-    edges = np.arange(len(held) + 1) * TICK_S
-    steps = np.append(np.diff(channel.t), period)
-    sums = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(channel.values * steps[:, None], axis=0)])
-    t = np.append(channel.t, channel.t[-1] + period)
-    inner = np.column_stack([np.interp(edges, t, column) for column in sums.T])
-    return np.diff(inner, axis=0) / TICK_S
+    return track(replace(recording, channels=kept), model.robot, model, name, shortest_s=0.0, averaged=True)
 
 
 def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effect] | None = None) -> OwnReplay:
@@ -178,7 +164,7 @@ def _filter(model, tracks, factors, linear) -> Filter:
     effort = mobility.T @ mobility / BANDWIDTH_RAD_S**4
     value = solve_continuous_are(a, b, c.T @ c + 1e-12 * np.eye(len(a)), effort)
     feedback = np.linalg.solve(effort, b.T @ value)
-    return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n))
+    return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n), read_ticks(tracks))
 
 
 def _unknown_torque(model, tracks) -> float:
@@ -189,10 +175,10 @@ def _unknown_torque(model, tracks) -> float:
 
 
 def _angle_variance(tracks):
-    """Variance of one encoder sample [rad^2]: a count's rounding, or the noise from tick to tick if that is larger."""
-    steps = np.abs(np.vstack([np.diff(t.measured[: t.ticks], axis=0) for t in tracks]))
-    count = smallest_step(steps, 1.0)
-    thirds = np.vstack([np.diff(t.measured[: t.ticks], n=3, axis=0) for t in tracks])
+    """Variance of one encoder sample [rad^2]: a count's rounding, or the noise from read to read if that is larger."""
+    read = [t.measured[: t.ticks] if t.reads is None else t.measured[t.reads[t.reads < t.ticks]] for t in tracks]
+    count = smallest_step(np.abs(np.vstack([np.diff(angles, axis=0) for angles in read])), 1.0)
+    thirds = np.vstack([np.diff(angles, n=3, axis=0) for angles in read])
     # a third difference has 20 times a sample's variance; the median of a squared normal deviate is 0.455 variances
     noise = np.median(np.abs(thirds)) ** 2 / 20.0 / 0.455
     return max(count**2 / 12.0, float(noise), 1e-16)

@@ -47,7 +47,7 @@ class Track:
         count_rad: of the encoders; 0 where they show none (`count_of`).
         rounding: (rows, p) what `measured` has besides the straightest motion of the wheels, where velocity is
             commanded; None: nothing.
-        reads: (r,) ticks at which encoders were read of a robot that is driven by velocity; None: at every tick.
+        reads: (r,) ticks at which encoders were read, where no IMU is; None: at every tick.
     """
 
     name: str
@@ -112,8 +112,12 @@ class Track:
         return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
-def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S) -> Track:
-    """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
+def track(
+    recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S, averaged: bool = False
+) -> Track:
+    """Put a recording of a robot with that plant, of shortest_s at least, on ticks.
+
+    name: for messages. averaged: whether a tick has the mean of what drives the robot, or its sample next to the tick.
 
     Raises:
         InputError: columns that are not one for each wheel, by its name, no channel to compare a prediction with,
@@ -137,7 +141,8 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
     m = 3 if driven == COMMAND else wheels
-    command = _held(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
+    drive = _means if averaged else _held
+    command = drive(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     count_rad, straight, parts = 0.0, None, [np.zeros((rows, wheels))]
     if "encoder" in has:
         encoder = recording.channels["encoder"]
@@ -153,7 +158,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    reads = _reads(recording.channels["encoder"], rows) if driven == COMMAND and "encoder" in has else None
+    reads = _reads(recording.channels["encoder"], rows) if "encoder" in has and "imu" not in has else None
     measured = np.hstack(parts)
     rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
@@ -204,6 +209,17 @@ def _held(channel, rows):
     values = channel.values[np.maximum(at, 0)].copy()
     values[at < 0] = 0.0
     return values
+
+
+def _means(channel, rows):
+    """(rows, n) mean of the channel, held from sample to sample, over each tick."""
+    period = float(np.median(np.diff(channel.t)))
+    edges = np.arange(rows + 1) * TICK_S
+    steps = np.append(np.diff(channel.t), period)
+    sums = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(channel.values * steps[:, None], axis=0)])
+    t = np.append(channel.t, channel.t[-1] + period)
+    inner = np.column_stack([np.interp(edges, t, column) for column in sums.T])
+    return np.diff(inner, axis=0) / TICK_S
 
 
 def _on_ticks(channel, rows):

@@ -1,23 +1,21 @@
 """The gap of a user's own plant: free-run simulations of whole runs on the recorded torque."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import Choice
-from drake_ispace.explain.fit.free_run import Sizes, channel_of, error_of, errors, fitted, measured, unit_of
+from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, unit_of
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
 
 _DRAWS = 4
@@ -26,15 +24,13 @@ _DRAWS = 4
 def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     """Measure the gap.
 
-    Where the plant has free parameters they are fitted without any effect for the column "before". What the robot is
-    driven by is all that drives these simulations, so the sizes at which they come nearest to the training runs are the
-    answer's: a filter that the measured motion holds hardly feels what adds up over a run.
+    Where the plant has free parameters they are fitted without any effect for the column "before".
 
     seed: of the draws of noise and of the bootstrap.
     """
     base, answer, plain = _sizes(case, decision)
-    answer_error, plain_error = (error_of(case.replay, case.prediction.tracks, sizes) for sizes in (answer, plain))
-    answer = plain if plain_error < answer_error else answer
+    if isinstance(decision, Decision) and answer.point and leads_nearer(case.prediction, decision, answer, plain, seed):
+        answer = plain
     parts = [
         (HELD_OUT, "" if kind == UNNAMED else kind, case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
     ]
@@ -75,15 +71,11 @@ def _noise(
 ) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
     """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves."""
     replay, (absolute, relative) = prediction.replay, after[0]
-    keep, pushed = np.exp(-TICK_S / CORRELATION_S), []
-    for i, track in enumerate(tracks):
-        for draw in range(_DRAWS):
-            white = np.random.default_rng([seed, 4, i, draw]).standard_normal(track.command.shape)
-            torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
-            torque[: int(np.argmax(np.any(track.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
-            moved = errors(replay, replace(track, command=track.command + torque), merged(sizes.point), sizes.plant)
-            pushed.append(moved.reshape(-1, 1) - after[i][absolute])
+    changes = [
+        errors(replay, pushed(replay, track, [seed, 4, i, draw]), merged(sizes.point), sizes.plant).reshape(-1, 1)
+        - after[i][absolute] for i, track in enumerate(tracks) for draw in range(_DRAWS)
+    ]
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
     size = rms([after[0][absolute]]) / max(rms([after[0][relative]]), 1e-300)
-    sensors, chance = float(std), rms(pushed)
+    sensors, chance = float(std), rms(changes)
     return {absolute: sensors, relative: sensors / size}, {absolute: chance, relative: chance / size}
