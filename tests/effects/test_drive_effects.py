@@ -15,7 +15,7 @@ BY_NAME = {effect.name: effect for effect in (*actuator.EFFECTS, *transmission.E
 LISTED = [f"omni.effects.{name}={{}}" for name in BY_NAME]
 OMNI = body_of(Scenario(), robots()["omni"])
 #: About the root mean squares of this run [N m, rad/s], of which the probes of a card are multiples.
-SCALES = {"": 1.0, "torque": 0.02, "speed": 5.0}
+SCALES = {"": 1.0, "torque": 0.02, "1/torque": 50.0, "speed": 5.0, "torque/speed": 0.004}
 
 
 def at_probes(effect):

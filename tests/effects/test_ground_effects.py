@@ -277,7 +277,8 @@ def test_neutral_effects_change_no_bit_and_others_agree_with_drake(robot):
     neutral = simulate(scenario).signals
     assert all(np.array_equal(rows, neutral[name], equal_nan=True) for name, rows in base.items())
     getattr(scenario, robot).effects = {
-        "constant_slip": {slipping[0]: 0.1}, "cornering_slip": {"time_s": 0.05}, "wheel_slip": {slipping[1]: 0.3}, "turn_scrub": {"moment_n_m": 0.03},
+        "constant_slip": {slipping[0]: 0.1}, "cornering_slip": {"time_s": 0.05}, "wheel_slip": {slipping[1]: 0.3},
+        "turn_scrub": {"moment_n_m": 0.03},
         "soft_floor": {"force_n": 0.5}, "floor_tilt": {"slope_x_rad": 0.01, "slope_y_rad": -0.02},
     }
     assert parity(scenario)["max_abs_difference"] == 0.0

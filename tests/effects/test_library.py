@@ -14,7 +14,7 @@ import yaml
 from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects import library as library_module
-from drake_ispace.effects.card import HOMES, Card
+from drake_ispace.effects.card import HOMES, SCALES, Card
 from drake_ispace.effects.document import effects_markdown
 from drake_ispace.effects.effect import WIRES, BlockEffect, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
@@ -72,7 +72,7 @@ def test_parameters_and_probes_lie_within_bounds(effect, body):
     names = [p.name for p in parameters] + list(effect.choices)
     assert parameters and len(set(names)) == len(names)
     for p in parameters:
-        assert p.unit and p.low < p.high and p.low <= p.neutral <= p.high and p.scale in ("", "torque", "speed")
+        assert p.unit and p.low < p.high and p.low <= p.neutral <= p.high and p.scale in ("", *SCALES)
         assert 1 <= len(p.probes) <= 4 and len(set(p.probes)) == len(p.probes)
         assert all(math.isfinite(probe) and probe != p.neutral for probe in p.probes)
         assert p.scale or all(p.low <= probe <= p.high for probe in p.probes)

@@ -7,6 +7,13 @@ from dataclasses import dataclass
 HOMES = ("actuator", "transmission", "ground", "plant", "encoder", "imu", "camera", "link")
 
 
+#: Names of scales, and what they are.
+SCALES = {
+    "torque": "RMS commanded torque", "1/torque": "1 / RMS commanded torque", "speed": "RMS wheel speed",
+    "torque/speed": "RMS commanded torque / RMS wheel speed",
+}
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A number of an effect.
@@ -16,7 +23,7 @@ class Parameter:
         neutral: the value at which the model is the base model, bit for bit; infinite for limits.
         low, high: what is physically possible.
         probes: sizes at which a search begins, in units of `scale`.
-        scale: "" (SI units), or "torque", "speed": the run's own root mean square of commanded torque or wheel speed.
+        scale: "" (SI units), or one of SCALES: of the runs' own root mean squares of commanded torque and wheel speed.
         reciprocal: fitted as 1 / value, which is 0 where there is no limit.
         tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
             deviation): a floor is never level to a tenth of a milliradian, and no model exact.

@@ -7,7 +7,7 @@ import math
 import sys
 from itertools import groupby
 
-from drake_ispace.effects.card import HOMES, Parameter
+from drake_ispace.effects.card import HOMES, SCALES, Parameter
 from drake_ispace.effects.effect import BlockEffect, Effect
 from drake_ispace.effects.library import library
 from drake_ispace.effects.listing import bodies_of, robots_of
@@ -18,7 +18,6 @@ _TITLES = {
     "encoder": "Encoder: between wheel and count", "imu": "IMU: between body and reading",
     "camera": "Camera: between robot and reported pose", "link": "Link: between room and robot",
 }
-_SCALES = {"torque": "RMS commanded torque", "speed": "RMS wheel speed"}
 _HEAD = """# Effects
 
 Physical causes that a model may lack. Each has a name, a place where it enters the Diagram, and parameters with a
@@ -157,7 +156,7 @@ def _table(effect):
 
 def _probes(p: Parameter):
     sizes = ", ".join(_number(probe) for probe in p.probes)
-    return f"{sizes} x {_SCALES[p.scale]}" if p.scale else sizes
+    return f"{sizes} x {SCALES[p.scale]}" if p.scale else sizes
 
 
 def _example(effect):

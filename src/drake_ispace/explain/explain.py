@@ -37,7 +37,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace
+from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
@@ -97,7 +97,8 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         answer = _answered(case, decision, seed, tell)
-        if answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None:
+        doubted = answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None
+        if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
         if answer.effects and case.is_filtered and decision.detection.in_doubt:

@@ -21,6 +21,8 @@ from drake_ispace.plants.friction import Friction, stable_slope
 from drake_ispace.robots.robot import Robot
 from drake_ispace.sensing.encoder import Encoder
 
+_SPEEDS_RAD_S = np.geomspace(1e-3, 1e3, 25)  # at which friction is looked for
+
 
 @dataclass(frozen=True)
 class OwnGeometry:
@@ -38,11 +40,13 @@ class OwnGeometry:
 class OwnPlant:
     """The plant, as far as effects may know it.
 
-    mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m].
+    mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m]. friction: largest viscous and Coulomb
+    friction that brakes a wheel, by the names of `plants.friction`; empty: not known.
     """
 
     geometry: OwnGeometry
     mobility: np.ndarray
+    friction: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,8 +111,8 @@ class OwnRobot(Robot):
         return Friction()
 
     def least_friction(self, plant, name):
-        """No lower limit: the friction that the plant has is not known."""
-        return -np.inf
+        """An effect may take away what friction the plant has, and no more; where that is not known, any."""
+        return -plant.friction.get(name, np.inf)
 
     def friction_slopes(self, plant):
         most = stable_slope(max(float(np.abs(np.linalg.eigvals(plant.mobility)).max()), 1e-300))
@@ -204,4 +208,33 @@ class OwnModel:
         a, b, c = self.linearised()
         mean = np.zeros((3, self.wheels))
         mean[0] = 1.0 / self.wheels
-        return OwnSettings(OwnPlant(OwnGeometry(mean), c @ a @ b))
+        return OwnSettings(OwnPlant(OwnGeometry(mean), c @ a @ b, self._friction(a, b, c)))
+
+    def _friction(self, a, b, c) -> dict[str, float]:
+        """Friction that brakes every wheel: viscous at all speeds, Coulomb beyond what grows with speed.
+
+        Empty where a torque drives its own wheel backward, or the plant gives no numbers at some speed.
+        """
+        context = self.plant.CreateDefaultContext()
+        self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
+        start = context.get_continuous_state_vector().CopyToVector()
+        mobility, torques = c @ a @ b, []
+        kicks = b @ np.linalg.inv(mobility)  # (m, n) change of the state that turns a wheel by 1 rad/s
+
+        def acceleration(state):
+            context.SetContinuousState(state)
+            return c @ a @ self.plant.EvalTimeDerivatives(context).CopyToVector()
+
+        for kick in kicks.T:
+            for speed in _SPEEDS_RAD_S:
+                change = acceleration(start + speed * kick) - acceleration(start - speed * kick)
+                torques.append(-0.5 * np.linalg.solve(mobility, change))
+        braking = np.reshape(torques, (self.wheels, len(_SPEEDS_RAD_S), self.wheels))
+        braking = np.einsum("isi->is", braking)  # (n, speeds) of each wheel by its own speed
+        if not np.isfinite(braking).all() or np.diag(mobility).min() <= 0.0:
+            return {}
+        dry = braking - np.outer(braking[:, -1] / _SPEEDS_RAD_S[-1], _SPEEDS_RAD_S)
+        return {
+            "viscous_n_m_s": max(float((braking / _SPEEDS_RAD_S).min()), 0.0),
+            "coulomb_n_m": max(float(dry.max(axis=1).min()), 0.0),
+        }

@@ -237,7 +237,9 @@ class BatterySagLoad(TorqueEffect):
         excitation="weak and strong acceleration, along one axis and along several at once: a gain error takes the "
         "same share of all of them, a torque limit takes nothing of weak ones",
     )
-    parameters = (Parameter("share_per_n_m", "1/(N*m)", 0.0, 0.0, math.inf, (0.1, 0.5), tolerance=0.02),)
+    parameters = (
+        Parameter("share_per_n_m", "1/(N*m)", 0.0, 0.0, math.inf, (0.05, 0.2), "1/torque", tolerance=5e-3),
+    )
     output = sagged_by_load
 
 

@@ -152,8 +152,8 @@ class MarkerOffset(PoseEffect):
         source="markers glued on off-centre, or high markers seen at an angle",
         signature="turning on the spot, the reported point goes round a circle; an offset that turns with the heading",
         look_alikes=("camera_offset", "centre_of_gravity_offset", "camera_latency", "clock_offset", "cornering_slip"),
-        excitation="at least half a turn: camera_offset stays with the room; several speeds against a latency or slip in "
-        "bends",
+        excitation="at least half a turn: camera_offset stays with the room; several speeds against a latency, or slip "
+        "in bends",
     )
     parameters = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
     yaw = (Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)

@@ -100,7 +100,7 @@ class CorneringSlip(PlantEffect):
         signature="the camera sees the robot slide outwards in bends, in proportion to speed times turning rate, and "
         "not at all on a straight line or on the spot; the heading is right",
         look_alikes=("marker_offset", "camera_latency", "clock_offset", "constant_slip"),
-        excitation="bends at several speeds, both ways, ahead and backwards: what a marker aside seems to slide goes with "
+        excitation="bends at several speeds, both ways, ahead and back: what a marker aside seems to slide goes with "
         "the turning rate alone; a late camera errs along the path, this across it",
     )
     parameters = (

@@ -35,8 +35,8 @@ class ViscousFriction(TorqueEffect):
 
     def parameters_of(self, body):
         least, most = body.robot.least_friction(body.plant, "viscous_n_m_s"), slope_left(body)
-        tolerance = 0.03 * -least if math.isfinite(least) else 0.0
-        return (Parameter("coefficient_n_m_s", "N*m*s/rad", 0.0, least, most, (1e-4, 1e-3), tolerance=tolerance),)
+        name, unit, scale = "coefficient_n_m_s", "N*m*s/rad", "torque/speed"
+        return (Parameter(name, unit, 0.0, least, most, (0.03, 0.15), scale, tolerance=0.008),)
 
 
 @kernel

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from drake_ispace.explain.answer.describe import with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
@@ -52,6 +53,14 @@ def _judge(answer: Explanation, tolerated: list[str]) -> None:
         answer.verdict = "incomplete"
     elif answer.verdict == "none" and answer.remainders:
         answer.verdict = "unknown"
+
+
+def lacks_little(answer: Explanation, decision: Decision) -> bool:
+    """Whether an answer is incomplete only because of a disagreement that shows less than each of its effects."""
+    if decision.left_over is None or decision.left_over.gain >= min(decision.gains.values(), default=0.0):
+        return False
+    on_bound = any(p.on_bound for effect in answer.effects for p in effect.parameters.values())
+    return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
 def add_trace(answer: Explanation, doubted: Explanation) -> None:

@@ -87,8 +87,13 @@ def _known_turn(height, counts_per_turn, times):
 
 
 def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
-    """A block of rows that comes a second time."""
+    """A block of rows that comes a second time.
+
+    A wheel that turns slowly between coarse counts repeats itself, but it does not jump from its past to what it
+    repeats, or from there to what follows. A torque that is commanded periodically repeats itself until the run ends.
+    """
     values = np.ascontiguousarray(channel.values)
+    steps = np.abs(np.diff(values, axis=0))
     _, codes = np.unique(values, axis=0, return_inverse=True)
     codes = codes.ravel()
     windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
@@ -100,6 +105,9 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             end = i + _BLOCK
             while end < len(codes) and codes[end] == codes[end - i + j]:
                 end += 1
+            ends = steps[[i - 1, min(end, len(steps)) - 1]]
+            if name != "imu" and (end == len(codes) or np.all(ends <= steps[i : end - 1].max(axis=0))):
+                continue
             yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
                           float(channel.t[i]), float(channel.t[end - 1]),
                           repairs=(Dropped(name, float(channel.t[i]), float(channel.t[end - 1])),))

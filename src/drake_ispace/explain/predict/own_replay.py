@@ -8,7 +8,6 @@ from scipy.linalg import solve_continuous_are
 
 from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.counts import smallest_step

@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
+from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
@@ -157,8 +158,8 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     expected that stay. If none does, the turn counts in which sizes moved least.
     """
     point, regression, begun, ended, least = start, None, [], [], np.inf
+    residuals = view.prediction.residuals(merged(point))
     for _ in range(_MOST_TURNS):
-        residuals = view.prediction.residuals(merged(point))
         likelihood = view.likelihood(point, residuals, near=True, start=regression)
         best = fit(likelihood, point)
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
@@ -171,8 +172,11 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
         if move < _STAYS:
             break
         step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
-        point = likelihood.moved(best.point, best.order, step / sizes)
         regression = regression or view.regression(likelihood.whitening, residuals)
+        point = likelihood.moved(best.point, best.order, step / sizes)
+        residuals = view.prediction.residuals(merged(point))
+        if not is_finite(residuals):  # the model runs away where sizes were expected to stay
+            point, residuals = best.point, view.prediction.residuals(merged(best.point))
     return steadiest
 
 

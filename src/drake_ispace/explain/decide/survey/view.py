@@ -112,12 +112,13 @@ def view_from(
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
-    """Root mean square of commanded torque [N m] and of wheel speed [rad/s] over all runs: "torque", "speed"."""
+    """The scales of effects' parameters: of the RMS over all runs of torque [N m] and wheel speed [rad/s]."""
     wheels = prediction.replay.body.wheels
     commands = np.concatenate([track.command[: track.ticks] for track in prediction.tracks])
     turned = [track.measured[: track.ticks, :wheels] for track in prediction.tracks]
     speeds = np.concatenate([(angle[20::20] - angle[:-20:20]) / 0.1 for angle in turned])
-    return {"torque": float(np.sqrt(np.mean(commands**2))) or 1.0, "speed": float(np.sqrt(np.mean(speeds**2))) or 1.0}
+    torque, speed = (float(np.sqrt(np.mean(numbers**2))) or 1.0 for numbers in (commands, speeds))
+    return {"torque": torque, "1/torque": 1.0 / torque, "speed": speed, "torque/speed": torque / speed}
 
 
 def _sizes(candidate, scales):
