@@ -1,10 +1,11 @@
 """Score tests by hand, of signatures of two numbers, and shapes of generic disagreements on made-up motions."""
 
+import importlib
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear import ROWS, RUNS, Linear, made, no_generics, pattern, streams
+from linear import ROWS, RUNS, Linear, made, no_generics, noise, pattern, streams
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -15,6 +16,7 @@ from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.decide.survey.survey import (
     expected_to_stay,
+    fit_with_noise,
     survey,
     with_memory_marginalised,
     with_past_speeds,
@@ -91,10 +93,13 @@ def test_neither_does_one_of_the_impossible_sign():
 # -- Changes around a point
 
 
-def test_the_usual_speed_is_that_of_the_wheels():
+def test_scales_are_those_of_torques_and_of_the_speed_of_the_wheels():
     track = SimpleNamespace(ticks=400, command=np.full((400, 1), 0.3), measured=2.0 * TICK_S * np.arange(400)[:, None])
     prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(wheels=1)), tracks=[track])
-    assert scales_of(prediction) == {"torque": pytest.approx(0.3), "speed": pytest.approx(2.0)}
+    assert scales_of(prediction) == {
+        "torque": pytest.approx(0.3), "1/torque": pytest.approx(1 / 0.3), "speed": pytest.approx(2.0),
+        "torque/speed": pytest.approx(0.15),
+    }
 
 
 @pytest.mark.parametrize("at, tried", [(10.0, 12.0), (95.0, 76.0), (100.0, 80.0), (-100.0, -80.0)])
@@ -198,3 +203,20 @@ def test_of_several_sizes_as_many_turns_and_one_suffice():
         ended.append(stays + slopes @ (begun[-1] - stays))
         begun.append(expected_to_stay(begun, ended))
     assert begun[-1] == pytest.approx(stays)
+
+
+def test_where_the_model_would_run_away_a_turn_goes_on_from_the_last_fit(monkeypatch):
+    class Unstable(Linear):
+        def residuals(self, values):
+            found = super().residuals(values)
+            if any(abs(parameters["size"]) > 50.0 for parameters in values.values()):
+                found[0]["room"][:] = np.nan
+            return found
+
+    module = importlib.import_module("drake_ispace.explain.decide.survey.survey")
+    monkeypatch.setattr(module, "expected_to_stay", lambda begun, ended: ended[-1] + 1e3)
+    (tilt,) = made("tilt")
+    measured = 2.0 * pattern(3) + noise()
+    view = survey(Unstable(measured, {"tilt": pattern(3)}), {}, [tilt], generics=no_generics).view
+    _, best = fit_with_noise(view, {tilt: [1.0]})
+    assert best.point[tilt] == pytest.approx([2.0], abs=0.1)

@@ -1,6 +1,7 @@
 """The verdict follows from what an answer leaves on unseen runs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation
-from drake_ispace.explain.answer.verdict import add_proof
+from drake_ispace.explain.answer.verdict import add_proof, lacks_little
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
@@ -33,6 +34,16 @@ def on_bound(answer):
     return replace(answer, effects=[
         replace(effect, parameters={"torque_n_m": Estimate(0.01, (0.008, 0.01), "N*m", on_bound=True)})
     ])
+
+
+@pytest.mark.parametrize(("left", "change", "little"), [
+    (20.0, lambda answer: answer, True), (200.0, lambda answer: answer, False), (20.0, on_bound, False),
+    (20.0, lambda answer: replace(answer, remainders=[answers.LEFT]), False),
+    (20.0, lambda answer: replace(answer, gap=[*answers.GAP, WORSE]), False),
+], ids=["little", "much", "bound", "remainder", "worse"])
+def test_a_disagreement_smaller_than_every_effect_takes_no_name_away(left, change, little):
+    decision = SimpleNamespace(left_over=SimpleNamespace(gain=left), gains={"coulomb_friction": 100.0})
+    assert lacks_little(change(answers.named(MODEL, verdict="incomplete")), decision) == little
 
 
 def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():

@@ -114,3 +114,21 @@ def test_a_constant_torque_is_a_step_and_not_a_dead_channel(sound):
 def test_explain_blames_no_physics_for_a_torque_of_the_other_sense(sound):
     answer = di.explain(MODEL, [FAULTS["torque_sign"](one) for one in sound])
     assert answer.verdict == "data" and answer.data[0].fault == "torque_sign"
+
+
+def logged(torque, theta):
+    """A run of two wheels that do the same, logged at 500 Hz with 6 mrad a count."""
+    t, counted = 2e-3 * np.arange(len(theta)), 6e-3 * np.floor(theta / 6e-3)
+    return Recording("two", channels={
+        "torque": Channel(t, ("tau_1", "tau_2"), np.column_stack([torque, torque]), {}, 2e-3),
+        "encoder": Channel(t, ("theta_1", "theta_2"), np.column_stack([counted, counted]), {}, 2e-3),
+    })
+
+
+def test_a_wheel_that_comes_by_again_and_a_torque_that_is_repeated_are_no_rows_twice():
+    t = 2e-3 * np.arange(4000)
+    torque = np.tile(0.05 * np.sin(2.0 * np.pi * np.arange(500) / 500.0), 8)
+    theta = 0.3 * np.abs((0.5 * t) % 2.0 - 1.0)  # to and fro at 0.15 rad/s, a count every 20 rows
+    quick = 3.0 * np.abs((0.5 * t) % 2.0 - 1.0)  # a count every other row
+    found = [finding.fault for angles in (theta, quick) for finding in check(MODEL, [logged(torque, angles)]).findings]
+    assert "rows_duplicated" not in found

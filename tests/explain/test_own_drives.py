@@ -1,0 +1,103 @@
+"""Drives of users: in units of their own, logged at rates and with clocks of their own, pushed by unknown torques."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import drake_ispace as di
+from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.kernels import kernel
+from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.explain.predict.own_replay import own_track
+from drake_ispace.files.recording import Channel, Recording
+
+STEP_S = 1e-3
+
+
+@kernel
+def accelerate(xc, torque, inertia, viscous, coulomb, out):
+    out[0] = xc[1]
+    out[1] = (torque[0] - viscous * xc[1] - coulomb * np.tanh(xc[1] / 0.01)) / inertia
+
+
+@kernel
+def angle(xc, out):
+    out[0] = xc[0]
+
+
+@kernel
+def rate(xc, out):
+    out[0] = xc[1]
+
+
+def model(inertia, viscous=0.0, coulomb=0.0):
+    return OwnModel(Block(Spec(
+        inputs={"torque": 1}, outputs={"wheel_angle": Output(1, angle), "wheel_rate": Output(1, rate)},
+        parameters={"inertia": inertia, "viscous": viscous, "coulomb": coulomb},
+        continuous_state=np.zeros(2), derivatives=accelerate,
+    )), name="drive")
+
+
+def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every=5):
+    """A drive that is told to go to and fro; push: unknown torque as a share of the command; every: ms of its log."""
+    generator, n = np.random.default_rng(seed), round(seconds / STEP_S)
+    t = STEP_S * np.arange(n)
+    phases = generator.uniform(0.0, 6.0, 3)
+    wish = sum(np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip((0.2, 0.5, 0.9), phases, strict=True))
+    told = inertia * np.repeat(wish[::every], every)[:n]
+    keep = np.exp(-STEP_S / 0.05)
+    unknown = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], generator.standard_normal(n))
+    torque = (1.0 - sag_per_s * t) * told + push * told.std() * unknown
+    speed = lfilter([STEP_S / inertia], [1.0, viscous * STEP_S / inertia - 1.0], np.concatenate([[0.0], torque[:-1]]))
+    angles = 1e-4 * np.floor(np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP_S)]) / 1e-4 + generator.uniform())
+    at, period = slice(None, None, every), every * STEP_S
+    return Recording("drive", channels={
+        "torque": Channel(t[at], ("tau_1",), told[at, None], {}, period),
+        "encoder": Channel(t[at], ("theta_1",), angles[at, None], {}, period),
+    })
+
+
+def told_apart(*names):
+    return [di.effects()[name] for name in names]
+
+
+def test_the_friction_of_a_heavy_drive_is_seen():
+    """A size of 1 N m s/rad, a thousand times those of small robots."""
+    found = di.explain(model(3.0), [run(k, 3.0, viscous=1.0) for k in (1, 2)], effects=told_apart("viscous_friction"))
+    assert [effect.name for effect in found.effects] == ["viscous_friction"]
+    assert found.effects[0].parameters["coefficient_n_m_s"].estimate == pytest.approx(1.0, rel=0.05)
+
+
+def test_what_unknown_torques_add_up_to_is_not_taken_for_the_effect():
+    """Least squares of a free run is off by half of the size or more; the filter is not."""
+    runs = [run(3, 0.02, sag_per_s=0.012, push=0.03)]
+    found = di.explain(model(0.02), runs, effects=told_apart("battery_sag_time"))
+    size = found.effects[0].parameters["rate_per_s"]
+    assert size.estimate == pytest.approx(0.012, rel=0.25)
+    assert abs(size.least_squares - 0.012) > 0.5 * 0.012
+
+
+def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
+    runs = [run(k, 0.02, push=0.03, every=20) for k in (1, 2, 3)]
+    found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "torque_slew_limit"))
+    assert found.verdict == "none"
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.5, 1234.0, -3.0])
+def test_torque_is_that_of_the_same_moment_on_any_clock(start_s):
+    recorded = run(1, 0.02, every=2)
+    shifted = replace(recorded, channels={
+        name: replace(channel, t=channel.t + start_s) for name, channel in recorded.channels.items()
+    })
+    expected = own_track(recorded, model(0.02), "run").command[:2000]
+    late = 100 if start_s == 0.5 else 0  # a clock that begins within a second of 0 is kept
+    assert own_track(shifted, model(0.02), "run").command[late : late + 2000] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("friction", [{}, {"viscous": 0.03}, {"coulomb": 0.2}, {"viscous": 0.03, "coulomb": 0.2}])
+def test_no_effect_may_take_away_more_friction_than_the_plant_has(friction):
+    plant = model(0.02, **friction).settings.plant
+    assert plant.friction["viscous_n_m_s"] == pytest.approx(friction.get("viscous", 0.0), abs=3e-4)
+    assert plant.friction["coulomb_n_m"] == pytest.approx(friction.get("coulomb", 0.0), abs=1e-3)
