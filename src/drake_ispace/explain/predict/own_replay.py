@@ -96,7 +96,7 @@ def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
         if channel not in recording.channels:
             raise InputError(f"{name}: has no channel {channel}, expected torque and encoder")
     kept = {channel: recording.channels[channel] for channel in ("torque", "encoder")}
-    return track(replace(recording, channels=kept), model.robot, model, name, shortest_s=0.0, averaged=True)
+    return track(replace(recording, channels=kept), model.robot, model, name, shortest_s=0.0)
 
 
 def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effect] | None = None) -> OwnReplay:

@@ -47,7 +47,8 @@ class Track:
         count_rad: of the encoders; 0 where they show none (`count_of`).
         rounding: (rows, p) what `measured` has besides the straightest motion of the wheels, where velocity is
             commanded; None: nothing.
-        reads: (r,) ticks at which encoders were read, where no IMU is; None: at every tick.
+        reads: (r,) ticks at which encoders were read of a robot that is driven by velocity, or of a user's own plant;
+            None: at every tick.
     """
 
     name: str
@@ -112,12 +113,10 @@ class Track:
         return self.sightings[self.fix_rows, SIGHTING.x : SIGHTING.phi + 1]
 
 
-def track(
-    recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S, averaged: bool = False
-) -> Track:
-    """Put a recording of a robot with that plant, of shortest_s at least, on ticks.
+def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S) -> Track:
+    """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
 
-    name: for messages. averaged: whether a tick has the mean of what drives the robot, or its sample next to the tick.
+    A tick has the sample of what drives the robot that is next to it, of a user's own plant the mean over the tick.
 
     Raises:
         InputError: columns that are not one for each wheel, by its name, no channel to compare a prediction with,
@@ -141,7 +140,7 @@ def track(
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
     m = 3 if driven == COMMAND else wheels
-    drive = _means if averaged else _held
+    drive = _held if robot.in_room else _means
     command = drive(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     count_rad, straight, parts = 0.0, None, [np.zeros((rows, wheels))]
     if "encoder" in has:
@@ -158,7 +157,8 @@ def track(
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    reads = _reads(recording.channels["encoder"], rows) if "encoder" in has and "imu" not in has else None
+    rarely = "encoder" in has and (driven == COMMAND or not robot.in_room)
+    reads = _reads(recording.channels["encoder"], rows) if rarely else None
     measured = np.hstack(parts)
     rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
