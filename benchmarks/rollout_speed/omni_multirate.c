@@ -20,7 +20,7 @@ typedef struct {
 } Motion;
 
 typedef struct {
-    double frame, ratio[3], gain[3], mu, lever, relaxation, patched, patch[4], patch_ratio[3], noise_std[3];
+    double frame, ratio[3], gain[3], mu, lever, relaxation, cornering, patched, patch[4], patch_ratio[3], noise_std[3];
 } Slip;
 
 typedef struct {
@@ -192,8 +192,9 @@ static void derivatives(const Motion *m, const Memory *d, const double torque[N]
     if (slip->frame == 0.0) {
         double vx = axis_rate(0, wx, t[0], noise[0], m->x, m->y, slip);
         double vy = axis_rate(1, wy, t[1], noise[1], m->x, m->y, slip);
-        out->x = c * vx - s * vy;
-        out->y = s * vx + c * vy;
+        double slide = slip->cornering * out->phi, wide_x = vx + slide * vy, wide_y = vy - slide * vx;
+        out->x = c * wide_x - s * wide_y;
+        out->y = s * wide_x + c * wide_y;
     } else {
         out->x = axis_rate(0, c * wx - s * wy, 0.0, noise[0], m->x, m->y, slip);
         out->y = axis_rate(1, s * wx + c * wy, 0.0, noise[1], m->x, m->y, slip);

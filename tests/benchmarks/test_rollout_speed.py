@@ -24,6 +24,7 @@ AWAY = {
     "wheels": {"wheels[0]": 1.0, "wheels[4]": -2.0, "wheels[8]": 9.0},
     "smooth friction": {"friction.coulomb": 0.005, "friction.speed_scale": 1.0, "friction.viscous": 1e-4},
     "bristles": {"friction.bristle": 1.0, "friction.coulomb": 0.005},
+    "slip in bends": {"slip.cornering_s": 0.1},
     "traction": {f"slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")},
     "lagged traction": {f"slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")}
     | {"slip.relaxation_length_m": 0.1},

@@ -32,7 +32,7 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
     """
     likelihood = decision.end.likelihood
     refused = likelihood.deviance(likelihood.whitened(plain.point)) - decision.named.deviance
-    if refused >= min(decision.gains.values()):
+    if not refused < min(decision.gains.values()):  # nor where the model runs away with them
         return False
     if len(prediction.tracks) == 1:
         return _beats_chance(prediction, filtered, plain, seed)
