@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_wheel import angle, rate
 
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
@@ -28,16 +29,6 @@ LAG_S, VISCOUS, COULOMB = 0.08, 0.03, 0.2
 def accelerate(xc, torque, gain, lag_s, out):
     out[0] = xc[1]
     out[1] = (gain * torque[0] - xc[1]) / lag_s
-
-
-@kernel
-def angle(xc, out):
-    out[0] = xc[0]
-
-
-@kernel
-def rate(xc, out):
-    out[0] = xc[1]
 
 
 def motor(gain=10.0, lag_s=LAG_S / 2.0, **changes):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from one_wheel import angle, rate
 from scipy.signal import lfilter
 
 import drake_ispace as di
@@ -20,16 +21,6 @@ STEP_S = 1e-3
 def accelerate(xc, torque, inertia, viscous, coulomb, out):
     out[0] = xc[1]
     out[1] = (torque[0] - viscous * xc[1] - coulomb * np.tanh(xc[1] / 0.01)) / inertia
-
-
-@kernel
-def angle(xc, out):
-    out[0] = xc[0]
-
-
-@kernel
-def rate(xc, out):
-    out[0] = xc[1]
 
 
 def model(inertia, viscous=0.0, coulomb=0.0):

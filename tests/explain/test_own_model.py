@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from one_wheel import angle, rate
 
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
@@ -21,16 +22,6 @@ INERTIA = 0.02
 def accelerate(xc, drive, inertia, out):
     out[0] = xc[1]
     out[1] = drive[0] / inertia
-
-
-@kernel
-def angle(xc, out):
-    out[0] = xc[0]
-
-
-@kernel
-def rate(xc, out):
-    out[0] = xc[1]
 
 
 @kernel

@@ -11,6 +11,7 @@ model, and the `encoder` is compared.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
@@ -202,7 +203,7 @@ class OwnModel:
         """The plant as a robot."""
         return OwnRobot(self.name, self.wheels)
 
-    @property
+    @cached_property
     def settings(self) -> OwnSettings:
         """What is known of the robot; raises as `linearised` does."""
         a, b, c = self.linearised()

@@ -99,14 +99,19 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
     lively = (np.diff(windows, axis=1) != 0).sum(axis=1) >= _FEW
     first: dict[bytes, int] = {}
+    end = 0
     for i in np.flatnonzero(lively).tolist():
+        if i < end:  # within a repetition that was looked at
+            continue
         j = first.setdefault(windows[i].tobytes(), i)
         if i - j >= _BLOCK:
             end = i + _BLOCK
             while end < len(codes) and codes[end] == codes[end - i + j]:
                 end += 1
             ends = steps[[i - 1, min(end, len(steps)) - 1]]
-            if name != "imu" and (end == len(codes) or np.all(ends <= steps[i : end - 1].max(axis=0))):
+            if name != "imu" and end == len(codes):
+                return
+            if name != "imu" and np.all(ends <= steps[i : end - 1].max(axis=0)):
                 continue
             yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
                           float(channel.t[i]), float(channel.t[end - 1]),
