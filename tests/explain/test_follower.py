@@ -66,8 +66,20 @@ def test_every_robot_has_a_stable_filter(robot):
     filters, plant = filters_of(scenario, robots()[robot], has), getattr(scenario, robot).plant
     f = filters(plant)
     assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 1.0
-    assert np.abs(np.linalg.eigvals(f.a - f.b @ f.feedback)).max() < 1.0
+    model = slice(len(f.a) - f.slips)
+    assert np.abs(np.linalg.eigvals((f.a - f.b @ f.feedback)[model, model])).max() < 1.0
     assert all(not np.array_equal(filters(plant, number).gain, f.gain) for number in range(OTHERS))
+
+
+def test_wheels_that_slip_against_each_other_are_followed_and_push_nothing():
+    scenario = load_scenario("omni_multirate")
+    f = filters_of(scenario, robots()["omni"], frozenset({"torque", "encoder"}))(scenario.omni.plant)
+    apart, x, rate = np.array([1.0, -1.0, 1.0, -1.0]), np.zeros(len(f.a)), 0.1  # rad/s
+    for k in range(2000):
+        innovation = rate * TICK_S * k * apart - f.c @ x
+        x = f.a @ (x + f.gain @ innovation)
+    assert np.abs(innovation).max() < 0.1 * rate * TICK_S * k
+    assert np.abs(f.feedback @ x).max() < 1e-9
 
 
 @pytest.mark.parametrize("height_m", [-0.03, 0.025, 0.1])

@@ -53,6 +53,15 @@ def test_two_parameters_that_are_both_there_say_more_together():
     assert one == pytest.approx([-chi2.logsf(25.0, 1) / np.log(10.0)])
 
 
+def test_what_two_parameters_can_make_together_is_alike():
+    candidate = two_parameters()
+    other = Candidate(candidate.effect, (("wheel", 2),), candidate.parameters[:1])
+    found = [Signature(candidate, [1.0, 1.0], i, False, None) for i in (0, 1)]
+    changes = np.array([[3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [2.0, 2.0, 1.0]])
+    screen = Screen([*found, Signature(other, [1.0], 0, False, None)], changes @ changes.T)
+    assert screen.alike(candidate, other) == screen.alike(other, candidate) == pytest.approx(np.sqrt(8.0 / 9.0))
+
+
 def test_the_largest_over_all_candidates_is_that_of_the_one_that_has_it():
     candidate, products = two_parameters(), np.array([[5.0, 0.0, 1.0], [5.0, 4.0, -1.0], [2.0, 6.0, 0.5]])
     other = Candidate(candidate.effect, (("wheel", 2),), candidate.parameters[:1])

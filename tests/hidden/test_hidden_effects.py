@@ -1,6 +1,7 @@
 """`explain` finds what is hidden: a few cases here, all of them with `make hidden`."""
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 
 from drake_ispace.effects.library import library
 from drake_ispace.explain.explain import explain
+from drake_ispace.scenario import load_scenario
 from hidden.campaign import Case, cases, diagnose, key, load, run
 from hidden.effect_sizes import scaled
 from hidden.effects_truth import PATCH_M, ROBOTS, UNKNOWN
 from hidden.generator import generate
+from hidden.motions import TICK_S
 from hidden.summary import clear, has_more, is_alone, is_detected, is_inside, is_wrong, judged, likeness_of, returned
 
 # ------------------------------------------------------------------------------------------------- a few, every time
@@ -57,6 +60,16 @@ def test_an_alarm_in_doubt_is_that_of_the_wheel_it_is_about():
     found = explain("omni_multirate", runs)
     assert 10.0 < found.detection.minus_log10_p < 25.0
     assert [e.name for e in found.effects] == ["weak_motor"] and found.effects[0].parameters["wheel"].estimate == 1
+
+
+def test_four_wheels_that_slip_against_each_other_are_sound():
+    run = generate("omni", "square", seconds=SECONDS, seed=5)
+    random, encoder = np.random.default_rng(0), run.channels["encoder"]
+    count = 2.0 * np.pi / load_scenario("omni_multirate").omni.encoder.counts_per_turn
+    way = 0.05 * np.cumsum(random.standard_normal(len(encoder.t)) * np.sqrt(TICK_S))  # rad
+    counted = count * np.round((encoder.values + np.outer(way, [1.0, -1.0, 1.0, -1.0])) / count)
+    slipped = replace(run, channels=run.channels | {"encoder": replace(encoder, values=counted)})
+    assert explain("omni_multirate", slipped, effects=some("mass_error", "coulomb_friction")).verdict == "none"
 
 
 def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
+from scipy.linalg import block_diag, null_space
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.follower import Filter, design, discrete
@@ -45,22 +46,44 @@ def filters_of(
 def _filter(robot, settings, has, ticks, count_rad, plant, changed=None):
     counts = settings.encoder.counts_per_turn
     count = max(2.0 * np.pi / counts if counts else 0.0, count_rad, _FINEST_COUNT)
-    system = robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0)
+    system, slips = _with_slips(robot.error_system(plant, settings.imu.height_m if robot.has_imu else 0.0), plant)
     weight = robot.mass_matrix(plant)
     p, m, n = len(system.c), system.b.shape[1], len(system.a)
     if "encoder" not in has:
         a, b = discrete(system.a, system.b)
-        return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight)
+        return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight, slips)
     factors = np.ones(OTHERS)
     if changed is not None:
         factors[changed] = OTHER_NOISE
     process, sensors = np.zeros((n, n)), np.full(p, count**2 / 12.0 * factors[3])
-    process[3:, 3:] = _accelerations(robot, weight, has, factors[:3])
+    process[3:6, 3:6] = _accelerations(robot, weight, has, factors[:3])
+    process[6:, 6:] = _slipping(robot, plant) * np.eye(slips)
     if robot.has_imu:
         wheels = len(plant.geometry.wheels)
         sensors[wheels:] = np.inf
         sensors[wheels + 4 :] = settings.imu.gyro_noise_density**2 / TICK_S if "imu" in has else np.inf
-    return design(system.a, system.b, system.c, system.d, process, sensors, _feedback(robot, system), weight, ticks)
+    feedback = np.hstack([_feedback(robot, system.a[3:6, :6]), np.zeros((m, slips))])
+    return design(system.a, system.b, system.c, system.d, process, sensors, feedback, weight, ticks, slips)
+
+
+def _with_slips(system: ErrorSystem, plant) -> tuple[ErrorSystem, int]:
+    """The error system with the angles by which wheels slip against each other, and the number of these.
+
+    More wheels than the body has ways to move cannot all roll: what no motion of the body makes of their angles is
+    their own, and stays when they stop.
+    """
+    wheels = plant.geometry.inverse
+    apart = null_space(wheels.T)
+    slips, others = apart.shape[1], len(system.c) - len(wheels)
+    return ErrorSystem(
+        block_diag(system.a, np.zeros((slips, slips))), np.vstack([system.b, np.zeros((slips, system.b.shape[1]))]),
+        np.hstack([system.c, np.vstack([apart, np.zeros((others, slips))])]), system.d,
+    ), slips
+
+
+def _slipping(robot, plant):
+    """Spectral density of a wheel's rate of slip [rad^2/s], at a metre a second."""
+    return robot.unknown_slip[0] ** 2 * float(np.mean(np.sum(plant.geometry.inverse[:, :2] ** 2, axis=1)))
 
 
 def _accelerations(robot, weight, has, factors):
@@ -70,9 +93,9 @@ def _accelerations(robot, weight, has, factors):
     return inverse @ (density * (1.0 if robot.driven in has else _UNDRIVEN**2)) @ inverse.T
 
 
-def _feedback(robot: Robot, system: ErrorSystem) -> np.ndarray:
-    """K (m, n): poles at the bandwidth, the error system's own dynamics cancelled."""
+def _feedback(robot: Robot, own: np.ndarray) -> np.ndarray:
+    """K (3, 6): poles at the bandwidth, the error system's own dynamics (3, 6) cancelled."""
     w = BANDWIDTH_RAD_S
     if robot.driven == COMMAND:
         return np.hstack([w * np.eye(3), np.eye(3)])
-    return np.hstack([w * w * np.eye(3), 2.0 * w * np.eye(3)]) + system.a[3:]
+    return np.hstack([w * w * np.eye(3), 2.0 * w * np.eye(3)]) + own

@@ -29,6 +29,7 @@ class Filter:
         a, b, c, d: A (n, n), B (n, m), C (p, n), D (p, m).
         gain: L (n, p). feedback: K (m, n).
         weight: W (m, m), force per acceleration: W u acts on the plant.
+        slips: how many states, the last ones, are no state of the model, such as a wheel's slip.
     """
 
     a: np.ndarray
@@ -38,23 +39,25 @@ class Filter:
     gain: np.ndarray
     feedback: np.ndarray
     weight: np.ndarray
+    slips: int = 0
 
     @property
     def settling_ticks(self) -> int:
         """Ticks after which a thousandth is left of an error of the model's state, however it began."""
-        loops = self.a - self.b @ self.feedback, self.a - self.a @ self.gain @ self.c  # of the model, of the estimate
+        own = slice(len(self.a) - self.slips)
+        loops = (self.a - self.b @ self.feedback)[own, own], self.a - self.a @ self.gain @ self.c  # model, estimate
         slowest = max(np.abs(np.linalg.eigvals(loop)).max() for loop in loops)
         return int(np.ceil(np.log(1e-3) / np.log(slowest))) if slowest < 1.0 else 0
 
 
-def design(a, b, c, d, process, sensors, feedback, weight, ticks: int = 1) -> Filter:
+def design(a, b, c, d, process, sensors, feedback, weight, ticks: int = 1, slips: int = 0) -> Filter:
     """The steady-state filter of dx/dt = a dx - b u + w, e = c dx + d u + v.
 
     Args:
         a, b, c, d: continuous, (n, n), (n, m), (p, n), (p, m).
         process: (n, n) spectral density of w.
         sensors: (p,) variance of a sample of each output; infinite: the filter does not use this output.
-        feedback: K (m, n). weight: W (m, m). ticks: from one sample of the outputs to the next.
+        feedback: K (m, n). weight: W (m, m). ticks: from one sample of the outputs to the next. slips: as of Filter.
 
     Raises:
         numpy.linalg.LinAlgError: the outputs in use do not show every state.
@@ -67,7 +70,7 @@ def design(a, b, c, d, process, sensors, feedback, weight, ticks: int = 1) -> Fi
     covariance = solve_discrete_are(van_loan[n:, n:], c[used].T, 0.5 * (noise + noise.T), np.diag(sensors[used]))
     gain = np.zeros((n, len(c)))
     gain[:, used] = covariance @ c[used].T @ np.linalg.inv(c[used] @ covariance @ c[used].T + np.diag(sensors[used]))
-    return Filter(*discrete(a, b), c, d, gain, np.asarray(feedback), np.asarray(weight))
+    return Filter(*discrete(a, b), c, d, gain, np.asarray(feedback), np.asarray(weight), slips)
 
 
 def discrete(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -136,10 +136,21 @@ class Screen:
         return candidate in self._of
 
     def alike(self, one: Candidate, other: Candidate) -> float:
-        """The largest |cosine| between signatures of two candidates, nuisances marginalised."""
-        a, b = self._of[one], self._of[other]
-        scale = np.sqrt(np.outer(np.maximum(self.length[a], _LEAST), np.maximum(self.length[b], _LEAST)))
-        return float(np.max(np.abs(self.inner[np.ix_(a, b)]) / scale))
+        """The largest |cosine| between a signature of one candidate and what all of the other's can make of it.
+
+        Nuisances are marginalised. All of the other's: slip along x and y together looks like a smaller room, and
+        neither alone does.
+        """
+        a, b = ([i for i in self._of[c] if self.length[i] >= _LEAST] for c in (one, other))
+        return max(self._share(a, b), self._share(b, a)) ** 0.5
+
+    def _share(self, some, others):
+        """The largest share of the squared length of one of these signatures that the others together explain."""
+        if not some or not others:
+            return 0.0
+        products, between = self.inner[np.ix_(others, some)], self.inner[np.ix_(others, others)]
+        explained = np.sum(products * (np.linalg.pinv(between, rcond=1e-8) @ products), axis=0)
+        return float(np.max(explained / self.length[some]))
 
 
 def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
