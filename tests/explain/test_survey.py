@@ -11,6 +11,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
+from drake_ispace.explain.decide.detect import detect, trials
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
@@ -229,3 +230,14 @@ def test_where_the_model_would_run_away_a_turn_goes_on_from_the_last_fit(monkeyp
     view = survey(Unstable(measured, {"tilt": pattern(3)}), {}, [tilt], generics=no_generics).view
     _, best = fit_with_noise(view, {tilt: [1.0]})
     assert best.point[tilt] == pytest.approx([2.0], abs=0.1)
+
+
+@pytest.mark.parametrize("size", [0.0, 2.0])
+def test_few_numbers_that_all_effects_together_could_explain_are_tested_all_the_same(size):
+    noise, *others = np.random.default_rng(1).standard_normal((49, RUNS, 25))
+    shapes = {f"cause {i}": shape for i, shape in enumerate(others)}
+    measured = noise + size * shapes["cause 2"]
+    found = survey(Linear(measured, shapes), {}, made(*shapes), generics=no_generics)
+    detection = detect(found.minus_log10_p.max(), trials(found.screen, found.by_instant, seed=0))
+    assert detection.found == (size > 0.0)
+    assert 1.2 < detection.threshold < 5.0

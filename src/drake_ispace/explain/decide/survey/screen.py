@@ -55,6 +55,11 @@ class Screen:
         """
         self.overdispersion = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
 
+    def clearest(self, products: np.ndarray) -> list[int]:
+        """Numbers of the signatures of the candidate whose test is the clearest; products: (k,)."""
+        indices = self._of[self.candidates[int(np.argmax(self.minus_log10_p(products)))]] if self.candidates else []
+        return [i for i in indices if self.length[i] >= _LEAST]
+
     def overdispersion_of(self, candidate: Candidate) -> float:
         """The largest overdispersion over the signatures of a candidate; 1 if it has none."""
         return float(self.overdispersion[self._of[candidate]].max()) if candidate in self._of else 1.0
@@ -119,15 +124,15 @@ class Screen:
     def joint_drop(self, candidate: Candidate, products: np.ndarray) -> float:
         """Drop in deviance, all signatures of a candidate fitted together; products: (k,)."""
         indices = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
-        return float(products[indices] @ self._amounts(indices, products))
+        return float(products[indices] @ self.amounts(indices, products))
 
     def use_of(self, effect, products: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
         """The best amount of each signature of an effect, fitted together, and their changes; products: (k,)."""
         shown = self.length >= _LEAST
         indices = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and shown[i]]
-        return self._amounts(indices, products), [self.signatures[i].change for i in indices]
+        return self.amounts(indices, products), [self.signatures[i].change for i in indices]
 
-    def _amounts(self, indices, products):
+    def amounts(self, indices: Sequence[int], products: np.ndarray) -> np.ndarray:
         """(len(indices),) how much of each of these signatures, fitted together, explains most."""
         return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) @ products[indices]
 

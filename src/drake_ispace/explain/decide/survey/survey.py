@@ -133,21 +133,28 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     w = whitening(residuals)
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
     marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.remembered, likelihood.inner)
-    screen, noise = Screen(view.signatures, marginal.inner), _unexplained(marginal, w)
+    screen, products = Screen(view.signatures, marginal.inner), changes.dot(likelihood.marginalised(w))
+    noise = _unexplained(marginal, screen, w, products)
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
     first = np.flatnonzero(np.diff(instants, prepend=-1))
     together = {"motion": max(_BLOCK_TICKS // view.prediction.row_ticks, 1), "room": _BLOCK_FIXES}
     blocks = np.flatnonzero(np.diff(whitening.instants(residuals, together)[first], prepend=-1))
     screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
-    products = changes.dot(likelihood.marginalised(w))
     return Survey(point, view, residuals, w, likelihood, changes, screen, products, noise, by_instant)
 
 
-def _unexplained(marginal, w):
-    """(rows,) what no signature and no offset explains of `w`, scaled to unit variance again."""
-    rest = w - marginal.combined(marginal.least_squares(w))
-    return rest * np.sqrt(len(w) / max(len(w) - len(marginal.gram), 1))
+def _unexplained(marginal, screen, w, products):
+    """(rows,) what no signature and no offset explains of `w`, scaled to unit variance again.
+
+    Where these would explain more than half of `w` whatever it is, what the clearest candidate leaves of it.
+    """
+    if 2 * len(marginal.gram) <= len(w):
+        amounts, spent = marginal.least_squares(w), len(marginal.gram)
+    else:
+        amounts, which = np.zeros(len(marginal.gram)), screen.clearest(products)
+        amounts[which], spent = screen.amounts(which, products), len(which)
+    return (w - marginal.combined(amounts)) * np.sqrt(len(w) / max(len(w) - spent, 1))
 
 
 def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
