@@ -130,5 +130,9 @@ def test_a_wheel_that_comes_by_again_and_a_torque_that_is_repeated_are_no_rows_t
     torque = np.tile(0.05 * np.sin(2.0 * np.pi * np.arange(500) / 500.0), 8)
     theta = 0.3 * np.abs((0.5 * t) % 2.0 - 1.0)  # to and fro at 0.15 rad/s, a count every 20 rows
     quick = 3.0 * np.abs((0.5 * t) % 2.0 - 1.0)  # a count every other row
-    found = [finding.fault for angles in (theta, quick) for finding in check(MODEL, [logged(torque, angles)]).findings]
+    counts = np.cumsum(np.tile(np.r_[np.ones(40), -np.ones(38), -2.0, np.ones(40), 2.0, -np.ones(42)], 25))[:4000]
+    found = [
+        finding.fault for angles in (theta, quick, 6e-3 * (counts + 0.5))
+        for finding in check(MODEL, [logged(torque, angles)]).findings
+    ]
     assert "rows_duplicated" not in found

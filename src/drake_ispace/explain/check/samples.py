@@ -90,7 +90,8 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     """A block of rows that comes a second time.
 
     A wheel that turns slowly between coarse counts repeats itself, but it does not jump from its past to what it
-    repeats, or from there to what follows. A torque that is commanded periodically repeats itself until the run ends.
+    repeats, or from there to what follows, much farther than it ever turns from row to row. A torque that is commanded
+    periodically repeats itself until the run ends.
     """
     values = np.ascontiguousarray(channel.values)
     steps = np.abs(np.diff(values, axis=0))
@@ -108,10 +109,11 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             end = i + _BLOCK
             while end < len(codes) and codes[end] == codes[end - i + j]:
                 end += 1
-            ends = steps[[i - 1, min(end, len(steps)) - 1]]
             if name != "imu" and end == len(codes):
                 return
-            if name != "imu" and np.all(ends <= steps[i : end - 1].max(axis=0)):
+            ends = steps[[i - 1, end - 1]]
+            usual = 2.0 * np.quantile(steps, 0.99) if name == "encoder" else steps[i : end - 1].max(axis=0)
+            if name != "imu" and np.all(ends <= usual):
                 continue
             yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
                           float(channel.t[i]), float(channel.t[end - 1]),
