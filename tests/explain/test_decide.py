@@ -13,10 +13,12 @@ import pytest
 from linear import ROWS, RUNS, Linear, generics_of, made, no_generics, noise, pattern, streams, wave
 from scipy.signal import lfilter
 
+from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.prune import pruned
+from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.likelihood import fit
 
@@ -151,6 +153,20 @@ def test_of_two_that_do_as_well_the_one_whose_size_makes_sense_is_named_alone():
         decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, generics=no_generics)
         assert list(sizes(decision)) == [sensible] and rivals(decision, sensible) == []
         assert gains(decision) == {sensible: pytest.approx(decision.total_gain, rel=0.05)}
+
+
+def test_of_two_that_do_as_well_the_one_with_fewer_parameters_is_named():
+    shapes = {"tilt": SHAPES["tilt"], "scale": SHAPES["tilt"]}
+    tilt, scale = made(*shapes)
+    where = Parameter("where", "", low=0.0, high=1.0, probes=(0.5,), shape=True)
+    scale = replace(scale, parameters=(*scale.parameters, where))
+    survey_at = partial(survey, Linear(noise() + 0.8 * SHAPES["tilt"], shapes), candidates=[tilt, scale])
+    start, end = survey_at({}, generics=no_generics), survey_at({scale: [0.8, 0.3]}, generics=no_generics)
+    named = Decision(None, start, start).with_named(end, fit(end.likelihood, {scale: [0.8, 0.3]}))
+    named.gains = {scale: named.total_gain}
+    decision = with_rivals(named)
+    assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == ["scale"]
+    assert gains(decision) == {"tilt": named.total_gain}
 
 
 @pytest.mark.parametrize("most, equals", [(0.75, ["tilt"]), (0.3, [])])

@@ -16,14 +16,20 @@ def with_rivals(decision: Decision) -> Decision:
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
-    nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none.
+    nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none,
+    and of one that does no better with more parameters.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
         decision.rivals[effect] = [rival for rival, _ in fits_of]
-        sensible = [one for one in fits_of if one[0].candidate.makes_sense(one[1].point[one[0].candidate])]
-        if sensible and not effect.makes_sense(decision.named.point[effect]):
-            best, fitted = min(sensible, key=lambda one: one[0].behind)
+        better = [one for one in fits_of if one[0].candidate.makes_sense(one[1].point[one[0].candidate])]
+        if effect.makes_sense(decision.named.point[effect]):
+            better = [
+                one for one in better
+                if one[0].behind <= 0.0 and len(one[0].candidate.parameters) < len(effect.parameters)
+            ]
+        if better:
+            best, fitted = min(better, key=lambda one: one[0].behind)
             gains = {best.candidate if c is effect else c: gain for c, gain in decision.gains.items()}
             return with_rivals(replace(decision.with_named(decision.end, fitted), rivals={}, gains=gains))
     return decision
@@ -37,7 +43,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     others = [
         other for other, minus_log10_p in clearest_effects(start)
         if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
-        and screen.knows(effect) and screen.alike(effect, other) >= _LEAST_LIKENESS
+        and screen.knows(effect) and (_changes_shape(effect, other) or screen.alike(effect, other) >= _LEAST_LIKENESS)
     ]
     likelihood, rivals = decision.end.likelihood, []
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
@@ -48,6 +54,11 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind), best))
     return rivals
+
+
+def _changes_shape(effect, other) -> bool:
+    """Whether the other is a look-alike on the card of an effect that may look otherwise than when it was screened."""
+    return any(p.shape for p in effect.parameters) and other.name in effect.effect.card.look_alikes
 
 
 def _sensible(likelihood, candidate, best) -> Fit:
