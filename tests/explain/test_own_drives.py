@@ -92,3 +92,36 @@ def test_no_effect_may_take_away_more_friction_than_the_plant_has(friction):
     plant = model(0.02, **friction).settings.plant
     assert plant.friction["viscous_n_m_s"] == pytest.approx(friction.get("viscous", 0.0), abs=3e-4)
     assert plant.friction["coulomb_n_m"] == pytest.approx(friction.get("coulomb", 0.0), abs=1e-3)
+
+
+def rubbed(seed, growing=0.0, inertia=0.02, viscous=0.006, coulomb=0.06, seconds=12.0):
+    """A run of a drive with friction; growing: share by which dry friction grows in a radian."""
+    generator, n = np.random.default_rng(seed), round(seconds / STEP_S)
+    t = STEP_S * np.arange(n)
+    phases = generator.uniform(0.0, 6.0, 3)
+    wish = sum(np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip((0.2, 0.5, 0.9), phases, strict=True))
+    told = np.repeat((10.0 * inertia * wish + coulomb * np.sign(np.sin(0.4 * np.pi * t + phases[0])))[::5], 5)
+    keep = np.exp(-STEP_S / 0.05)
+    unknown = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], generator.standard_normal(n))
+    angles, speed = np.zeros(n), 0.0
+    for i, torque in enumerate(told[:-1] + 0.005 * told.std() * unknown[:-1]):
+        dry = coulomb * max(1.0 + growing * angles[i], 0.0) * np.tanh(speed / 0.005)
+        speed += STEP_S * (torque - viscous * speed - dry) / inertia
+        angles[i + 1] = angles[i] + STEP_S * speed
+    counted = 1e-3 * np.floor(angles / 1e-3 + generator.uniform())
+    return Recording("drive", channels={
+        "torque": Channel(t[::5], ("tau_1",), told[::5, None], {}, 5.0 * STEP_S),
+        "encoder": Channel(t[::5], ("theta_1",), counted[::5, None], {}, 5.0 * STEP_S),
+    })
+
+
+def test_two_frictions_that_stay_as_they_are_drift_nowhere():
+    found = di.explain(model(0.02), [rubbed(k, seconds=8.0) for k in (30, 31, 32)])
+    assert sorted(effect.name for effect in found.effects) == ["coulomb_friction", "viscous_friction"]
+    assert found.verdict == "named" and not found.drifts
+
+
+def test_a_friction_that_grows_with_the_place_is_not_said_to_be_all():
+    found = di.explain(model(0.02), [rubbed(k, growing=0.01) for k in (1, 2, 3)])
+    said = " ".join([*found.warnings, found.unknown.driver if found.unknown else ""])
+    assert found.verdict in ("incomplete", "unknown") and "place and direction" in said

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.survey.survey import blocks_of
 
 _LEAST_EXCESS = 12.0  # variance of the estimates over what chance makes of it
 _LEAST_SPREAD = 0.2  # of the value itself
@@ -15,33 +16,51 @@ def drift(decision: Decision) -> list[str]:
     slopes = likelihood.slopes(named.point, named.order, named.w)
     marginalised = likelihood.marginalised(slopes)  # what slow forces explain of a run is no other size there
     lengths = np.diff(likelihood.whitening.starts(residuals))
+    blocks = blocks_of(decision.end.view.prediction, likelihood.whitening, residuals)
     groups = {
         "between runs": np.repeat(np.arange(len(lengths)), lengths),
         "between the halves of runs": likelihood.whitening.late(residuals).astype(int),
     }
     sentences = []
-    for at, (candidate, i) in enumerate(named.order):
-        value = abs(named.point[candidate][i] - candidate.neutral[i])
-        for what, group in groups.items():
-            spread = _spread(group, slopes[at], marginalised[at], named.w) * likelihood.sizes[candidate][i]
+    for what, group in groups.items():
+        spreads = _spreads(group, blocks, slopes, marginalised, named.w)
+        for (candidate, i), spread in zip(named.order, spreads, strict=True):
+            value = abs(named.point[candidate][i] - candidate.neutral[i]) / likelihood.sizes[candidate][i]
             if value > 0.0 and spread > _LEAST_SPREAD * value:
                 name = f"{candidate.parameters[i].name} of {candidate.name}"
                 sentences.append(f"{name} drifts {what}, by {100 * spread / value:.0f} %")
     return sentences
 
 
-def _spread(group, slope, marginalised, w):
-    """Standard deviation of a parameter's estimates by each group of rows for itself; 0 where chance makes as much.
+def _spreads(group, blocks, slopes, marginalised, w):
+    """(k,) standard deviation of each parameter over the groups, each fitted for itself; 0 where chance makes as much.
 
-    group: (rows,) number of each. slope, marginalised: (rows,) change of the whitened residuals `w`, whole and without
-    what nuisances explain of it.
+    All parameters are fitted together, as they are in all runs. How uncertain an estimate is shows in what each block
+    of rows leaves by itself: a flaw of the model, or noise that remembers, is the same for many rows.
+
+    group, blocks: (rows,) number of each. slopes, marginalised: (k, rows) changes of the whitened residuals `w`, whole
+    and without what nuisances explain of them.
     """
-    squared = np.maximum(np.bincount(group, slope * marginalised), 1e-12)
-    estimates, stds = -np.bincount(group, marginalised * w) / squared, 1.0 / np.sqrt(squared)
-    known = stds < _MOST_STD * np.min(stds)
+    moves, variances = [], []
+    for number in range(int(group.max()) + 1):
+        own = group == number
+        slope, change, rest = slopes[:, own], marginalised[:, own], w[own]
+        inverse = np.linalg.pinv(slope @ change.T, rcond=1e-9, hermitian=True)
+        moves.append(-inverse @ (change @ rest))
+        left = change * (rest + moves[-1] @ slope)
+        sums = inverse @ np.add.reduceat(left, np.flatnonzero(np.diff(blocks[own], prepend=-1)), axis=1)
+        free = sums.shape[1] - len(sums)  # too few blocks say nothing: no variance
+        variances.append(np.sum(sums**2, axis=1) * (sums.shape[1] / free if free > 0 else 0.0))
+    return [_spread(*columns) for columns in zip(np.transpose(moves), np.transpose(variances), strict=True)]
+
+
+def _spread(estimates, variances):
+    """Standard deviation of estimates with these variances; 0 where chance makes as much."""
+    known = variances > 0.0
+    known &= variances < _MOST_STD**2 * np.min(variances[known], initial=np.inf)
     if known.sum() < 2:
         return 0.0
-    weights, estimates = squared[known], estimates[known]
+    weights, estimates = 1.0 / variances[known], estimates[known]
     mean = np.sum(weights * estimates) / weights.sum()
     excess = np.sum(weights * (estimates - mean) ** 2) / (known.sum() - 1)
     return float(np.std(estimates)) if excess > _LEAST_EXCESS else 0.0

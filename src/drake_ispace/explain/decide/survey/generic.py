@@ -90,7 +90,8 @@ class Motion:
     """The motion of a run, at every tick of it and of the lead after it.
 
     Attributes:
-        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
+        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W; of a user's own plant how far it
+            turned. t: (rows,) [s].
         angles: (rows, n) of the wheels. command: (rows, m).
     """
 
@@ -104,6 +105,8 @@ class Motion:
 def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speeds) -> Motion:
     """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two).
 
+    A user's own plant is where its encoders say.
+
     speeds: of the wheels from their angles.
     """
     body = prediction.replay.body
@@ -111,7 +114,7 @@ def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speed
     forward = body.plant.geometry.forward
     velocity = speeds(angles) @ forward.T
     ticks_s = np.arange(len(angles)) * TICK_S
-    place = np.zeros((len(angles), 3))
+    place = np.zeros((len(angles), 3)) if body.robot.in_room else angles @ forward.T
     if len(track.fix_t) > 1:
         fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
@@ -151,7 +154,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
     yield Generic("resistance_that_wears_off", "force", "time and direction", 2), [
         [resist(m, np.exp(-m.t / _WARM_S)) for m in motions], [resist(m, m.t / _RUN_S) for m in motions],
     ]
-    if any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
+    if any(len(track.fix_t) for track in prediction.tracks) or not body.robot.in_room:  # else nobody knows the place
         cells = _cells(motions)
         yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells)), [
             [resist(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells

@@ -138,10 +138,16 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
     first = np.flatnonzero(np.diff(instants, prepend=-1))
-    together = {"motion": max(_BLOCK_TICKS // view.prediction.row_ticks, 1), "room": _BLOCK_FIXES}
-    blocks = np.flatnonzero(np.diff(whitening.instants(residuals, together)[first], prepend=-1))
+    blocks = np.flatnonzero(np.diff(blocks_of(view.prediction, whitening, residuals)[first], prepend=-1))
     screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
     return Survey(point, view, residuals, w, likelihood, changes, screen, products, noise, by_instant)
+
+
+def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals) -> np.ndarray:
+    """(n,) number of the second, of a stream of a run, that each whitened number is of: noise may be correlated in it.
+    """
+    together = {"motion": max(_BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
+    return whitening.instants(residuals, together)
 
 
 def _unexplained(marginal, screen, w, products):
