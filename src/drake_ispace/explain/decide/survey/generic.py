@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
@@ -20,6 +21,7 @@ from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
+_DEGREES = 5  # of the polynomial of the way that a user's own plant went
 _LEAST_TICKS = 200  # spent in a cell over all runs, below which it is left out
 _RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
 _WARM_S = 5.0  # time constant of what wears off
@@ -90,8 +92,7 @@ class Motion:
     """The motion of a run, at every tick of it and of the lead after it.
 
     Attributes:
-        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W; of a user's own plant how far it
-            turned. t: (rows,) [s].
+        body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
         angles: (rows, n) of the wheels. command: (rows, m).
     """
 
@@ -105,16 +106,13 @@ class Motion:
 def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speeds) -> Motion:
     """The motion of a run: velocity from its encoders, pose from its fixes (zeros where it has fewer than two).
 
-    A user's own plant is where its encoders say.
-
     speeds: of the wheels from their angles.
     """
     body = prediction.replay.body
     angles = track.turned[:, : body.wheels]
-    forward = body.plant.geometry.forward
-    velocity = speeds(angles) @ forward.T
+    velocity = speeds(angles) @ body.plant.geometry.forward.T
     ticks_s = np.arange(len(angles)) * TICK_S
-    place = np.zeros((len(angles), 3)) if body.robot.in_room else angles @ forward.T
+    place = np.zeros((len(angles), 3))
     if len(track.fix_t) > 1:
         fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
@@ -154,7 +152,14 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
     yield Generic("resistance_that_wears_off", "force", "time and direction", 2), [
         [resist(m, np.exp(-m.t / _WARM_S)) for m in motions], [resist(m, m.t / _RUN_S) for m in motions],
     ]
-    if any(len(track.fix_t) for track in prediction.tracks) or not body.robot.in_room:  # else nobody knows the place
+    if not body.robot.in_room:
+        ways = [m.angles.mean(axis=1) for m in motions]
+        low, high = min(way.min() for way in ways), max(way.max() for way in ways)
+        along = [legvander((2.0 * way - low - high) / max(high - low, 1e-9), _DEGREES) for way in ways]
+        yield Generic("resistance_along_the_way", "force", "place and direction", _DEGREES), [
+            [resist(m, x[:, degree]) for m, x in zip(motions, along, strict=True)] for degree in range(1, _DEGREES + 1)
+        ]
+    elif any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
         cells = _cells(motions)
         yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells)), [
             [resist(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
