@@ -45,7 +45,7 @@ def _spreads(group, blocks, slopes, marginalised, w):
     for number in range(int(group.max()) + 1):
         own = group == number
         slope, change, rest = slopes[:, own], marginalised[:, own], w[own]
-        inverse = np.linalg.pinv(slope @ change.T, rcond=1e-9, hermitian=True)
+        inverse = np.linalg.pinv(slope @ change.T, rcond=1e-9)
         moves.append(-inverse @ (change @ rest))
         left = change * (rest + moves[-1] @ slope)
         sums = inverse @ np.add.reduceat(left, np.flatnonzero(np.diff(blocks[own], prepend=-1)), axis=1)
