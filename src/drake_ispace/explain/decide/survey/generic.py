@@ -21,7 +21,7 @@ from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
-_DEGREES = 5  # of the polynomial of the way that a user's own plant went
+_DEGREES = 5  # of the polynomial of the way that a user's own plant went, which makes it local
 _LEAST_TICKS = 200  # spent in a cell over all runs, below which it is left out
 _RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
 _WARM_S = 5.0  # time constant of what wears off
@@ -50,7 +50,7 @@ class Generic:
 
     @property
     def is_local(self) -> bool:
-        """Whether it has an amplitude for every part of the room, with which it can explain slow noise as well."""
+        """Whether it has an amplitude for every part of the room or way, with which it can explain slow noise, too."""
         return self.columns > 4
 
     @property
