@@ -31,23 +31,37 @@ def model(inertia, viscous=0.0, coulomb=0.0):
     )), name="drive")
 
 
-def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every=5):
-    """A drive that is told to go to and fro; push: unknown torque as a share of the command; every: ms of its log."""
-    generator, n = np.random.default_rng(seed), round(seconds / STEP_S)
-    t = STEP_S * np.arange(n)
-    phases = generator.uniform(0.0, 6.0, 3)
-    wish = sum(np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip((0.2, 0.5, 0.9), phases, strict=True))
-    told = inertia * np.repeat(wish[::every], every)[:n]
+def wished(generator, seconds):
+    """Times [s], phases [rad] of three sines, and their sum."""
+    t, phases = STEP_S * np.arange(round(seconds / STEP_S)), generator.uniform(0.0, 6.0, 3)
+    sines = (np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip((0.2, 0.5, 0.9), phases, strict=True))
+    return t, phases, sum(sines)
+
+
+def unknown(generator, n):
+    """(n,) what pushes a drive, of unit variance, for 0.05 s or so."""
     keep = np.exp(-STEP_S / 0.05)
-    unknown = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], generator.standard_normal(n))
-    torque = (1.0 - sag_per_s * t) * told + push * told.std() * unknown
-    speed = lfilter([STEP_S / inertia], [1.0, viscous * STEP_S / inertia - 1.0], np.concatenate([[0.0], torque[:-1]]))
-    angles = 1e-4 * np.floor(np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP_S)]) / 1e-4 + generator.uniform())
+    return lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], generator.standard_normal(n))
+
+
+def logged(generator, t, told, angles, count, every):
+    """The recording of every so many ms, angles in counts [rad]."""
     at, period = slice(None, None, every), every * STEP_S
+    counted = count * np.floor(angles / count + generator.uniform())
     return Recording("drive", channels={
         "torque": Channel(t[at], ("tau_1",), told[at, None], {}, period),
-        "encoder": Channel(t[at], ("theta_1",), angles[at, None], {}, period),
+        "encoder": Channel(t[at], ("theta_1",), counted[at, None], {}, period),
     })
+
+
+def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every=5):
+    """A drive that is told to go to and fro; push: unknown torque as a share of the command; every: ms of its log."""
+    generator = np.random.default_rng(seed)
+    t, _, wish = wished(generator, seconds)
+    told = inertia * np.repeat(wish[::every], every)[: len(t)]
+    torque = (1.0 - sag_per_s * t) * told + push * told.std() * unknown(generator, len(t))
+    speed = lfilter([STEP_S / inertia], [1.0, viscous * STEP_S / inertia - 1.0], np.concatenate([[0.0], torque[:-1]]))
+    return logged(generator, t, told, np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP_S)]), 1e-4, every)
 
 
 def told_apart(*names):
@@ -96,23 +110,16 @@ def test_no_effect_may_take_away_more_friction_than_the_plant_has(friction):
 
 def rubbed(seed, growing=0.0, inertia=0.02, viscous=0.006, coulomb=0.06, seconds=12.0):
     """A run of a drive with friction; growing: share by which dry friction grows in a radian."""
-    generator, n = np.random.default_rng(seed), round(seconds / STEP_S)
-    t = STEP_S * np.arange(n)
-    phases = generator.uniform(0.0, 6.0, 3)
-    wish = sum(np.sin(2.0 * np.pi * f * t + phase) for f, phase in zip((0.2, 0.5, 0.9), phases, strict=True))
+    generator = np.random.default_rng(seed)
+    t, phases, wish = wished(generator, seconds)
     told = np.repeat((10.0 * inertia * wish + coulomb * np.sign(np.sin(0.4 * np.pi * t + phases[0])))[::5], 5)
-    keep = np.exp(-STEP_S / 0.05)
-    unknown = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], generator.standard_normal(n))
-    angles, speed = np.zeros(n), 0.0
-    for i, torque in enumerate(told[:-1] + 0.005 * told.std() * unknown[:-1]):
+    torques = told + 0.005 * told.std() * unknown(generator, len(t))
+    angles, speed = np.zeros(len(t)), 0.0
+    for i, torque in enumerate(torques[:-1]):
         dry = coulomb * max(1.0 + growing * angles[i], 0.0) * np.tanh(speed / 0.005)
         speed += STEP_S * (torque - viscous * speed - dry) / inertia
         angles[i + 1] = angles[i] + STEP_S * speed
-    counted = 1e-3 * np.floor(angles / 1e-3 + generator.uniform())
-    return Recording("drive", channels={
-        "torque": Channel(t[::5], ("tau_1",), told[::5, None], {}, 5.0 * STEP_S),
-        "encoder": Channel(t[::5], ("theta_1",), counted[::5, None], {}, 5.0 * STEP_S),
-    })
+    return logged(generator, t, told, angles, 1e-3, 5)
 
 
 def test_two_frictions_that_stay_as_they_are_drift_nowhere():

@@ -100,7 +100,7 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
     lively = (np.diff(windows, axis=1) != 0).sum(axis=1) >= _FEW
     first: dict[bytes, int] = {}
-    end = 0
+    far, end = 2.0 * np.quantile(steps, 0.99), 0
     for i in np.flatnonzero(lively).tolist():
         if i < end:  # within a repetition that was looked at
             continue
@@ -109,12 +109,12 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             end = i + _BLOCK
             while end < len(codes) and codes[end] == codes[end - i + j]:
                 end += 1
-            if name != "imu" and end == len(codes):
-                return
-            ends = steps[[i - 1, end - 1]]
-            usual = 2.0 * np.quantile(steps, 0.99) if name == "encoder" else steps[i : end - 1].max(axis=0)
-            if name != "imu" and np.all(ends <= usual):
-                continue
+            if name != "imu":
+                if end == len(codes):
+                    return
+                ends, within = steps[[i - 1, end - 1]], steps[i : end - 1].max(axis=0)
+                if np.all(ends <= (far if name == "encoder" else within)):
+                    continue
             yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
                           float(channel.t[i]), float(channel.t[end - 1]),
                           repairs=(Dropped(name, float(channel.t[i]), float(channel.t[end - 1])),))

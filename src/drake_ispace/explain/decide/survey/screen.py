@@ -57,8 +57,11 @@ class Screen:
 
     def clearest(self, products: np.ndarray) -> list[int]:
         """Numbers of the signatures of the candidate whose test is the clearest; products: (k,)."""
-        indices = self._of[self.candidates[int(np.argmax(self.minus_log10_p(products)))]] if self.candidates else []
-        return [i for i in indices if self.length[i] >= _LEAST]
+        return self._shown(self.candidates[int(np.argmax(self.minus_log10_p(products)))]) if self.candidates else []
+
+    def _shown(self, candidate):
+        """Numbers of those signatures of a candidate that the runs show."""
+        return [i for i in self._of[candidate] if self.length[i] >= _LEAST]
 
     def overdispersion_of(self, candidate: Candidate) -> float:
         """The largest overdispersion over the signatures of a candidate; 1 if it has none."""
@@ -112,9 +115,8 @@ class Screen:
         Each is taken by its first signature that they show.
         """
         first_of = {}
-        for i in self._of[candidate]:
-            if self.length[i] >= _LEAST:
-                first_of.setdefault(self.signatures[i].at, i)
+        for i in self._shown(candidate):
+            first_of.setdefault(self.signatures[i].at, i)
         firsts = list(first_of.values())
         if len(firsts) > 1:
             g = products[firsts]
@@ -123,7 +125,7 @@ class Screen:
 
     def joint_drop(self, candidate: Candidate, products: np.ndarray) -> float:
         """Drop in deviance, all signatures of a candidate fitted together; products: (k,)."""
-        indices = [i for i in self._of[candidate] if self.length[i] >= _LEAST]
+        indices = self._shown(candidate)
         return float(products[indices] @ self.amounts(indices, products))
 
     def use_of(self, effect, products: np.ndarray) -> tuple[np.ndarray, list[Residuals]]:
@@ -146,7 +148,7 @@ class Screen:
         Nuisances are marginalised. All of the other's: slip along x and y together looks like a smaller room, and
         neither alone does.
         """
-        a, b = ([i for i in self._of[c] if self.length[i] >= _LEAST] for c in (one, other))
+        a, b = self._shown(one), self._shown(other)
         return max(self._share(a, b), self._share(b, a)) ** 0.5
 
     def _share(self, some, others):
