@@ -1,8 +1,10 @@
 """Jobs side by side give what one after the other gives."""
 
 import threading
+import weakref
 from concurrent.futures import Future
 
+import numpy as np
 import pytest
 
 import drake_ispace as di
@@ -45,6 +47,22 @@ def test_whoever_is_free_computes_jobs_of_a_job():
     with side_by_side():
         alone, both = each(lambda alone: alone or each(lambda _: meeting.wait(), range(2)), [True, False])
     assert alone and sorted(both) == [0, 1]
+
+
+def test_what_a_job_of_a_job_used_is_let_go_at_once():
+    done = threading.Barrier(CORES, timeout=10.0)  # until then no thread looks at what waits in the pool
+
+    def outer(_):
+        data = np.ones(3)
+        gone = weakref.ref(data)
+        each(np.sum, [data] * 8)
+        del data
+        is_gone = gone() is None
+        done.wait()
+        return is_gone
+
+    with side_by_side():
+        assert all(each(outer, range(CORES)))
 
 
 def test_an_error_of_a_job_is_the_callers():

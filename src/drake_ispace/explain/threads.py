@@ -34,14 +34,17 @@ def each(function: Callable, *iterables: Iterable) -> list:
     pool, jobs = _pool.get(), list(zip(*iterables, strict=True))
     if pool is None or len(jobs) < 2:
         return [function(*job) for job in jobs]
-    futures, own = [pool.submit(_in_thread, pool, function, job) for job in jobs], []
+    calls, own = [[function, job] for job in jobs], []
+    futures = [pool.submit(_in_thread, pool, call) for call in calls]
     while _in_job.get() and len(own) < len(jobs) and futures[-1 - len(own)].cancel():  # threads begin with the first
+        calls[-1 - len(own)].clear()  # a cancelled job stays in the pool's queue, and would keep its data there
         own.append(function(*jobs[-1 - len(own)]))
     return [future.result() for future in futures[: len(jobs) - len(own)]] + own[::-1]
 
 
-def _in_thread(pool, function, job):
-    """What the function gives for the job, in a thread of the pool."""
+def _in_thread(pool, call):
+    """What the function of the call gives for its job, in a thread of the pool."""
     _pool.set(pool)
     _in_job.set(True)
+    function, job = call
     return function(*job)
