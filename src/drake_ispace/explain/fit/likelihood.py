@@ -8,7 +8,7 @@ which the removal would hide.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ _STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, 
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _HALVINGS = 6  # of a start at which the model runs away
 _DAMPINGS = 6  # tried in an iteration
+_ANY_SIZE = 1e4  # standard deviation of an offset that may have any size, in those of the whitened residuals
 
 
 def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
@@ -59,6 +60,12 @@ class Likelihood:
         self.remembered = [memory.amounts_in(self.offsets) for memory in self.memory]
         products = self.offsets.gram() - sum(alike(amounts, amounts) for amounts in self.remembered)
         self.inner = np.linalg.inv(products + np.eye(len(self.offsets)))
+
+    def freed(self, changes: np.ndarray) -> "Likelihood":
+        """The Likelihood with further offsets, of any size: whitened changes (k, rows) of the residuals."""
+        lengths = np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-300)
+        everywhere = np.vstack([self.offsets.everywhere, _ANY_SIZE * changes / lengths])
+        return replace(self, offsets=replace(self.offsets, everywhere=everywhere))
 
     def raw(self, point: Point) -> Residuals:
         """The residuals at `point`, not whitened."""

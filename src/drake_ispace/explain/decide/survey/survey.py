@@ -26,9 +26,10 @@ class Survey:
 
     Attributes:
         point: effects in the model. view: changes of the residuals. residuals: of the model; w: (rows,) the residuals
-            whitened. likelihood: of the runs, with the noise at this point. changes: of the residuals by the
-            signatures, None where they were let go. screen: tests of every candidate. products: (k,) of w with what is
-            left of each signature.
+            whitened. likelihood: of the runs, with the noise at this point. tested: the same where effects of `point`
+            may have any size; what other sizes could explain says nothing for another effect. changes: of the residuals
+            by the signatures. Both are None where they were let go. screen: tests of every candidate. products: (k,) of
+            w with what is left of each signature.
         noise: (rows,) what no candidate explains of w. by_instant: (k, instants) products with the noise.
     """
 
@@ -37,6 +38,7 @@ class Survey:
     residuals: Residuals
     w: np.ndarray
     likelihood: Likelihood
+    tested: Likelihood | None
     changes: Changes | None
     screen: Screen
     products: np.ndarray
@@ -66,15 +68,15 @@ class Survey:
 
     def moved(self, best: Fit) -> "Survey":
         """The Survey at a fit nearby, under the same noise and with the same signatures."""
-        products = self.changes.dot(self.likelihood.marginalised(best.w))
+        products = self.changes.dot(self.tested.marginalised(best.w))
         return replace(self, point=best.point, w=best.w, products=products)
 
     def light(self) -> "Survey":
         """The Survey without the changes of the residuals: nothing can be surveyed or moved from it any more."""
         screen = self.screen.light()
-        view = replace(self.view, signatures=screen.signatures, changes=[], offsets=[], tolerated=[])
+        view = replace(self.view, signatures=screen.signatures, changes=[], by_sizes=[], offsets=[], tolerated=[])
         nothing = np.empty((len(screen.signatures), 0))
-        return replace(self, view=view, changes=None, screen=screen, by_instant=nothing)
+        return replace(self, view=view, tested=None, changes=None, screen=screen, by_instant=nothing)
 
     def gain_of(self, point: Point) -> float:
         """Drop in deviance by the effects of `point` against a model without any, under the noise of this survey."""
@@ -132,15 +134,17 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
-    marginal = Marginal(changes, likelihood.offsets, likelihood.memory, likelihood.remembered, likelihood.inner)
-    screen, products = Screen(view.signatures, marginal.inner), changes.dot(likelihood.marginalised(w))
+    by_sizes = [whitening(change) for change in view.by_sizes]
+    tested = likelihood.freed(np.stack(by_sizes)) if by_sizes else likelihood
+    marginal = Marginal(changes, tested.offsets, tested.memory, tested.remembered, tested.inner)
+    screen, products = Screen(view.signatures, marginal.inner), changes.dot(tested.marginalised(w))
     noise = _unexplained(marginal, screen, w, products)
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
     first = np.flatnonzero(np.diff(instants, prepend=-1))
     blocks = np.flatnonzero(np.diff(blocks_of(view.prediction, whitening, residuals)[first], prepend=-1))
     screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
-    return Survey(point, view, residuals, w, likelihood, changes, screen, products, noise, by_instant)
+    return Survey(point, view, residuals, w, likelihood, tested, changes, screen, products, noise, by_instant)
 
 
 def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals) -> np.ndarray:

@@ -31,6 +31,7 @@ class View:
     prediction: Prediction
     signatures: list[Signature]
     changes: list[Residuals]
+    by_sizes: list[Residuals]
     offsets: list[tuple[int, dict[str, np.ndarray]]]
     tolerated: list[Residuals]
     sizes: Mapping[Candidate, Sequence[float]]
@@ -106,9 +107,9 @@ def view_from(
         [difference(other, base) for other in assumed(merged(point))]
         for assumed in (prediction.under_other_noise, prediction.under_other_timing)
     )
-    changes = steady + _changes_by_sizes(prediction, point, sizes, base) + timing
-    offsets = prediction.nuisances(merged(point))
-    return View(prediction, tested, changes, offsets, _tolerated(tested, scales) + noise + timing, sizes)
+    by_sizes, offsets = _changes_by_sizes(prediction, point, sizes, base), prediction.nuisances(merged(point))
+    tolerated = _tolerated(tested, scales) + noise + timing
+    return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, sizes)
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
