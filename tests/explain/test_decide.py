@@ -67,6 +67,20 @@ def test_two_effects_are_both_named():
     assert gains(decision)["tilt"] > gains(decision)["lag"] > 50.0
 
 
+def test_a_further_effect_is_named_although_the_first_one_looks_alike():
+    shapes = SHAPES | {"scale": 0.95 * SHAPES["tilt"] + 0.3 * pattern(7)}
+    decision = decided(noise() + 0.8 * shapes["tilt"] + 0.8 * shapes["scale"], shapes)
+    assert sizes(decision) == {"tilt": pytest.approx(0.8, abs=0.4), "scale": pytest.approx(0.8, abs=0.4)}
+
+
+def test_what_is_left_over_can_be_named_too():
+    decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.14 * SHAPES["lag"])
+    assert set(sizes(decision)) == {"tilt"} and decision.left_over.candidate.name == "lag"
+    further = decision.further()
+    assert sizes(further) == {"tilt": pytest.approx(0.8, abs=0.1), "lag": pytest.approx(0.14, abs=0.1)}
+    assert 0.0 < gains(further)["lag"] < LEAST_FURTHER and further.left_over is None
+
+
 def test_a_further_effect_that_the_runs_contradict_is_not_named():
     measured = noise() + 0.8 * SHAPES["tilt"]
     assert set(sizes(decided(measured + 0.25 * SHAPES["lag"]))) == {"tilt", "lag"}

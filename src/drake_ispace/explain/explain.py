@@ -97,6 +97,11 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         answer = _answered(case, decision, seed, tell)
+        if answer.verdict == "incomplete" and case.is_filtered and decision.further is not None:
+            further = decision.further()
+            with_further = _answered(case, further, seed, tell)
+            if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice
+                decision, answer = further, with_further
         doubted = answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise

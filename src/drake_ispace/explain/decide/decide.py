@@ -10,6 +10,7 @@ single effect, effects are tried together all the same: a model may lack several
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +19,7 @@ from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.detect import Detection, detect, trials
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
-from drake_ispace.explain.decide.prune import pruned
+from drake_ispace.explain.decide.prune import pruned, without_each
 from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.survey import (
@@ -104,7 +105,21 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
         return decision
     decision = with_rivals(decision)
     decision.left_over = left_over(decision, seed, *(known if decision.end is end and known and known[0] else ()))
+    if decision.left_over is not None and decision.left_over.point:
+        decision.further = partial(_further, survey_at, decision, seed)
     return decision
+
+
+def _further(survey_at, decision, seed) -> Decision:
+    """The Decision that names what is left over, too, although it explains less than a further effect must."""
+    point = decision.left_over.point
+    end = survey_at(point)
+    further = replace(decision.with_named(end, fit(end.likelihood, point)), rivals={}, further=None)
+    rests = without_each(end, further.named)
+    further.gains = {effect: rest.deviance - further.named.deviance for effect, rest in rests.items()}
+    further = with_rivals(further)
+    further.left_over = left_over(further, seed)
+    return further
 
 
 def _detection(

@@ -1,12 +1,13 @@
 """The result of deciding: which effects are named, and what these runs cannot tell from them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit
+from drake_ispace.explain.fit.likelihood import Fit, Point
 
 MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
 LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
@@ -31,13 +32,15 @@ class LeftOver:
     Attributes:
         candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.
         p_value: probability that noise shows as much. is_more: whether it is a generic disagreement that small flaws in
-            the form of the named effects cannot stand for: something is missing.
+            the form of the named effects cannot stand for: something is missing. point: an effect beside the named
+            ones, fitted; empty for a generic disagreement.
     """
 
     candidate: Candidate
     gain: float
     p_value: float
     is_more: bool
+    point: Point
 
 
 @dataclass
@@ -51,7 +54,8 @@ class Decision:
         unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
-            back on should the named effects not suffice on unseen runs.
+            back on should the named effects not suffice on unseen runs. further: gives the Decision that names what is
+            left over, too; None where that is no effect.
     """
 
     detection: Detection
@@ -65,6 +69,7 @@ class Decision:
     left_over: LeftOver | None = None
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
+    further: "Callable[[], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""

@@ -35,7 +35,8 @@ def left_over(
         return None
     generic = clearest.candidate.effect
     is_more = isinstance(generic, Generic) and _is_found(with_flaws(end), generic, seed)
-    return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more)
+    point = {} if isinstance(generic, Generic) else clearest.fit.point
+    return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more, point)
 
 
 def _is_found(survey, generic, seed) -> bool:

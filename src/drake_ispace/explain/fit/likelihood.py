@@ -101,8 +101,12 @@ class Likelihood:
         return remembered, self.offsets.dot(vectors) - explained
 
     def deviance(self, w: np.ndarray) -> float:
-        """Sum of squares of whitened residuals (rows,) with the best offsets, their priors included."""
-        return float(self.products(w[None])[0, 0])
+        """Sum of squares of whitened residuals (rows,) with the best offsets, their priors included.
+
+        Infinite or no number where the model runs away.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(self.products(w[None])[0, 0])
 
     def parts(self, w: np.ndarray) -> np.ndarray:
         """(rows,) what each of the whitened residuals (rows,) adds to the deviance."""

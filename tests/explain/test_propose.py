@@ -1,0 +1,47 @@
+"""Where the fit of a shift in time begins: the deviance may dip between any two ticks."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.card import Parameter
+from drake_ispace.explain.decide.propose import fits_beside
+from drake_ispace.explain.fit.candidates import Candidate
+
+DELAY = Candidate(
+    SimpleNamespace(name="delay", is_local=False), (), (Parameter("delay_s", "s", low=0.0, high=0.06, shifts=True),)
+)
+
+
+def started(deviance) -> float:
+    """Where the fit begins; deviance: of a delay in ticks."""
+    likelihood = SimpleNamespace(
+        whitened=lambda point: np.array([point[DELAY][0] / TICK_S]), deviance=lambda w: float(deviance(w[0])),
+    )
+    (fitted,) = fits_beside({}, [DELAY], SimpleNamespace(point={}, likelihood=likelihood), likelihood, iterations=0)
+    return fitted.point[DELAY][0] / TICK_S
+
+
+def between_ticks(values, bends):
+    """A deviance with these values at ticks 0, 1, ..., each stretch between two a parabola that bends so much."""
+    def deviance(ticks):
+        k = min(int(ticks), len(bends) - 1)
+        share = ticks - k
+        return (1.0 - share) * values[k] + share * values[k + 1] - bends[k] * share * (1.0 - share)
+
+    return deviance
+
+
+def test_a_narrow_dip_behind_a_shallow_one_is_found():
+    deviance = between_ticks([0.0, 10.0, *range(500, 1600, 100)], [60.0, 4000.0, *[10.0] * 10])
+    assert started(deviance) == pytest.approx(1.0 + 0.5 - 0.5 * (500.0 - 10.0) / 4000.0)
+
+
+def test_a_deviance_that_only_grows_leaves_the_delay_at_zero():
+    assert started(lambda ticks: ticks) == 0.0
+
+
+def test_delays_at_which_the_model_runs_away_are_left_out():
+    assert started(lambda ticks: (ticks - 0.7) ** 2 if ticks <= 1.0 else np.inf) == pytest.approx(0.7)
