@@ -4,15 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear import Made
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.propose import fits_beside
 from drake_ispace.explain.fit.candidates import Candidate
 
-DELAY = Candidate(
-    SimpleNamespace(name="delay", is_local=False), (), (Parameter("delay_s", "s", low=0.0, high=0.06, shifts=True),)
-)
+DELAY = Candidate(Made("delay", 0.0), (), (Parameter("delay_s", "s", low=0.0, high=0.06, shifts=True),))
 
 
 def started(deviance) -> float:

@@ -114,7 +114,7 @@ def _shifted(survey, candidate) -> list[float]:
     halves = np.arange(low, high + 0.25 * TICK_S, 0.5 * TICK_S)
     found = np.array(each(deviance, halves))
     before, within, after = found[:-2:2], found[1:-1:2], found[2::2]
-    with np.errstate(invalid="ignore"):  # infinite where the model runs away
+    with np.errstate(invalid="ignore", divide="ignore"):  # infinite where the model runs away
         slope, bend = after - before, before + after - 2.0 * within
         at = np.nan_to_num(np.clip(np.where(bend > 0.0, -0.5 * slope / bend, np.sign(-slope)), -1.0, 1.0))
         lowest = np.nan_to_num(within + 0.5 * slope * at + 0.5 * bend * at**2, nan=np.inf)
