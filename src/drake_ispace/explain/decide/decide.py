@@ -154,7 +154,7 @@ def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal)
         and proposal.minus_log10_p > _NEAR_MINUS_LOG10_P * leader.minus_log10_p and proposal is not leader
     ]
     followed = [leader, *near[:_MOST_NEAR]]
-    settled = each(lambda proposal: fit_with_noise(current.view, proposal.fit.point), followed)
+    settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]
     if len(followed) == 1:
         return settled[0][1]
     pairs = [(likelihood, own.point) for _, own in settled for likelihood, _ in settled]
