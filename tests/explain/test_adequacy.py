@@ -10,7 +10,7 @@ from drake_ispace.explain.prove.adequacy import predicted_share
 from drake_ispace.explain.prove.free_run import simulate, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
 from drake_ispace.explain.prove.prove import prove
-from drake_ispace.explain.prove.repeats import repeated_share
+from drake_ispace.explain.prove.repeats import are_one_motion, repeated_share
 from drake_ispace.scenario import load_scenario
 from hidden.generator import generate
 
@@ -92,6 +92,13 @@ def test_runs_of_other_motions_say_nothing_of_each_other():
 def test_the_opposite_does_not_count_as_again():
     (speed, errors), *_ = same_motion(1.0)
     assert repeated_share([(speed, errors), (speed, -errors)])[0] < 0.0
+
+
+def test_runs_that_begin_a_little_later_repeat_one_motion():
+    t = np.arange(0.0, 20.0, 0.005)
+    speeds = [np.column_stack([np.sin(t - late), np.cos(t - late)]) for late in (0.0, 0.1, 0.25)]
+    assert are_one_motion(speeds) and not are_one_motion(speeds[:1])
+    assert not are_one_motion([*speeds, -speeds[0]])
 
 
 def test_the_heading_of_a_robot_that_does_not_turn_goes_with_nothing():

@@ -22,7 +22,7 @@ from drake_ispace.explain.answer.explanation import (
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.decide.decision import Decision, LeftOver
-from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.generic import Generic, motion_of
 from drake_ispace.explain.decide.survey.view import FORM_SHARE
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
@@ -32,6 +32,7 @@ from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_intervals
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
+from drake_ispace.explain.prove.repeats import are_one_motion
 
 _VISIBLE = 3.0  # length of an effect's whitened signature at its largest probe, below which these runs cannot show it
 
@@ -59,6 +60,9 @@ def _described(case, decision: Decision) -> Explanation:
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
+    motions = [motion_of(case.prediction, track).body for track in case.prediction.tracks]
+    if effects and case.held_out is None and are_one_motion(motions):
+        warnings.append("all runs repeat one motion: what explains it may be wrong for another")
     return Explanation(
         verdict, effects,
         DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 _ALIKE = 0.05  # share of the squared speed by which the same motion may differ
+_SIMILAR = 0.1  # the same where it also begins a little sooner or later
 _BLOCKS, _FEWEST = 10, 4  # of a run, in which errors are independent of each other
 
 
@@ -34,7 +35,12 @@ def repeated_share(runs: Sequence[tuple[np.ndarray, np.ndarray]], most_blocks: i
     return float(share), float(products.mean() / max(products.std(ddof=1) / np.sqrt(blocks), 1e-300))
 
 
-def _same(one, other):
+def are_one_motion(speeds: Sequence[np.ndarray]) -> bool:
+    """Whether several runs repeat one motion; speeds: (k, c) of each, at the same times."""
+    return len(speeds) > 1 and all(_same(speeds[0], other, _SIMILAR) for other in speeds[1:])
+
+
+def _same(one, other, share=_ALIKE):
     n = min(len(one), len(other))
     apart, size = np.sum((one[:n] - other[:n]) ** 2), 0.5 * (np.sum(one[:n] ** 2) + np.sum(other[:n] ** 2))
-    return n > 0 and apart < _ALIKE * size
+    return n > 0 and apart < share * size
