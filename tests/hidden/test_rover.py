@@ -1,8 +1,11 @@
 """A two-wheeled robot under commanded velocity, whose truth is plain numpy."""
 
+from dataclasses import replace
+
 import pytest
 
 import drake_ispace as di
+from hidden import two_wheels
 from hidden.rover_campaign import Case, answer, judged
 
 
@@ -21,6 +24,16 @@ def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     case, found = told({"camera_share": 0.015}, ["constant_slip", "camera_scale", "track_error"])
     assert judged(case, found) == "exact" and found.verdict == "named" and not found.effects[0].equivalents
     assert found.effects[0].parameters["share"].estimate == pytest.approx(0.015, abs=0.002)
+
+
+def test_a_trace_is_named_without_which_the_answer_does_not_suffice():
+    """A wheel that is 0.6 % larger hardly shows from fix to fix, and turns the robot aside over 10 s."""
+    runs = [two_wheels.drive(10 + i, 10.0, left_share=0.006, late_s=0.08, lag_s=0.0) for i in range(2)]
+    runs = [replace(run, channels={c: run.channels[c] for c in ("encoder", "kinect")}) for run in runs]
+    found = di.explain(two_wheels.model(), runs)
+    late, wheel = found.effects
+    assert found.verdict == "set" and late.parameters.popitem()[1].estimate == pytest.approx(0.08, abs=0.002)
+    assert "single_wheel_radius_error" in {wheel.name, *wheel.equivalents} and not found.remainders
 
 
 def test_a_floor_that_moves_has_no_name():

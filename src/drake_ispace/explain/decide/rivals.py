@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
-from drake_ispace.explain.decide.propose import LEAST_MINUS_LOG10_P, clearest_effects, fits_beside, penalty
+from drake_ispace.explain.decide.propose import clearest_effects, fits_beside, penalty
 from drake_ispace.explain.fit.likelihood import Fit
 
 _RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
@@ -41,9 +41,9 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
     others = [
-        other for other, minus_log10_p in clearest_effects(start)
-        if other.name not in taken and minus_log10_p >= LEAST_MINUS_LOG10_P
-        and screen.knows(effect) and (_changes_shape(effect, other) or screen.alike(effect, other) >= _LEAST_LIKENESS)
+        other for other, _ in clearest_effects(start)
+        if other.name not in taken and screen.knows(effect)
+        and (_changes_shape(effect, other) or screen.alike(effect, other) >= _LEAST_LIKENESS)
     ]
     likelihood, rivals = decision.end.likelihood, []
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
