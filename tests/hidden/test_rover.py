@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.predict.case import prepare
 from hidden import two_wheels
 from hidden.rover_campaign import Case, answer, judged
 
@@ -24,6 +26,17 @@ def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     case, found = told({"camera_share": 0.015}, ["constant_slip", "camera_scale", "track_error"])
     assert judged(case, found) == "exact" and found.verdict == "named" and not found.effects[0].equivalents
     assert found.effects[0].parameters["share"].estimate == pytest.approx(0.015, abs=0.002)
+
+
+def test_wheels_without_a_command_cannot_tell_a_larger_wheel_from_an_encoder_that_shows_less():
+    run = two_wheels.drive(3, 6.0, left_share=0.0, late_s=0.0, lag_s=0.0)
+    run = replace(run, channels={c: run.channels[c] for c in ("encoder", "kinect")})
+    prediction = prepare(two_wheels.model(), run).prediction
+    ((larger, shows_less),) = zip(
+        prediction.residuals({"single_wheel_radius_error": {"wheel": 2, "share": 1.0 / 0.98 - 1.0}}),
+        prediction.residuals({"encoder_lost_counts": {"wheel": 2, "share": 0.02}}), strict=True,
+    )
+    np.testing.assert_allclose(larger["room"], shows_less["room"], rtol=0.0, atol=1e-9)
 
 
 def test_a_trace_is_named_without_which_the_answer_does_not_suffice():

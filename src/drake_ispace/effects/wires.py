@@ -38,11 +38,16 @@ class GroundEffect(BlockEffect):
 
 
 class WheelAngleEffect(BlockEffect):
-    """Between wheel and encoder: an angle per wheel [rad]."""
+    """Between wheel and encoder: an angle per wheel [rad].
+
+    Attributes:
+        scales: whether it does nothing but multiply every angle, by the block's parameter `gain` (wheels,).
+    """
 
     wire = "wheel_angle"
     general = True
     kinematic = True
+    scales = False
 
 
 class BodyMotionEffect(BlockEffect):

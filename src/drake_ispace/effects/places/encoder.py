@@ -33,6 +33,7 @@ class EncoderScale(WheelAngleEffect):
     )
     parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
     output = scaled
+    scales = True
 
     def block_parameters(self, body, values):
         return {"gain": np.full(body.wheels, 1.0 + values["share"])}
@@ -54,6 +55,7 @@ class EncoderLostCounts(WheelAngleEffect):
     )
     parameters = (Parameter("share", "1", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=5e-4),)
     output = scaled
+    scales = True
 
     def block_parameters(self, body, values):
         return {"gain": one_wheel(body, values, 1.0 - values["share"])}

@@ -18,6 +18,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
+from drake_ispace.effects.wires import WheelAngleEffect
 from drake_ispace.explain.predict.filters import OTHERS, filters_of
 from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
@@ -131,11 +132,11 @@ class Replay:
             numbers = numbers.copy()
             numbers[which] = values
             straight = dataclasses.replace(run, measured=run.turned)
-            looks = self._logs(straight, start, numbers, command=self._turned(straight))
+            looks = self._logs(straight, start, numbers, command=self._turned(straight, numbers))
         return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
 
     def _logs(self, run, start, numbers, **other_inputs):
-        inputs = self.inputs(run) | {"measured": run.shown} | other_inputs
+        inputs = self.inputs(run, numbers) | {"measured": run.shown} | other_inputs
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=inputs)
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
@@ -154,9 +155,9 @@ class Replay:
         state[first : first + self.body.wheels] = start[3:]
         return state
 
-    def inputs(self, run: Track) -> dict[str, np.ndarray]:
-        """The rollout's inputs: name -> (rows, size)."""
-        inputs = {"command": self._command(run), "measured": run.measured, "sighting": run.sightings}
+    def inputs(self, run: Track, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """The rollout's inputs: name -> (rows, size); numbers: its run-time numbers."""
+        inputs = {"command": self._command(run, numbers), "measured": run.measured, "sighting": run.sightings}
         if self.body.robot.driven == TORQUE:
             inputs["force"] = np.zeros((len(run.command), 3)) if run.force is None else run.force
         return inputs
@@ -179,15 +180,27 @@ class Replay:
         """By how much the camera's clock is taken to be behind [s]."""
         return float(numbers[self.rollout.index(f"{self.body.name}_view.offset_s")])
 
-    def _command(self, run):
+    def _command(self, run, numbers):
         """(rows, m) the recorded command; the measured wheels' velocity where it was not recorded."""
         if self.body.robot.driven == TORQUE or COMMAND in self.feeds:
             return run.command
-        return run.command + self._turned(run)
+        return run.command + self._turned(run, numbers)
 
-    def _turned(self, run):
-        """(rows, 3) velocity in B, as the measured wheels turn."""
-        turned = np.diff(run.measured, axis=0, append=run.measured[-1:])
+    @cached_property
+    def _scales(self):
+        """(k, wheels) which of the run-time numbers encoders multiply the angles of the wheels by."""
+        scaling = [
+            name for name, effect in self.effects.items()
+            if isinstance(effect, WheelAngleEffect) and effect.scales and effect.replayed
+        ]
+        wheels = range(self.body.wheels)
+        return np.array([
+            [self.rollout.index(f"{self.body.name}_{name}.gain[{wheel}]") for wheel in wheels] for name in scaling
+        ], dtype=int).reshape(-1, self.body.wheels)
+
+    def _turned(self, run, numbers):
+        """(rows, 3) velocity in B, as the wheels turn of which the encoders show the measured angles."""
+        turned = np.diff(run.measured, axis=0, append=run.measured[-1:]) / numbers[self._scales].prod(axis=0)
         return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     def _set(self, numbers, block, parameters):
