@@ -98,7 +98,7 @@ def explain(
 
         answer = _answered(case, decision, seed, tell)
         if answer.verdict == "incomplete" and case.is_filtered and decision.further is not None:
-            further = decision.further()
+            further = decision.further(decision)
             with_further = _answered(case, further, seed, tell)
             if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice
                 decision, answer = further, with_further

@@ -106,11 +106,11 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
     decision = with_rivals(decision)
     decision.left_over = left_over(decision, seed, *(known if decision.end is end and known and known[0] else ()))
     if decision.left_over is not None and decision.left_over.point:
-        decision.further = partial(_further, survey_at, decision, seed)
+        decision.further = partial(_further, survey_at, seed)
     return decision
 
 
-def _further(survey_at, decision, seed) -> Decision:
+def _further(survey_at, seed, decision) -> Decision:
     """The Decision that names what is left over, too, although it explains less than a further effect must."""
     point = decision.left_over.point
     end = survey_at(point)

@@ -54,8 +54,8 @@ class Decision:
         unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
-            back on should the named effects not suffice on unseen runs. further: gives the Decision that names what is
-            left over, too; None where that is no effect.
+            back on should the named effects not suffice on unseen runs. further: turns this Decision into one that
+            names what is left over, too; None where that is no effect.
     """
 
     detection: Detection
@@ -69,7 +69,7 @@ class Decision:
     left_over: LeftOver | None = None
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
-    further: "Callable[[], Decision] | None" = None
+    further: "Callable[[Decision], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
