@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit
+from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.threads import each
 
 SHORTLIST = 6  # effects that are fitted
@@ -81,45 +81,21 @@ def fits_beside(
 
     likelihood: of the fits. iterations: of each, at most.
     """
-    return each(lambda c: fit(likelihood, {**rest, c: _start_of(survey, c)}, iterations), candidates)
+    def start(candidate):
+        """Where the fit of the candidate should begin."""
+        if candidate.effect.is_local:
+            return {**rest, candidate: _placed(survey, candidate)}
+        if candidate.shifts:
+            return with_best_shift(likelihood, {**rest, candidate: list(candidate.neutral)}, candidate)
+        return {**rest, candidate: survey.screen.start(candidate, survey.products)}
 
-
-def _start_of(survey, candidate) -> list[float]:
-    """Coordinates at which a fit of the candidate should begin, beside the effects that the model has."""
-    if candidate.effect.is_local:
-        return _placed(survey, candidate)
-    if any(parameter.shifts for parameter in candidate.parameters):
-        return _shifted(survey, candidate)
-    return survey.screen.start(candidate, survey.products)
+    return each(lambda candidate: fit(likelihood, start(candidate), iterations), candidates)
 
 
 def _placed(survey, candidate) -> list[float]:
     """The best size and edges with edges as soft as usual; were they free, soft ones would hide that they are off."""
     point = {**survey.point, candidate: start_in_room(survey, candidate)}
     return fit(survey.likelihood, point, held=(candidate, len(candidate.parameters) - 1)).point[candidate]
-
-
-def _shifted(survey, candidate) -> list[float]:
-    """The best value of the candidate's one parameter, a shift in time.
-
-    From tick to tick the shifted signal, and with it the residual, goes in a straight line, so that between two ticks
-    the deviance is a parabola. There may be a dip in each of them.
-    """
-    likelihood, ((low, high),) = survey.likelihood, candidate.bounds
-
-    def deviance(z):
-        w = likelihood.whitened({**survey.point, candidate: [float(z)]})
-        return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
-
-    halves = np.arange(low, high + 0.25 * TICK_S, 0.5 * TICK_S)
-    found = np.array(each(deviance, halves))
-    before, within, after = found[:-2:2], found[1:-1:2], found[2::2]
-    with np.errstate(invalid="ignore", divide="ignore"):  # infinite where the model runs away
-        slope, bend = after - before, before + after - 2.0 * within
-        at = np.nan_to_num(np.clip(np.where(bend > 0.0, -0.5 * slope / bend, np.sign(-slope)), -1.0, 1.0))
-        lowest = np.nan_to_num(within + 0.5 * slope * at + 0.5 * bend * at**2, nan=np.inf)
-    best = int(np.argmin(lowest))
-    return [float(halves[2 * best + 1] + 0.5 * TICK_S * at[best])]
 
 
 def penalty(candidate: Candidate) -> float:

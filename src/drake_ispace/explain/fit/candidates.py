@@ -54,6 +54,11 @@ class Candidate:
         """Coordinates at which the effect changes nothing."""
         return [coordinate(p, p.neutral) for p in self.parameters]
 
+    @property
+    def shifts(self) -> bool:
+        """Whether its parameter moves steps in time."""
+        return any(parameter.shifts for parameter in self.parameters)
+
     def makes_sense(self, z) -> bool:
         """Whether a robot that drives about may have every parameter at the coordinates `z`."""
         return all(p.makes_sense(value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))

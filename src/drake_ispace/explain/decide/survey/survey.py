@@ -12,6 +12,7 @@ from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_o
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
+from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
@@ -178,7 +179,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     residuals = view.prediction.residuals(merged(point))
     for _ in range(_MOST_TURNS):
         likelihood = view.likelihood(point, residuals, near=True, start=regression)
-        best = fit(likelihood, point)
+        best = fit(likelihood, _with_best_shifts(likelihood, point))
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
         stds = np.maximum(np.sqrt(np.maximum(np.diag(covariance_of(likelihood, best)), 0.0)) * sizes, 1e-300)
         begun.append([point[c][i] for c, i in best.order])
@@ -195,6 +196,14 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
         if not is_finite(residuals):  # the model runs away where sizes were expected to stay
             point, residuals = best.point, view.prediction.residuals(merged(best.point))
     return steadiest
+
+
+def _with_best_shifts(likelihood, point) -> Point:
+    """The point with every shift in time where the deviance is least under this noise."""
+    for candidate in point:
+        if candidate.shifts:
+            point = with_best_shift(likelihood, point, candidate)
+    return point
 
 
 def expected_to_stay(begun: np.ndarray, ended: np.ndarray) -> np.ndarray:

@@ -8,19 +8,18 @@ from linear import Made
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
-from drake_ispace.explain.decide.propose import fits_beside
 from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.shift import with_best_shift
 
 DELAY = Candidate(Made("delay", 0.0), (), (Parameter("delay_s", "s", low=0.0, high=0.06, shifts=True),))
 
 
-def started(deviance) -> float:
-    """Where the fit begins; deviance: of a delay in ticks."""
+def best(deviance, start: float = 0.0) -> float:
+    """The best shift in ticks, from `start`; deviance: of a delay in ticks."""
     likelihood = SimpleNamespace(
         whitened=lambda point: np.array([point[DELAY][0] / TICK_S]), deviance=lambda w: float(deviance(w[0])),
     )
-    (fitted,) = fits_beside({}, [DELAY], SimpleNamespace(point={}, likelihood=likelihood), likelihood, iterations=0)
-    return fitted.point[DELAY][0] / TICK_S
+    return with_best_shift(likelihood, {DELAY: [start * TICK_S]}, DELAY)[DELAY][0] / TICK_S
 
 
 def between_ticks(values, bends):
@@ -35,12 +34,16 @@ def between_ticks(values, bends):
 
 def test_a_narrow_dip_behind_a_shallow_one_is_found():
     deviance = between_ticks([0.0, 10.0, *range(500, 1600, 100)], [60.0, 4000.0, *[10.0] * 10])
-    assert started(deviance) == pytest.approx(1.0 + 0.5 - 0.5 * (500.0 - 10.0) / 4000.0)
+    assert best(deviance) == pytest.approx(1.0 + 0.5 - 0.5 * (500.0 - 10.0) / 4000.0)
 
 
 def test_a_deviance_that_only_grows_leaves_the_delay_at_zero():
-    assert started(lambda ticks: ticks) == 0.0
+    assert best(lambda ticks: ticks) == 0.0
 
 
 def test_delays_at_which_the_model_runs_away_are_left_out():
-    assert started(lambda ticks: (ticks - 0.7) ** 2 if ticks <= 1.0 else np.inf) == pytest.approx(0.7)
+    assert best(lambda ticks: (ticks - 0.7) ** 2 if ticks <= 1.0 else np.inf) == pytest.approx(0.7)
+
+
+def test_a_delay_that_does_better_stays():
+    assert best(lambda ticks: abs(ticks - 2.2), start=2.2) == pytest.approx(2.2)
