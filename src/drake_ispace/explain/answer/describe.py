@@ -60,9 +60,9 @@ def _described(case, decision: Decision) -> Explanation:
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
-    motions = [motion_of(case.prediction, track).body for track in case.prediction.tracks]
-    if effects and case.held_out is None and are_one_motion(motions):
-        warnings.append("all runs repeat one motion: what explains it may be wrong for another")
+    if effects and case.held_out is None:
+        if are_one_motion([motion_of(case.prediction, track).body for track in case.prediction.tracks]):
+            warnings.append("all runs repeat one motion: what explains it may be wrong for another")
     return Explanation(
         verdict, effects,
         DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),

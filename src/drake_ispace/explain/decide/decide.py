@@ -19,7 +19,7 @@ from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.detect import Detection, detect, trials
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
-from drake_ispace.explain.decide.prune import pruned, without_each
+from drake_ispace.explain.decide.prune import pruned, refitted, without_each
 from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.survey import (
@@ -112,10 +112,8 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
 
 def _further(survey_at, seed, decision) -> Decision:
     """The Decision that names what is left over, too, although it explains less than a further effect must."""
-    point = decision.left_over.point
-    end = survey_at(point)
-    further = replace(decision.with_named(end, fit(end.likelihood, point)), rivals={}, further=None)
-    rests = without_each(end, further.named)
+    further = replace(refitted(survey_at, decision, decision.left_over.point), rivals={}, further=None)
+    rests = without_each(further.end, further.named)
     further.gains = {effect: rest.deviance - further.named.deviance for effect, rest in rests.items()}
     further = with_rivals(further)
     further.left_over = left_over(further, seed)

@@ -29,7 +29,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     """
     single = _one_for_all(decision) if len(decision.named.point) > 1 else None
     if single is not None:
-        decision = _with_named(survey_at, decision, single)
+        decision = refitted(survey_at, decision, single)
     while len(decision.named.point) > 1:
         rests = without_each(decision.end, decision.named)
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
@@ -41,7 +41,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
         if not needless:
             decision.gains = rises
             return decision
-        decision = _with_named(survey_at, decision, rests[min(needless, key=rises.get)].point)
+        decision = refitted(survey_at, decision, rests[min(needless, key=rises.get)].point)
     (last,) = decision.named.point
     if decision.total_gain < penalty(last):
         return decision.without_effects()
@@ -88,8 +88,11 @@ def _one_for_all(decision) -> Point | None:
     return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
 
 
-def _with_named(survey_at, decision, point) -> Decision:
-    """The Decision with the effects of `point` named instead, fitted under the noise that they leave."""
+def refitted(survey_at: Callable[..., Survey], decision: Decision, point: Point) -> Decision:
+    """The Decision with the effects of `point` named instead, fitted under the noise that they leave.
+
+    survey_at: `survey` of these runs, called with a point.
+    """
     end = survey_at(point)
     return decision.with_named(end, fit(end.likelihood, point))
 

@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.changes import Changes, Marginal
+from drake_ispace.explain.fit.changes import Changes, Marginal, directions
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
@@ -135,8 +135,9 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     whitening = likelihood.whitening
     w = whitening(residuals)
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
-    by_sizes = [whitening(change) for change in view.by_sizes]
-    tested = likelihood.freed(np.stack(by_sizes)) if by_sizes else likelihood
+    tested = likelihood
+    if view.by_sizes:
+        tested = likelihood.freed(directions(whitening, residuals, view.by_sizes).everywhere)
     marginal = Marginal(changes, tested.offsets, tested.memory, tested.remembered, tested.inner)
     screen, products = Screen(view.signatures, marginal.inner), changes.dot(tested.marginalised(w))
     noise = _unexplained(marginal, screen, w, products)
