@@ -97,7 +97,8 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         answer = _answered(case, decision, seed, tell)
-        if answer.verdict == "incomplete" and case.is_filtered and decision.further is not None:
+        too_little = answer.verdict == "incomplete" and answer.proof and answer.remainders
+        if too_little and case.is_filtered and decision.further is not None:
             further = decision.further(decision)
             with_further = _answered(case, further, seed, tell)
             if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice

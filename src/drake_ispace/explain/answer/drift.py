@@ -6,7 +6,7 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.survey import blocks_of
 
 _LEAST_EXCESS = 12.0  # variance of the estimates over what chance makes of it
-_LEAST_SPREAD = 0.2  # of the value itself
+_LEAST_SPREAD = 0.2  # of the effect itself
 _MOST_STD = 10.0  # times the least, up to which an estimate counts
 
 
@@ -25,11 +25,16 @@ def drift(decision: Decision) -> list[str]:
     for what, group in groups.items():
         spreads = _spreads(group, blocks, slopes, marginalised, named.w)
         for (candidate, i), spread in zip(named.order, spreads, strict=True):
-            value = abs(named.point[candidate][i] - candidate.neutral[i]) / likelihood.sizes[candidate][i]
+            value = _length(named.point[candidate], candidate, likelihood)
             if value > 0.0 and spread > _LEAST_SPREAD * value:
                 name = f"{candidate.parameters[i].name} of {candidate.name}"
                 sentences.append(f"{name} drifts {what}, by {100 * spread / value:.0f} %")
     return sentences
+
+
+def _length(z, candidate, likelihood) -> float:
+    """Length of an effect's coordinates, in natural sizes: one of several may be next to nothing."""
+    return float(np.linalg.norm((np.array(z) - candidate.neutral) / likelihood.sizes[candidate]))
 
 
 def _spreads(group, blocks, slopes, marginalised, w):

@@ -104,19 +104,21 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
     if decision.named is None:
         return decision
     decision = with_rivals(decision)
-    decision.left_over = left_over(decision, seed, *(known if decision.end is end and known and known[0] else ()))
-    if decision.left_over is not None and decision.left_over.point:
-        decision.further = partial(_further, survey_at, seed)
+    proposals, largest = known if decision.end is end and known and known[0] else (proposals_of(decision.end), None)
+    decision.left_over = left_over(decision, seed, proposals, largest)
+    clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
+    if clearest is not None:
+        decision.further = partial(_further, survey_at, seed, clearest.fit.point)
     return decision
 
 
-def _further(survey_at, seed, decision) -> Decision:
-    """The Decision that names what is left over, too, although it explains less than a further effect must."""
-    further = replace(refitted(survey_at, decision, decision.left_over.point), rivals={}, further=None)
+def _further(survey_at, seed, point, decision) -> Decision:
+    """The Decision that names the clearest effect, too, although it explains less than a further effect must."""
+    further = replace(refitted(survey_at, decision, point), rivals={}, further=None)
     rests = without_each(further.end, further.named)
     further.gains = {effect: rest.deviance - further.named.deviance for effect, rest in rests.items()}
     further = with_rivals(further)
-    further.left_over = left_over(further, seed)
+    further.left_over = left_over(further, seed, proposals_of(further.end))
     return further
 
 

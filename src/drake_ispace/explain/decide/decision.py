@@ -7,7 +7,7 @@ from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit, Point
+from drake_ispace.explain.fit.likelihood import Fit
 
 MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
 LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
@@ -32,15 +32,13 @@ class LeftOver:
     Attributes:
         candidate: an effect, or a generic disagreement. gain: drop in deviance by it over the overdispersion.
         p_value: probability that noise shows as much. is_more: whether it is a generic disagreement that small flaws in
-            the form of the named effects cannot stand for: something is missing. point: an effect beside the named
-            ones, fitted; empty for a generic disagreement.
+            the form of the named effects cannot stand for: something is missing.
     """
 
     candidate: Candidate
     gain: float
     p_value: float
     is_more: bool
-    point: Point
 
 
 @dataclass
@@ -55,7 +53,7 @@ class Decision:
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: turns this Decision into one that
-            names what is left over, too; None where that is no effect.
+            names the clearest effect beside the named ones, too; None where there is none.
     """
 
     detection: Detection

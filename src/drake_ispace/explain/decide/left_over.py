@@ -6,25 +6,24 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision, LeftOver
 from drake_ispace.explain.decide.detect import detect, trials
-from drake_ispace.explain.decide.propose import Proposal, proposals_of
+from drake_ispace.explain.decide.propose import Proposal
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import with_flaws
 from drake_ispace.explain.decide.unknown import generic_proposals
 
 
 def left_over(
-    decision: Decision, seed: int, proposals: Sequence[Proposal] | None = None, largest: np.ndarray | None = None
+    decision: Decision, seed: int, proposals: Sequence[Proposal], largest: np.ndarray | None = None
 ) -> LeftOver | None:
     """The clearest effect, or generic disagreement as large as a further effect must be, beside the named ones.
 
     None where noise shows as much.
 
     Args:
-        seed: of the bootstrap. proposals: effects at the end, where they are known already. largest: `trials` of noise
-            at the end, where they are known already.
+        seed: of the bootstrap. proposals: effects at the end. largest: `trials` of noise at the end, where they are
+            known already.
     """
     end = decision.end
-    proposals = proposals_of(end) if proposals is None else proposals
     large = [proposal for proposal in generic_proposals(end) if proposal.gain >= LEAST_FURTHER]
     clearest = max([*proposals, *large], key=lambda proposal: proposal.minus_log10_p, default=None)
     if clearest is None:
@@ -35,8 +34,7 @@ def left_over(
         return None
     generic = clearest.candidate.effect
     is_more = isinstance(generic, Generic) and _is_found(with_flaws(end), generic, seed)
-    point = {} if isinstance(generic, Generic) else clearest.fit.point
-    return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more, point)
+    return LeftOver(clearest.candidate, clearest.gain, detection.p_value, is_more)
 
 
 def _is_found(survey, generic, seed) -> bool:

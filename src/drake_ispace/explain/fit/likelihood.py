@@ -203,9 +203,17 @@ def fit(
 def covariance_of(likelihood: Likelihood, best: Fit) -> np.ndarray:
     """(k, k) covariance of the fitted coordinates, in natural sizes; large along what the deviance does not depend on.
     """
-    normal = likelihood.products(likelihood.slopes(best.point, best.order, best.w))
+    root = root_of(likelihood.products(likelihood.slopes(best.point, best.order, best.w)))
+    return root @ root.T
+
+
+def root_of(normal: np.ndarray) -> np.ndarray:
+    """(k, k) a root of the covariance that is the inverse of `normal` (k, k).
+
+    A column is one standard deviation along an axis.
+    """
     values, vectors = np.linalg.eigh(normal)
-    return vectors / np.maximum(values, _LEVEL * max(values[-1], 1.0)) @ vectors.T
+    return vectors / np.sqrt(np.maximum(values, _LEVEL * max(values[-1], 1.0)))
 
 
 def _free(point, order, gradient):

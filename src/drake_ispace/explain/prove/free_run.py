@@ -300,6 +300,14 @@ def _add_poses(found, metric, horizon, driven_by, differences):
         found[Measure(metric, horizon, "heading", "rad", driven_by)] = differences[:, 2:]
 
 
+def changes(before: Errors, after: Errors) -> Errors:
+    """By how much errors changed, 0 where the model ran away; a measure with other windows has no entry."""
+    return {
+        m: np.nan_to_num(wrap(after[m] - rows) if m.channel == "heading" else after[m] - rows)
+        for m, rows in before.items() if m in after and after[m].shape == rows.shape
+    }
+
+
 def rms(runs) -> float:
     """Root mean square length of errors (k, d), all runs pooled; NaN where there is none."""
     pooled = [np.sum(part**2, axis=1) for part in runs]

@@ -13,7 +13,6 @@ from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
-from drake_ispace.explain.prove.left_out import step_without
 from drake_ispace.explain.threads import each
 
 _MOST_TRIALS = 12  # evaluations
@@ -78,7 +77,7 @@ def _without_each(z, best, ends):
     """Yield the coordinates after a Gauss-Newton step from `z` without the errors of each run; ends (runs - 1,)."""
     normal, gradient = best.jac.T @ best.jac, best.jac.T @ best.fun
     for jac, fun in zip(np.split(best.jac, ends), np.split(best.fun, ends), strict=True):
-        yield z + step_without(normal, gradient, jac.T @ jac, jac.T @ fun)
+        yield z - np.linalg.lstsq(normal - jac.T @ jac, gradient - jac.T @ fun, rcond=None)[0]
 
 
 def fitted_horizons(windows: Windows) -> set[str]:

@@ -8,36 +8,26 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.fit.likelihood import Point
+from drake_ispace.explain.fit.likelihood import Point, root_of
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.stretches import equal_parts
 
 _MOST_BLOCKS, _LEAST_S = 4, 5.0  # of a single run, and how long each is at least
 
 
-def points_without(decision: Decision, groups: np.ndarray) -> list[Point]:
-    """For every group of whitened numbers the sizes of the named effects without it.
+def sizes_without(decision: Decision, groups: np.ndarray) -> list[tuple[Point, np.ndarray]]:
+    """For every group of whitened numbers the sizes of the named effects without it, and the root of their covariance.
 
-    groups: (rows,) the group of each whitened number, from 0 on; -1: in none.
+    groups: (rows,) the group of each whitened number, from 0 on; -1: in none. The root (k, k) is in natural sizes.
     """
     likelihood, best = decision.end.likelihood, decision.named
-    slopes = likelihood.slopes(best.point, best.order, best.w)
-    marginalised = likelihood.marginalised(slopes)
-    normal, gradient = slopes @ marginalised.T, marginalised @ best.w
-    points = []
+    vectors = np.vstack([likelihood.slopes(best.point, best.order, best.w), best.w])
+    found = []
     for group in range(int(groups.max()) + 1):
-        rows = groups == group
-        own = slopes[:, rows] @ marginalised[:, rows].T, marginalised[:, rows] @ best.w[rows]
-        step = step_without(normal, gradient, *own)
-        points.append(likelihood.moved(best.point, best.order, step))
-    return points
-
-
-def step_without(
-    normal: np.ndarray, gradient: np.ndarray, own_normal: np.ndarray, own_gradient: np.ndarray
-) -> np.ndarray:
-    """(k,) Gauss-Newton step of the normal equations (k, k), (k,) of all, without the part of some."""
-    return -np.linalg.lstsq(normal - own_normal, gradient - own_gradient, rcond=None)[0]
+        products = likelihood.products(np.where(groups == group, 0.0, vectors))
+        step = -np.linalg.lstsq(products[:-1, :-1], products[:-1, -1], rcond=None)[0]
+        found.append((likelihood.moved(best.point, best.order, step), root_of(products[:-1, :-1])))
+    return found
 
 
 def groups_of(decision: Decision, blocks: int) -> np.ndarray:

@@ -34,6 +34,7 @@ from drake_ispace.explain.prove.free_run import (
     Measure,
     Simulated,
     Windows,
+    changes,
     compare,
     errors,
     rms,
@@ -211,12 +212,11 @@ class Spreads:
                 if source == SENSORS:  # the start is estimated from noisy fixes
                     windows = replace(windows, start=start_of(moved, i, self._values[i]))
                 again = errors(moved, i, windows, self._values[i])
-            return {m: again[m] - e for m, e in self.errors[i].items() if m in again and again[m].shape == e.shape}
+            return changes(self.errors[i], again)
 
         differences: Spread = [{} for _ in self._windows]
-        for (i, _), difference in zip(jobs, each(one, jobs), strict=True):
-            for measure, part in difference.items():
-                part = np.nan_to_num(wrap(part) if measure.channel == "heading" else part)
+        for (i, _), change in zip(jobs, each(one, jobs), strict=True):
+            for measure, part in change.items():
                 known = differences[i].get(measure)
                 differences[i][measure] = part if known is None else np.vstack([known, part])
         return differences

@@ -20,7 +20,7 @@ from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.left_out import groups_of, points_without
+from drake_ispace.explain.prove.left_out import groups_of, sizes_without
 
 _DRAWS = 99
 
@@ -37,7 +37,7 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
     if len(prediction.tracks) == 1:
         return _beats_chance(prediction, filtered, plain, seed)
     replay, tracks, squares = prediction.replay, prediction.tracks, np.zeros(2)
-    for i, point in enumerate(points_without(decision, groups_of(decision, 1))):
+    for i, (point, _) in enumerate(sizes_without(decision, groups_of(decision, 1))):
         others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], point)
         for k, sizes in enumerate((others, Sizes(point, others.plant))):
             squares[k] += np.sum(errors_of(replay, [tracks[i]], sizes) ** 2)

@@ -27,7 +27,8 @@ class Proof:
         rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
             least_squares: those that free-run least squares finds; None where no effect is named. plant: free
-            parameters of a plant of the user's own.
+            parameters of a plant of the user's own. alone: names of training runs that alone tell some of the sizes,
+            and are therefore judged by sizes that were fitted to them, too.
     """
 
     by: str
@@ -37,3 +38,4 @@ class Proof:
     sizes: Point
     least_squares: Point | None
     plant: list[PlantParameter] = field(default_factory=list)
+    alone: list[str] = field(default_factory=list)

@@ -25,7 +25,13 @@ from drake_ispace.explain.prove.noise import (
     sensor_noise,
 )
 from drake_ispace.explain.prove.proof import Proof
-from drake_ispace.explain.prove.sizes import SizesByRun, filtered_sizes, leads_nearer, plain_sizes
+from drake_ispace.explain.prove.sizes import (
+    SizesByRun,
+    filtered_sizes,
+    leads_nearer,
+    left_by_uncertainty,
+    plain_sizes,
+)
 from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import TORQUE
 
@@ -97,20 +103,24 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         values = [merged(point) for point in (sizes.without if parts > 1 else [sizes.point])]
         return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed)
 
-    chosen = SizesByRun({}, [{}] * parts) if decision.named is None else filtered_sizes(decision, blocks)
-    judged = judged_with(chosen)
+    chosen = SizesByRun({}, [{}] * parts, []) if decision.named is None else filtered_sizes(decision, blocks)
+    judged, alone = judged_with(chosen), []
+    if parts > 1 and chosen.point:
+        alone = [i for i in range(parts) if _alone_tells(judged, i, decision, chosen)]
+    if alone:
+        judged = judged_with(chosen.with_all(alone))
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)
     plain = None
     if chosen.point:
         noise, chance = fitted_to.part(slice(0, n))
         floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
-        found = plain_sizes(training, fitted_to.windows[:n], decision, floors)
+        found = plain_sizes(training, fitted_to.windows[:n], decision, chosen, floors)
         plain = found.point
-        if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors):
+        if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors, alone):
             chosen = found
-            fitted_to = judged = judged_with(chosen)
+            fitted_to = judged = judged_with(chosen.with_all(alone))
         elif training.replay.body.robot.driven == TORQUE and n > 1 and _left(judged, training):
-            other = judged_with(found)
+            other = judged_with(found.with_all(alone))
             if not _left(other, training):
                 chosen, fitted_to, judged = found, other, other
     rows = []
@@ -118,7 +128,15 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain)
+    names = [left_out.tracks[i].name for i in alone]
+    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain, alone=names)
+
+
+def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:
+    """Whether run `i` alone tells sizes that it needs: without it they are so uncertain that noise leaves less."""
+    sensors, chance = judged.part(slice(i, i + 1), dict.fromkeys(judged.noise.needed, 1.0))
+    left = left_by_uncertainty(judged.prediction, i, judged.windows[i], decision, sizes)
+    return any(size > np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)) for m, size in left.items())
 
 
 def _left(judged: _Judged, first: Prediction) -> list[Remainder]:

@@ -6,63 +6,90 @@ paths are the answer's. Under torque they are the filter's, unless these leave m
 they were not fitted to, and the plain ones do not (prove.py).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.free_run import Measure, Windows
+from drake_ispace.explain.prove.free_run import Measure, Windows, changes, errors, rms
 from drake_ispace.explain.prove.least_squares import fitted_horizons, plain_fit, scaled_errors
-from drake_ispace.explain.prove.left_out import groups_of, points_without
+from drake_ispace.explain.prove.left_out import groups_of, sizes_without
 from drake_ispace.robots.robot import COMMAND
 
 
 @dataclass(frozen=True)
 class SizesByRun:
-    """SizesByRun of the named effects.
+    """Sizes of the named effects.
 
     Attributes:
         point: fitted to all training runs. without: for each training run, or each block of the only one, fitted to the
-            others.
+            others. roots: of each of these the root (k, k) of its covariance, in natural sizes: a column is one
+            standard deviation along an axis.
     """
 
     point: Point
     without: list[Point]
+    roots: list[np.ndarray]
+
+    def with_all(self, runs: Collection[int]) -> "SizesByRun":
+        """The same, but of these runs the sizes that were fitted to all, themselves included."""
+        return replace(self, without=[self.point if i in runs else p for i, p in enumerate(self.without)])
 
 
 def filtered_sizes(decision: Decision, blocks: int) -> SizesByRun:
     """The sizes that the filter's innovations give. blocks: into which a single run is cut."""
-    return SizesByRun(decision.named.point, points_without(decision, groups_of(decision, blocks)))
+    points, roots = zip(*sizes_without(decision, groups_of(decision, blocks)), strict=True)
+    return SizesByRun(decision.named.point, list(points), list(roots))
+
+
+def left_by_uncertainty(
+    prediction: Prediction, i: int, windows: Windows, decision: Decision, sizes: SizesByRun
+) -> dict[Measure, float]:
+    """Measure -> root mean square change of the errors of run `i` by sizes that are as uncertain as without the run.
+
+    prediction: of the runs, one for each of `sizes.roots`. windows: of the run.
+    """
+    before, likelihood = errors(prediction, i, windows, merged(sizes.point)), decision.end.likelihood
+    squares = dict.fromkeys(before, 0.0)
+    for axis in sizes.roots[i].T:
+        unit = max(float(np.abs(axis).max()), 1.0)  # up to a natural size errors change in proportion
+        steps = [axis / unit, -axis / unit]  # a bound may be in the way of one
+        moved = [merged(likelihood.moved(sizes.point, decision.named.order, step)) for step in steps]
+        both = [changes(before, errors(prediction, i, windows, values)) for values in moved]
+        for m in squares:
+            squares[m] += (unit * max(rms([one[m]]) for one in both if m in one)) ** 2
+    return {m: float(np.sqrt(square)) for m, square in squares.items()}
 
 
 def plain_sizes(
-    training: Prediction, windows: Sequence[Windows], decision: Decision, floors: Mapping[Measure, float],
+    training: Prediction, windows: Sequence[Windows], decision: Decision, filtered: SizesByRun,
+    floors: Mapping[Measure, float],
 ) -> SizesByRun:
-    """The sizes that free-run least squares finds.
+    """The sizes that free-run least squares finds, taken for as certain as the filter's.
 
     training: model and runs. windows: of each run. floors: measure -> what noise leaves.
     """
-    sizes = decision.end.likelihood.sizes
-    return SizesByRun(*plain_fit(training, windows, decision.named.point, sizes, floors))
+    point, without = plain_fit(training, windows, filtered.point, decision.end.likelihood.sizes, floors)
+    return replace(filtered, point=point, without=without)
 
 
 def leads_nearer(
     plain: SizesByRun, filtered: SizesByRun, training: Prediction, windows: Sequence[Windows],
-    floors: Mapping[Measure, float],
+    floors: Mapping[Measure, float], alone: Collection[int],
 ) -> bool:
     """Whether plain sizes lead nearer to the path of each run than filtered ones do, neither fitted to the run.
 
-    training, windows, floors: as of `plain_sizes`.
+    training, windows, floors: as of `plain_sizes`. alone: runs that are passed over: others do not tell their sizes.
     """
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
         return False
     plain_error, filtered_error = (
         sum(
             np.sum(scaled_errors(training, i, w, merged(point), floors, fitted_horizons(w)) ** 2)
-            for i, (w, point) in enumerate(zip(windows, sizes.without, strict=True))
+            for i, (w, point) in enumerate(zip(windows, sizes.without, strict=True)) if i not in alone
         ) for sizes in (plain, filtered)
     )
     return plain_error < filtered_error
