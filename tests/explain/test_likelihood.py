@@ -87,6 +87,13 @@ def test_a_size_that_is_held_stays():
     assert best.point[TILT] == [0.2] and best.point[DRAG][0] != 0.0
 
 
+def test_a_size_that_changes_nothing_stays():
+    """Next to nothing, as rounding has it, such as the gain of a motion sideways that no run has."""
+    found = likelihood(noise() + 0.7 * SHAPES["tilt"], SHAPES | {"drag": 1e-7 * pattern(5)})
+    best = fit(found, {TILT: [0.0], DRAG: [0.2]})
+    assert best.point[TILT][0] == pytest.approx(0.7, abs=0.1) and best.point[DRAG] == [0.2]
+
+
 @pytest.mark.parametrize("low, high, at", [(0.0, 0.3, 0.3), (0.9, 5.0, 0.9)])
 def test_a_fit_ends_on_the_bound_that_stops_it(low, high, at):
     tilt = between(low, high)

@@ -49,6 +49,31 @@ def test_a_trace_is_named_without_which_the_answer_does_not_suffice():
     assert "single_wheel_radius_error" in {wheel.name, *wheel.equivalents} and not found.remainders
 
 
+def with_a_spin(seed, seconds, others, before):
+    """What explain says of two runs of the same motion, and one that turns on the spot."""
+    exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+    motions = [before, before, {"speeds_m_s": (0.0, 0.0), "rates_rad_s": (1.0, 1.5)}]
+    runs = [two_wheels.drive(seed + i, seconds, others=others, **exact, **how) for i, how in enumerate(motions)]
+    few = [di.effects()[name] for name in ("track_error", "constant_slip", "marker_offset")]
+    return di.explain(two_wheels.model(), runs, effects=few)
+
+
+def test_a_run_that_alone_shows_a_size_is_not_held_against_it():
+    """Two runs straight ahead do not tell the track, with which the third one would have to be predicted."""
+    straight = {"rates_rad_s": (0.0, 0.0)}
+    found = with_a_spin(5, 10.0, {"track_share": 0.03, "marker_x_m": 0.02}, straight)
+    assert found.verdict == "named" and {e.name for e in found.effects} == {"track_error", "marker_offset"}
+    assert found.effects[0].parameters["share"].estimate == pytest.approx(0.03, abs=0.001)
+    assert not found.drifts and any(said.startswith("run 3: only there") for said in found.warnings)
+
+
+def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without_it():
+    found = with_a_spin(25, 20.0, {"track_share": 0.002, "slip_share": 0.025}, {})
+    sizes = {effect.name: effect.parameters.popitem()[1].estimate for effect in found.effects}
+    assert found.verdict == "named" and not found.remainders
+    assert sizes == {"constant_slip": pytest.approx(0.025, abs=1e-3), "track_error": pytest.approx(0.002, abs=3e-4)}
+
+
 def test_a_floor_that_moves_has_no_name():
     case, found = told({"belt_m_s": 0.008})
     assert judged(case, found) in ("unknown", "incomplete")

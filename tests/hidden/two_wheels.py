@@ -53,7 +53,8 @@ def model() -> Scenario:
 def drive(
     seed: int, seconds: float = 30.0, left_share: float = 0.04, late_s: float = 0.08, lag_s: float = 0.06,
     camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
-    in_step: bool = False,
+    in_step: bool = False, speeds_m_s: tuple[float, float] = (0.1, 0.5),
+    rates_rad_s: tuple[float, float] = (-1.0, 1.0),
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
@@ -61,14 +62,14 @@ def drive(
         seed: of the commands and of all noise. left_share: by which the left wheel is larger than believed.
         late_s: by which motion capture stamps its poses late [s]. lag_s: time constant of the drive [s].
         others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
-            it is logged, not at any moment.
+            it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn.
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
     n = round(seconds / _STEP_S)
     t = _STEP_S * np.arange(n)
     step_s = 1.0 / encoder_hz if in_step else _STEP_S
-    v, w = _wandering(random, t, 0.1, 0.5, step_s), _wandering(random, t, -1.0, 1.0, step_s)
+    v, w = _wandering(random, t, *speeds_m_s, step_s), _wandering(random, t, *rates_rad_s, step_s)
     command = np.column_stack([v, np.zeros(n), w])
     sent = np.column_stack([v + HALF_TRACK_M * w, v - HALF_TRACK_M * w]) / RADIUS_M  # right, left, as it believes
     late = round(o["delay_s"] / _STEP_S)

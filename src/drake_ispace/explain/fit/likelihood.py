@@ -182,7 +182,7 @@ def fit(
     for _ in range(iterations):
         products = likelihood.products(np.vstack([likelihood.slopes(point, order, w), w]))
         normal, gradient = products[:-1, :-1], products[:-1, -1]
-        free = _free(point, order, gradient)
+        free = _free(point, order, normal, gradient)
         drop = 0.0
         for _ in range(_DAMPINGS):
             step = np.zeros(len(order))
@@ -216,10 +216,12 @@ def root_of(normal: np.ndarray) -> np.ndarray:
     return vectors / np.sqrt(np.maximum(values, _LEVEL * max(values[-1], 1.0)))
 
 
-def _free(point, order, gradient):
-    """Numbers of the coordinates, less those on a bound that the gradient pushes outwards."""
-    free = []
+def _free(point, order, normal, gradient):
+    """Numbers of the coordinates, less those that change nothing, or that the gradient pushes beyond a bound."""
+    free, curvatures = [], np.diag(normal)
     for at, (candidate, i) in enumerate(order):
+        if curvatures[at] <= _LEVEL * max(curvatures.max(), 1.0):  # such as of a motion that no run has
+            continue
         low, high = candidate.bounds[i]
         z = point[candidate][i]
         if not ((z <= low and gradient[at] > 0.0) or (z >= high and gradient[at] < 0.0)):

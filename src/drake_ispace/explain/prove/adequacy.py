@@ -42,7 +42,7 @@ from drake_ispace.explain.prove.repeats import repeated_share
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
-_TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
+TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
@@ -146,7 +146,7 @@ def too_large(
         errors = [run[m] for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
-        if size > _TOO_LARGE[m.metric] * max(floor, 1e-300):
+        if size > TOO_LARGE[m.metric] * max(floor, 1e-300):
             because = f"sensors and plausible process noise leave {floor:.2g} {m.unit}"
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"

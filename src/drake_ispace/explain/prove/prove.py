@@ -11,7 +11,7 @@ from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
-from drake_ispace.explain.prove.adequacy import NOTHING, Remainder, remainders
+from drake_ispace.explain.prove.adequacy import NOTHING, TOO_LARGE, Remainder, remainders
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.left_out import blocks_in, cut
@@ -133,10 +133,12 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
 
 
 def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:
-    """Whether run `i` alone tells sizes that it needs: without it they are so uncertain that noise leaves less."""
+    """Whether run `i` alone tells sizes that it needs: without it the best answer could leave too large an error."""
     sensors, chance = judged.part(slice(i, i + 1), dict.fromkeys(judged.noise.needed, 1.0))
     left = left_by_uncertainty(judged.prediction, i, judged.windows[i], decision, sizes)
-    return any(size > np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)) for m, size in left.items())
+    return any(
+        size > TOO_LARGE[m.metric] * np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)) for m, size in left.items()
+    )
 
 
 def _left(judged: _Judged, first: Prediction) -> list[Remainder]:
