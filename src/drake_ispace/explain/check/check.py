@@ -144,7 +144,11 @@ class _Search:
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        strangers = [f for f in foreign(self.runs, self._bases()) if (f.runs[0], f.channel) not in coarse]
+        spoilt = [
+            [stretch for f in self.findings if f.limited and i in f.runs for stretch in f.stretches]
+            for i in range(len(self.runs))
+        ]
+        strangers = [f for f in foreign(self.runs, self._bases(), spoilt) if (f.runs[0], f.channel) not in coarse]
         self._add(strangers)
         odd = {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))

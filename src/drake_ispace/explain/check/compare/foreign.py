@@ -17,13 +17,21 @@ _AGAINST = 0.05  # how far a channel must go against the wheels that friction, w
 _DROP = 100.0  # drop in deviance that is said of a channel without any relation
 
 
-def foreign(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Finding]:
-    """Channels that do not move with the wheels in any reading; the wheels themselves if none moves with them."""
+Stretches = Sequence[tuple[float, float]]
+
+
+def foreign(
+    runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]
+) -> list[Finding]:
+    """Channels that do not move with the wheels in any reading; the wheels themselves if none moves with them.
+
+    spoilt: stretches [s] of each run at which something else is at fault.
+    """
     found = []
     for number, (run, base) in enumerate(zip(runs, bases, strict=True)):
         if base is None:
             continue
-        relation = {name: _relation(link, base) for name, link in links(run, base).items()}
+        relation = {name: _relation(link, base, spoilt[number]) for name, link in links(run, base).items()}
         relation = {name: gain for name, gain in relation.items() if gain is not None}
         strangers = [name for name, gain in relation.items() if gain < (RELATED if name == "kinect" else -_AGAINST)]
         friends = [name for name, gain in relation.items() if gain > RELATED]
@@ -58,20 +66,22 @@ def _owner(runs, bases, number, name):
     return "does not move with the robot"
 
 
-def _relation(link, base):
-    """How well a channel follows the wheels, as `following`, at the best of the usual lags.
+def _relation(link, base, spoilt=()):
+    """How well a channel follows the wheels, as `following`, at the best of the usual lags, but for spoilt stretches.
 
     None: too little motion to tell.
     """
     high = link.usual_s[1]
     lags = [0.0] if high <= LATENCY_S else np.linspace(0.0, high, 4)
-    found = [share for share in (_at_lag(link, base, lag) for lag in lags) if share is not None]
+    found = [share for share in (_at_lag(link, base, lag, spoilt) for lag in lags) if share is not None]
     return max(found, default=None)
 
 
-def _at_lag(link, base, lag_s):
+def _at_lag(link, base, lag_s, spoilt):
     """How well a channel follows the wheels at one lag; of places and turns that which follows worse, if it moves."""
     kept = inside(base, link.since_s, link.until_s, lag_s)
+    for begin, end in spoilt:
+        kept &= (link.until_s + lag_s < begin) | (link.since_s > end)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept] + lag_s, link.until_s[kept] + lag_s

@@ -7,13 +7,21 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import SAID, Part, Row, compared, disagreement, part, row
 from drake_ispace.explain.check.compare.hypotheses import Reading, readings
-from drake_ispace.explain.check.compare.links import FEWEST, Base, camera_link, inside, integral, torque_link
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    Base,
+    camera_link,
+    command_link,
+    inside,
+    integral,
+    torque_link,
+)
 from drake_ispace.explain.check.compare.motion import arm, turned
 from drake_ispace.explain.check.compare.regression import scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import TORQUE
+from drake_ispace.robots.robot import COMMAND, TORQUE
 
 #: What the gyro adds to a log likelihood at most: it decides between readings that are alike, and accuses nobody.
 _CASTING = 0.5 * SAID
@@ -22,7 +30,8 @@ _CASTING = 0.5 * SAID
 def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> Finding | None:
     """The mistake of wheels, camera or the model's dimensions under which wheels and camera agree.
 
-    Where a gyro is there, it takes part: it tells wheels that are mistaken for each other from a mirrored room.
+    Where a gyro is there, it takes part: it tells wheels that are mistaken for each other from a mirrored room. So do
+    torques or a command, where these two are alike.
     """
     base = next((base for base in bases if base is not None), None)
     if base is None:
@@ -31,19 +40,21 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
-        """How well the torques agree with the wheels as they are then."""
+        """How well torques or command agree with the wheels as they are then."""
         undo = _repairs(reading, base)
-        return sum(_by_torque(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
+        return sum(_by_drive(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
 
     return disagreement(
         rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting
     )
 
 
-def _by_torque(run, base, repairs):
+def _by_drive(run, base, repairs):
     for repair in repairs:
         run = repair.apply(run)
-    link = torque_link(run, replace(base, encoder=run.channels["encoder"])) if TORQUE in run.channels else None
+    driven = base.robot.driven
+    link_of = {TORQUE: torque_link, COMMAND: command_link}[driven]
+    link = link_of(run, replace(base, encoder=run.channels["encoder"])) if driven in run.channels else None
     part = None if link is None else compared(link, base, [np.eye(link.measured.shape[1])])
     return 0.0 if part is None else float(part.scored[0])
 
