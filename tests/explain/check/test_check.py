@@ -252,6 +252,24 @@ def test_columns_of_the_command(commanded, factors, fault):
     assert (finding.fault, finding.channel) == (fault, "command")
 
 
+def test_a_command_tells_swapped_wheels_from_a_mirrored_room():
+    late = [two_wheels.drive(80 + i, 15.0, left_share=0.0, late_s=0.06, lag_s=0.02) for i in range(2)]
+    swapped = [changed(run, "encoder", lambda t, v: v[:, ::-1].copy()) for run in late]
+    (finding,) = check(two_wheels.model(), swapped).findings
+    assert finding.fault == "wheels_swapped" and "camera_axis_mirrored" in finding.rivals
+
+
+@pytest.mark.parametrize("wheels", [
+    lambda t, v: v * [1.004, 1.0], lambda t, v: v + 0.05 * np.sin(3.3 * t)[:, None] * (t[:, None] > 2.0),
+])
+def test_a_steady_turn_on_the_spot_accuses_nobody(wheels):
+    """Whose wheels move by next to nothing ahead, where neither the camera nor the command does."""
+    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.02}
+    spin = two_wheels.drive(51, 30.0, **sound, speeds_m_s=(0.0, 0.0), rates_rad_s=(1.5, 1.5))
+    runs = [two_wheels.drive(50, 15.0, **sound), changed(spin, "encoder", wheels)]
+    assert check(two_wheels.model(), runs).findings == []
+
+
 def test_wheels_may_be_named_in_any_order(commanded):
     model, runs = commanded
     encoder = runs[0].channels["encoder"]

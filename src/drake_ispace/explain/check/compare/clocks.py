@@ -46,7 +46,11 @@ class Path:
 
 
 class _Trial:
-    """A channel of one run under other clocks; loss (lags, windows): of each window, less that without any relation."""
+    """A channel of one run under other clocks.
+
+    loss (lags, windows): of each window, less that without any relation. peaks_as_given: whether no lag nearby would do
+    better than one that a sound channel may have.
+    """
 
     def __init__(self, number: int, link: Link, base: Base):
         self.number, self.link, self.base = number, link, base
@@ -56,24 +60,26 @@ class _Trial:
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         low, high = link.usual_s
         self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
-        usual = _LAGS_S[self.usual][np.argmin(self.total[self.usual])]
+        at = int(np.argmin(self.total[self.usual]))
+        usual, self.peaks_as_given = _LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
         near = usual + _FINE_S[(usual + _FINE_S >= low - 1e-9) & (usual + _FINE_S <= high + 1e-9)]
-        self.given = max(self.scores([Path(float(lag)) for lag in near]))
+        self.given = max(0.0, *self.scores([Path(float(lag)) for lag in near], must_follow=False))
 
-    def scores(self, paths: Sequence[Path]) -> list[float]:
+    def scores(self, paths: Sequence[Path], must_follow: bool = True) -> list[float]:
         """For each path the log likelihood along it over that without any relation, of the windows inside of the run.
 
-        0 where the channel follows the wheels too little to tell the time.
+        0 where the channel follows the wheels too little to tell the time, if it must follow them.
         """
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
         inner, found = inside(self.base, since, until), np.zeros(len(paths))
         for kept in np.unique(inner, axis=0):
             if kept.sum() >= FEWEST:
                 same = np.flatnonzero((inner == kept).all(axis=1))
-                found[same] = self._scored(since[same][:, kept], until[same][:, kept], self.link.measured[kept])
+                there = since[same][:, kept], until[same][:, kept]
+                found[same] = self._scored(*there, self.link.measured[kept], must_follow)
         return [score - path.loss if score else 0.0 for score, path in zip(found.tolist(), paths, strict=True)]
 
-    def _scored(self, since, until, measured):
+    def _scored(self, since, until, measured, must_follow):
         """(p,) of p paths along which the same windows (p, n) lie inside of the run; measured: (n, d) in these."""
         link, times = self.link, (since.ravel(), until.ravel())
         x, besides = link.predicted(*times).reshape(*since.shape, -1), None
@@ -84,6 +90,8 @@ class _Trial:
         x = np.concatenate([x, without])
         y, noise = (np.broadcast_to(one, (len(x), *one.shape)) for one in (measured, link.noise))
         related, unrelated = np.split(scores(x, y, link.groups, noise, besides, link.slack), [len(since)])
+        if not must_follow:
+            return related - unrelated
         exact, unrelated = most(*measured.shape), np.broadcast_to(unrelated, related.shape)
         followed = [following(one, other, exact) for one, other in zip(related, unrelated, strict=True)]
         return np.where([f is not None and f >= RELATED for f in followed], related - unrelated, 0.0)
@@ -197,6 +205,11 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
         gains = [trial.gain(path) for trial, path in zip(trials, drift, strict=True)]
         if sum(gains) >= max(SAID, _SHARED * apart) and min(gains) > -SAID:
             return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
+    if len(own) < len(trials):  # the other clocks are right, and motion that comes again looks alike a period later
+        own = [
+            (trial, path, gain) for trial, path, gain in own
+            if not trial.peaks_as_given or gain >= RELATED * (trial.given + gain)
+        ]
     return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
 
 

@@ -39,11 +39,16 @@ class Reading:
 
 
 def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
-    """All readings of a robot with these wheels, that as given first."""
+    """All readings of a robot with these wheels, that as given first.
+
+    Three accuse nobody: as given, no relation at all, and none but of the turns. Without the last one a mistake that
+    makes the way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
+    """
     n = len(geometry.wheels)
     unit = np.eye(n)
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
+        Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
         *_dimensions(unit), *_views(unit),
     ]

@@ -15,6 +15,7 @@ _FREEDOM = 4.0  # of Student's distribution
 _FLOOR = 0.1
 _MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
+_ROUNDING = 1e-12  # of a matrix that is nearly singular, on its diagonal
 _FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
 
 
@@ -101,6 +102,7 @@ def _fitted(x, y, z, slack):
         weight *= min(n, _MOST_ROWS) / n
         weighted = design * weight[..., None]
         normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
+        normal *= 1.0 + _ROUNDING * np.eye(d + k)  # columns of a steady motion are the same but for rounding
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
         shares = np.linalg.solve(normal, moment[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
