@@ -270,6 +270,18 @@ def test_a_steady_turn_on_the_spot_accuses_nobody(wheels):
     assert check(two_wheels.model(), runs).findings == []
 
 
+@pytest.mark.parametrize(("speed", "rate", "lag_s"), [
+    (0.0, 1.2, 0.0), (0.0, 1.2, 0.1), (0.3, 0.0, 0.0), (0.3, 0.5, 0.0), (0.3, 0.5, 0.1),
+])
+@pytest.mark.parametrize("gain", [0.0, -0.03])
+def test_steady_motion_accuses_nobody(speed, rate, lag_s, gain):
+    """In which a gain looks like a drifting clock, and a turn like a share of the way."""
+    steady = {"speeds_m_s": (speed, speed), "rates_rad_s": (rate, rate), "lag_s": lag_s, "others": {"gain_share": gain}}
+    size = abs(gain) / 10.0
+    runs = [two_wheels.drive(310 + i, 20.0, left_share=size, late_s=-gain, in_step=True, **steady) for i in range(2)]
+    assert check(two_wheels.model(), runs).findings == []
+
+
 def test_wheels_may_be_named_in_any_order(commanded):
     model, runs = commanded
     encoder = runs[0].channels["encoder"]

@@ -203,12 +203,13 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     drift = _common_drift(trials)
     if drift:
         gains = [trial.gain(path) for trial, path in zip(trials, drift, strict=True)]
-        if sum(gains) >= max(SAID, _SHARED * apart) and min(gains) > -SAID:
+        # a steady motion shows no drift but a gain, and runs of the same motion show as little
+        if sum(gains) >= max(SAID * len(trials), _SHARED * apart) and min(gains) > -SAID:
             return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
     if len(own) < len(trials):  # the other clocks are right, and motion that comes again looks alike a period later
         own = [
             (trial, path, gain) for trial, path, gain in own
-            if not trial.peaks_as_given or gain >= RELATED * (trial.given + gain)
+            if path.later_s or path.rate or not trial.peaks_as_given or gain >= RELATED * (trial.given + gain)
         ]
     return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
 

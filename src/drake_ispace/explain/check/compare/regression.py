@@ -15,7 +15,7 @@ _FREEDOM = 4.0  # of Student's distribution
 _FLOOR = 0.1
 _MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
-_ROUNDING = 1e-12  # of a matrix that is nearly singular, on its diagonal
+_EXACT = 1e-3  # share of the motion, below which residuals weigh the same: of a steady motion the prior of S decides
 _FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
 
 
@@ -95,14 +95,13 @@ def _fitted(x, y, z, slack):
     prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
     shares, residual = np.zeros((h, d, d + k)), y - x
-    least = 1e-6 * np.sqrt((y**2).mean(axis=1)) + 1e-12
+    least = _EXACT * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), least)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
         weight *= min(n, _MOST_ROWS) / n
         weighted = design * weight[..., None]
         normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
-        normal *= 1.0 + _ROUNDING * np.eye(d + k)  # columns of a steady motion are the same but for rounding
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
         shares = np.linalg.solve(normal, moment[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
