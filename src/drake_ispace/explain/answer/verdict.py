@@ -18,7 +18,7 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares)
     if proof.alone:
         answer.warnings.append(
-            f"{', '.join(proof.alone)}: only there some of the sizes show, and no other run confirms them"
+            f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"
         )
     _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
 

@@ -28,7 +28,7 @@ class Proof:
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
             least_squares: those that free-run least squares finds; None where no effect is named. plant: free
             parameters of a plant of the user's own. alone: names of training runs that alone tell some of the sizes,
-            and are therefore judged by sizes that were fitted to them, too.
+            and are therefore judged by sizes that were fitted to them, too; empty where other runs were held out.
     """
 
     by: str

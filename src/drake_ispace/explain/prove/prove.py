@@ -128,7 +128,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
     after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
-    names = [left_out.tracks[i].name for i in alone]
+    names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain, alone=names)
 
 

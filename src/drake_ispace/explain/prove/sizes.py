@@ -60,7 +60,7 @@ def left_by_uncertainty(
         moved = [merged(likelihood.moved(sizes.point, decision.named.order, step)) for step in steps]
         both = [changes(before, errors(prediction, i, windows, values)) for values in moved]
         for m in squares:
-            squares[m] += (unit * max(rms([one[m]]) for one in both if m in one)) ** 2
+            squares[m] += (unit * max((rms([one[m]]) for one in both if m in one), default=0.0)) ** 2
     return {m: float(np.sqrt(square)) for m, square in squares.items()}
 
 
