@@ -144,10 +144,7 @@ class _Search:
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        spoilt = [
-            [stretch for f in self.findings if f.limited and i in f.runs for stretch in f.stretches]
-            for i in range(len(self.runs))
-        ]
+        spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
         strangers = [f for f in foreign(self.runs, self._bases(), spoilt) if (f.runs[0], f.channel) not in coarse]
         self._add(strangers)
         odd = {i for finding in strangers for i in finding.runs}
@@ -217,12 +214,16 @@ class _Search:
                     if not isinstance(repair, CutOut):
                         self.runs[i] = repair.apply(self.runs[i])
 
+    def _spoilt(self, runs):
+        """Stretches [s] of these runs at which something is at fault."""
+        return [
+            stretch for finding in self.findings if finding.limited and set(finding.runs) & set(runs)
+            for stretch in finding.stretches
+        ]
+
     def _echo(self, finding):
         """Whether its stretches are only what earlier findings on the same stretches leave."""
-        known = [
-            stretch for other in self.findings if other.limited and set(other.runs) & set(finding.runs)
-            for stretch in other.stretches
-        ]
+        known = self._spoilt(finding.runs)
         return finding.limited and all(
             any(begin - _ECHO_S <= since and until <= end + _ECHO_S for begin, end in known)
             for since, until in finding.stretches

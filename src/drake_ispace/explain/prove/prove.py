@@ -106,7 +106,8 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     chosen = SizesByRun({}, [{}] * parts, []) if decision.named is None else filtered_sizes(decision, blocks)
     judged, alone = judged_with(chosen), []
     if parts > 1 and chosen.point:
-        alone = [i for i in range(parts) if _alone_tells(judged, i, decision, chosen)]
+        told = each(lambda i: _alone_tells(judged, i, decision, chosen), range(parts))
+        alone = [i for i in range(parts) if told[i]]
     if alone:
         judged = judged_with(chosen.with_all(alone))
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)

@@ -15,14 +15,10 @@ from drake_ispace.files.recording import Recording
 _CLEARLY = 6.0  # times its noise, which a motion must be for a channel to be called a stranger
 _AGAINST = 0.05  # how far a channel must go against the wheels that friction, weight or an offset may hide
 _DROP = 100.0  # drop in deviance that is said of a channel without any relation
-
-
 Stretches = Sequence[tuple[float, float]]
 
 
-def foreign(
-    runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]
-) -> list[Finding]:
+def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]) -> list[Finding]:
     """Channels that do not move with the wheels in any reading; the wheels themselves if none moves with them.
 
     spoilt: stretches [s] of each run at which something else is at fault.
