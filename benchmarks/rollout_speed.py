@@ -46,6 +46,7 @@ _PEERS = {
 _SAME = 1e-8
 _REPETITIONS = {"tiny": 1, "quick": 5, "full": 9}
 _TICKS = {"tiny": 400, "quick": 4000, "full": 20_000}  # of a run whose speed is compared with another's
+_BEFORE_A_FLIP = 2000  # ticks; later the last bit of a sine may decide which count a wheel is at, and the runs part
 _OFTEN = 20  # a compiled run of a few ticks is too short for the clock
 _FIRST_USE = """
 import sys, time
@@ -64,6 +65,9 @@ def omni_multirate():
 
 def pendulum_multirate():
     return di.build_diagram(di.load_scenario("pendulum_multirate", [key.replace("omni", "pendulum") for key in _NOISY]))
+
+
+_ROBOTS = (("omni_multirate", omni_multirate), ("pendulum_multirate", pendulum_multirate))  # what is also there in C
 
 
 def shared_space():
@@ -144,7 +148,7 @@ def compiled_vs_c(repetitions, size):
     """Time beside the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
     results = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
+        for name, make in (("plain_loop", plain.plain_loop), *_ROBOTS):
             try:
                 builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
             except FileNotFoundError as error:
@@ -160,12 +164,13 @@ def _beside(builds, rollout, ticks, repetitions):
     contenders["compiled"] = lambda: on_this_core(lambda: rollout.run(ticks))
     taken = in_turns(repetitions, contenders)
     fastest = min(builds, key=lambda title: statistics.median(taken[title]))
-    final = _final_state(rollout, ticks)
+    final = _final_state(rollout, _BEFORE_A_FLIP)
     return {
         **ratio(taken["compiled"], taken[fastest]), "fastest_c": fastest,
         **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
         "largest_difference": {
-            title: float(np.abs(build.run(ticks, *start)[1] - final).max()) for title, build in builds.items()
+            title: float((np.abs(build.run(_BEFORE_A_FLIP, *start)[1] - final) / (1.0 + np.abs(final))).max())
+            for title, build in builds.items()
         },
     }
 
@@ -249,11 +254,8 @@ def _waited_s():
 
 def lanes_vs_single(repetitions, size):
     """Runs a second in SIMD lanes to one run after the other: every run with noise of its own, or all parameters."""
-    makers = {"plain_loop": plain.plain_loop, "omni_multirate": omni_multirate}
-    if size != "tiny":
-        makers["pendulum_multirate"] = pendulum_multirate
     results = {}
-    for name, make in makers.items():
+    for name, make in (("plain_loop", plain.plain_loop), *(_ROBOTS[:1] if size == "tiny" else _ROBOTS)):
         single = unlogged(make())
         results[name] = _lanes(single, None if name == "plain_loop" else (), repetitions, size)
         if name != "plain_loop" and size != "tiny":
@@ -280,23 +282,29 @@ def _lanes(single, varied, repetitions, size):
 
 def lanes_vs_c(repetitions, size):
     """Runs a second in SIMD lanes to those of the faster of two builds of the same arithmetic in C, on one core."""
-    single = unlogged(omni_multirate())
-    lanes, ticks = lanes_of(single, varied=()), _TICKS[size]
+    results = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, make in _ROBOTS[:1] if size == "tiny" else _ROBOTS:
+            try:
+                builds = {title: HandWritten(name, words, Path(folder)) for title, words in OPTIONS.items()}
+            except FileNotFoundError as error:
+                return {"skipped": str(error)}
+            results[name] = _lanes_beside(builds, unlogged(make()), _TICKS[size], repetitions)
+    return results
+
+
+def _lanes_beside(builds, single, ticks, repetitions):
+    lanes = lanes_of(single, varied=())
     parameters = np.array([single.with_seed(seed) for seed in range(lanes.lanes)])
     start = single.continuous_state, single.discrete_state, single.parameters
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            builds = {title: HandWritten("omni_multirate", words, Path(folder)) for title, words in OPTIONS.items()}
-        except FileNotFoundError as error:
-            return {"skipped": str(error)}
-        contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
-        contenders["lanes"] = lambda: on_this_core(lambda: lanes.run(ticks, parameters)) / lanes.lanes
-        taken = in_turns(repetitions, contenders)
+    contenders = {title: lambda build=build: build.run(ticks, *start)[0] for title, build in builds.items()}
+    contenders["lanes"] = lambda: on_this_core(lambda: lanes.run(ticks, parameters)) / lanes.lanes
+    taken = in_turns(repetitions, contenders)
     fastest = min(builds, key=lambda title: statistics.median(taken[title]))
-    return {"omni_multirate": {
+    return {
         **ratio(taken[fastest], taken["lanes"]), "fastest_c": fastest,
         **{f"{who}_ns_per_tick": per_tick(seconds, ticks) for who, seconds in taken.items()},
-    }}
+    }
 
 
 def peers(repetitions, size, python):

@@ -1,31 +1,11 @@
-/* The Diagram omni_multirate, written by hand: the same operations in the same order as the blocks of the package.
- *
- * Sizes are constants (4 wheels, latency 0), states are updated in place, and every block is a static function with
- * its state and parameters in a struct. The packed vectors have the layout of a compiled Rollout. */
-#include <math.h>
-#include <stdint.h>
-#include <string.h>
-
-#define N 4           /* wheels */
-#define FIX 5         /* tick of capture, seen, x, y, phi */
-#define WAY_POINT 10  /* tick, pose, velocity, acceleration */
-#define M (FIX + WAY_POINT)
-#define ROWS 8        /* of the path's table: a square */
-#define COLUMNS 6
-#define VISION_TICKS 19
-#define TICK_S 0.004999999997380655
+/* The Diagram omni_multirate, written by hand: the same operations in the same order as the blocks of the package. */
+#define N 4
+#define ORDER WAY_POINT
+#include "parts.h"
 
 typedef struct {
     double x, y, phi, vx, vy, wz, lag[3], theta[N];
 } Motion;
-
-typedef struct {
-    double frame, ratio[3], gain[3], mu, lever, relaxation, cornering, patched, patch[4], patch_ratio[3], noise_std[3];
-} Slip;
-
-typedef struct {
-    double coulomb, viscous, speed_scale, bristle, stiffness, damping;
-} Friction;
 
 typedef struct {
     double mass, inertia, centre_of_gravity[2], wheel_inertia, wheels[N][3];
@@ -36,132 +16,30 @@ typedef struct {
 
 typedef struct {
     Plant plant;
-    struct { double limit, resolution, memory, noise_std, stream[2]; } actuator;
-    struct { double counts, mode, memory; } encoder;
+    Driver actuator;
+    Encoder encoder;
     struct { double jacobian[3][N]; } odometry;
-    struct {
-        double table[ROWS][COLUMNS], start_s, speed, end, length, tangent, heading, first[2], pulse_end_s;
-    } way_point;
-    struct { double delay, loss, stream[2]; } link;
+    Path way_point;
+    Link link;
     struct { double jacobian[3][N]; } transpose;
-    struct { double coulomb, viscous, dead_band, speed_scale; } compensator;
+    Compensator compensator;
     struct { double rotate; } estimator;
     struct { double k_p[3][3], k_d[3][3], mass[3], velocity_share, acceleration_share; } controller;
-    struct {
-        double pixel_x, pixel_y, whole, noise_std, spacing, dropout, half_width, half_depth, latency, stream[2];
-    } kinect;
+    Kinect kinect;
 } Parameters;
 
 typedef struct {
     struct { double noise[3], anchor[N]; } plant;
-    struct { double held[N], driven[N], torque[N]; } actuator;
-    struct { double tick, theta[N], omega[N]; } encoder;
+    Driven actuator;
+    Wheels encoder;
     struct { double tick, x, y, phi, path, theta[N]; } odometry;
     double way_point[WAY_POINT];
-    struct { double clock, sent[M], delivered[M], departed, queued[M]; } link;
-    struct { double tick, seen_tick, ev[3], lo[3], ring[4]; } estimator;
-    struct { double delivered[FIX], captured[FIX]; } kinect;
+    Linked link;
+    Estimator estimator;
+    Fixes kinect;
 } Memory;
 
-int sizes(int which) {
-    return (which == 0 ? sizeof(Motion) : which == 1 ? sizeof(Memory) : sizeof(Parameters)) / sizeof(double);
-}
-
-/* -- noise: SplitMix64 and AS 241 ------------------------------------------------------------------------------- */
-
-static uint64_t splitmix(uint64_t state) {
-    uint64_t z = state + 0x9E3779B97F4A7C15u;
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return z ^ (z >> 31);
-}
-
-static double uniform(const double key[2], int64_t tick, int64_t channel) {
-    uint64_t state = ((uint64_t)key[0] << 32) | (uint64_t)key[1];
-    state = splitmix(state ^ ((uint64_t)tick * 0x9E3779B97F4A7C15u));
-    state = splitmix(state ^ ((uint64_t)channel * 0xD1B54A32D192ED03u));
-    return ((double)(state >> 12) + 0.5) * 0x1p-52;
-}
-
-static double normal(const double key[2], int64_t tick, int64_t channel) {
-    double p = uniform(key, tick, channel), q = p - 0.5, r, numerator, denominator;
-    if (fabs(q) <= 0.425) {
-        r = 0.180625 - q * q;
-        numerator = (((((((2.5090809287301226727e3 * r + 3.3430575583588128105e4) * r + 6.7265770927008700853e4) * r
-            + 4.5921953931549871457e4) * r + 1.3731693765509461125e4) * r + 1.9715909503065514427e3) * r
-            + 1.3314166789178437745e2) * r + 3.3871328727963666080e0);
-        denominator = (((((((5.2264952788528545610e3 * r + 2.8729085735721942674e4) * r + 3.9307895800092710610e4) * r
-            + 2.1213794301586595867e4) * r + 5.3941960214247511077e3) * r + 6.8718700749205790830e2) * r
-            + 4.2313330701600911252e1) * r + 1.0);
-        return q * numerator / denominator;
-    }
-    r = sqrt(-log(q < 0.0 ? p : 1.0 - p));
-    if (r <= 5.0) {
-        r -= 1.6;
-        numerator = (((((((7.74545014278341407640e-4 * r + 2.27238449892691845833e-2) * r
-            + 2.41780725177450611770e-1) * r
-            + 1.27045825245236838258e0) * r + 3.64784832476320460504e0) * r + 5.76949722146069140550e0) * r
-            + 4.63033784615654529590e0) * r + 1.42343711074968357734e0);
-        denominator = (((((((1.05075007164441684324e-9 * r + 5.47593808499534494600e-4) * r
-            + 1.51986665636164571966e-2) * r
-            + 1.48103976427480074590e-1) * r + 6.89767334985100004550e-1) * r + 1.67638483018380384940e0) * r
-            + 2.05319162663775882187e0) * r + 1.0);
-    } else {
-        r -= 5.0;
-        numerator = (((((((2.01033439929228813265e-7 * r + 2.71155556874348757815e-5) * r
-            + 1.24266094738807843860e-3) * r
-            + 2.65321895265761230930e-2) * r + 2.96560571828504891230e-1) * r + 1.78482653991729133580e0) * r
-            + 5.46378491116411436990e0) * r + 6.65790464350110377720e0);
-        denominator = (((((((2.04426310338993978564e-15 * r + 1.42151175831644588870e-7) * r
-            + 1.84631831751005468180e-5) * r
-            + 7.86869131145613259100e-4) * r + 1.48753612908506148525e-2) * r + 1.36929880922735805310e-1) * r
-            + 5.99832206555887937690e-1) * r + 1.0);
-    }
-    return (q < 0.0 ? -1.0 : 1.0) * numerator / denominator;
-}
-
-static double least(double a, double b) { return b < a ? b : a; }
-static double greatest(double a, double b) { return b > a ? b : a; }
-static double clip(double value, double low, double high) { return least(greatest(value, low), high); }
-static double wrap(double angle) { return angle - 2.0 * M_PI * floor((angle + M_PI) / (2.0 * M_PI)); }
-
 /* -- the plant: (2.73)-(2.76) with slip (6.4) -------------------------------------------------------------------- */
-
-static double friction_torque(double rate, double deflection, const Friction *f) {
-    double dry;
-    if (f->bristle > 0.0)
-        dry = clip(f->stiffness * deflection + f->damping * rate, -f->coulomb, f->coulomb);
-    else
-        dry = f->coulomb > 0.0 ? f->coulomb * tanh(rate * (1.0 / f->speed_scale)) : 0.0 * rate;
-    return dry + f->viscous * rate;
-}
-
-static double traction_slip(int axis, double force, double mass, const Slip *s) {
-    if (s->gain[axis] == 0.0)
-        return 0.0 * force;
-    double normal = s->mu * mass * 9.80665;
-    if (axis == 2)
-        normal *= s->lever;
-    double share = force / normal;
-    return s->gain[axis] * clip(share, -1.0, 1.0);
-}
-
-static double traction_rate(double target, double state, double speed, const Slip *s) {
-    return s->relaxation > 0.0 ? fabs(speed) / s->relaxation * (target - state) : 0.0;
-}
-
-static double place_ratio(int axis, double x, double y, const Slip *s) {
-    if (s->patched > 0.0 && s->patch[0] <= x && x <= s->patch[1] && s->patch[2] <= y && y <= s->patch[3])
-        return s->patch_ratio[axis];
-    return s->ratio[axis];
-}
-
-static double axis_rate(int axis, double rate, double traction, double noise, double x, double y, const Slip *slip) {
-    double s = place_ratio(axis, x, y, slip) + noise;
-    if (slip->frame == 2.0)
-        return (1.0 + s) * rate;
-    return (1.0 - s) * rate - traction * fabs(rate);
-}
 
 static void derivatives(const Motion *m, const Memory *d, const double torque[N], const Plant *p, Motion *out) {
     const Slip *slip = &p->slip;
@@ -217,119 +95,11 @@ static void derivatives(const Motion *m, const Memory *d, const double torque[N]
     out->wz = (k02 * b0 + k12 * b1 + k22 * b2) / determinant;
 }
 
-static void remember(int64_t k, const Motion *m, Memory *d, const Plant *p) {
-    double reach = p->friction.coulomb / p->friction.stiffness;
-    for (int axis = 0; axis < 3; axis++) {
-        double std = p->slip.noise_std[axis];
-        d->plant.noise[axis] = std > 0.0 ? std * normal(p->stream, k, axis) : 0.0;
-    }
-    for (int i = 0; i < N; i++)
-        d->plant.anchor[i] = clip(d->plant.anchor[i], m->theta[i] - reach, m->theta[i] + reach);
-}
-
-/* -- sensors and the room ---------------------------------------------------------------------------------------- */
-
-static void sample_encoder(int64_t k, const Motion *m, Memory *d, const Parameters *p) {
+static void wheel_rates(const Motion *m, const Plant *p, double rate[N]) {
     double c = cos(m->phi), s = sin(m->phi);
     double wx = c * m->vx + s * m->vy, wy = -s * m->vx + c * m->vy;
-    for (int i = 0; i < N; i++) {
-        const double *wheel = p->plant.wheels[i];
-        double angle = m->theta[i];
-        if (p->encoder.counts > 0.0) {
-            double step = 2.0 * M_PI / p->encoder.counts;
-            angle = step * floor(angle / step + 0.5);
-        }
-        double difference = d->encoder.tick < 0.0 ? 0.0 : (angle - d->encoder.theta[i]) / TICK_S;
-        d->encoder.theta[i] = angle;
-        if (p->encoder.mode == 0.0)
-            d->encoder.omega[i] = p->encoder.memory * d->encoder.omega[i] + (1.0 - p->encoder.memory) * difference;
-        else if (p->encoder.mode == 1.0)
-            d->encoder.omega[i] = difference;
-        else
-            d->encoder.omega[i] = wheel[0] * wx + wheel[1] * wy + wheel[2] * m->wz;
-    }
-    d->encoder.tick = (double)k;
-}
-
-static void slide_way_point(int64_t k, Memory *d, const Parameters *p) {
-    double *out = d->way_point, time = (double)k * TICK_S, speed = p->way_point.speed;
-    memset(out, 0, sizeof d->way_point);
-    out[0] = (double)k;
-    double travelled = clip(speed * (time - p->way_point.start_s), 0.0, p->way_point.end);
-    int moving = p->way_point.start_s <= time && travelled < p->way_point.end;
-    double arc = least(travelled, p->way_point.length);
-    if (moving && p->way_point.end > p->way_point.length)
-        arc = travelled - p->way_point.length * floor(travelled / p->way_point.length);
-    int low = 0, high = ROWS - 1;
-    while (high - low > 1) {
-        int middle = (low + high) / 2;
-        if (p->way_point.table[middle][0] <= arc)
-            low = middle;
-        else
-            high = middle;
-    }
-    const double *a = p->way_point.table[low], *b = p->way_point.table[high];
-    double gap = b[0] - a[0], share = gap > 0.0 ? (arc - a[0]) / gap : 0.0;
-    out[1] = a[1] + share * (b[1] - a[1]);
-    out[2] = a[2] + share * (b[2] - a[2]);
-    double tx = a[3] + share * (b[3] - a[3]), ty = a[4] + share * (b[4] - a[4]);
-    double curvature = a[5] + share * (b[5] - a[5]);
-    out[3] = p->way_point.tangent > 0.0 ? atan2(ty, tx) : p->way_point.heading;
-    if (moving) {
-        out[4] = speed * tx, out[5] = speed * ty;
-        out[7] = -(speed * speed) * curvature * ty, out[8] = speed * speed * curvature * tx;
-        if (p->way_point.tangent > 0.0)
-            out[6] = speed * curvature;
-    }
-}
-
-static double marker(double place, double pixel, double noise, double whole) {
-    double at = place / pixel + noise;
-    return whole > 0.0 ? pixel * (floor(at) + 0.5) : pixel * at;
-}
-
-static void capture(int64_t k, const Motion *m, Memory *d, const Parameters *p) {
-    double *out = d->kinect.captured, n[4] = {0.0, 0.0, 0.0, 0.0}, x = m->x, y = m->y, phi = m->phi;
-    out[0] = (double)k, out[1] = out[2] = out[3] = out[4] = 0.0;
-    if (!(fabs(x) <= p->kinect.half_width && fabs(y) <= p->kinect.half_depth))
-        return;
-    if (p->kinect.dropout > 0.0 && uniform(p->kinect.stream, k, 4) < p->kinect.dropout)
-        return;
-    if (p->kinect.whole == 0.0 && p->kinect.noise_std == 0.0) {
-        out[1] = 1.0, out[2] = x, out[3] = y, out[4] = phi;
-        return;
-    }
-    if (p->kinect.noise_std > 0.0)
-        for (int i = 0; i < 4; i++)
-            n[i] = p->kinect.noise_std * normal(p->kinect.stream, k, i);
-    double dx = 0.5 * p->kinect.spacing * cos(phi), dy = 0.5 * p->kinect.spacing * sin(phi), whole = p->kinect.whole;
-    double pixel_x = p->kinect.pixel_x, pixel_y = p->kinect.pixel_y;
-    double front_x = marker(x + dx, pixel_x, n[0], whole), front_y = marker(y + dy, pixel_y, n[1], whole);
-    double rear_x = marker(x - dx, pixel_x, n[2], whole), rear_y = marker(y - dy, pixel_y, n[3], whole);
-    out[1] = 1.0, out[2] = 0.5 * (front_x + rear_x), out[3] = 0.5 * (front_y + rear_y);
-    out[4] = atan2(front_y - rear_y, front_x - rear_x);
-}
-
-static void deliver(int64_t k, Memory *d, const Parameters *p) {
-    if (0.0 <= d->kinect.captured[0] && d->kinect.captured[0] <= (double)k - p->kinect.latency)
-        memcpy(d->kinect.delivered, d->kinect.captured, sizeof d->kinect.delivered);
-}
-
-static void step_link(Memory *d, const Parameters *p) {
-    double tick = d->encoder.tick;
-    int is_new = 0;
-    d->link.clock = tick;
-    for (int i = 0; i < M; i++) {
-        double value = i < FIX ? d->kinect.delivered[i] : d->way_point[i - FIX];
-        is_new |= value != d->link.sent[i];
-        d->link.sent[i] = value;
-    }
-    if (is_new && !(p->link.loss > 0.0 && uniform(p->link.stream, (int64_t)tick, 0) < p->link.loss)) {
-        d->link.departed = tick;
-        memcpy(d->link.queued, d->link.sent, sizeof d->link.sent);
-    }
-    if (0.0 <= d->link.departed && d->link.departed + p->link.delay <= tick)
-        memcpy(d->link.delivered, d->link.queued, sizeof d->link.delivered);
+    for (int i = 0; i < N; i++)
+        rate[i] = p->wheels[i][0] * wx + p->wheels[i][1] * wy + p->wheels[i][2] * m->wz;
 }
 
 /* -- the robot's computer ---------------------------------------------------------------------------------------- */
@@ -350,24 +120,6 @@ static void step_odometry(Memory *d, const Parameters *p) {
     d->odometry.path += dx;
     d->odometry.tick = d->encoder.tick;
     memcpy(d->odometry.theta, d->encoder.theta, sizeof d->odometry.theta);
-}
-
-static void step_estimator(Memory *d) {
-    const double odometry[4] = {d->odometry.tick, d->odometry.x, d->odometry.y, d->odometry.phi};
-    const double *fix = d->link.delivered;
-    memcpy(d->estimator.ring, odometry, sizeof odometry);
-    if (d->estimator.tick < 0.0 && d->estimator.seen_tick < 0.0) {
-        memcpy(d->estimator.ev, odometry + 1, sizeof d->estimator.ev);
-        memcpy(d->estimator.lo, odometry + 1, sizeof d->estimator.lo);
-    }
-    d->estimator.tick = odometry[0];
-    if (fix[1] > 0.0 && fix[0] > d->estimator.seen_tick) {
-        d->estimator.seen_tick = fix[0];
-        if (d->estimator.ring[0] == fix[0]) {
-            memcpy(d->estimator.ev, fix + 2, sizeof d->estimator.ev);
-            memcpy(d->estimator.lo, d->estimator.ring + 1, sizeof d->estimator.lo);
-        }
-    }
 }
 
 static void estimate(const Memory *d, const Parameters *p, double out[3]) {
@@ -400,62 +152,28 @@ static void control(const Memory *d, const Parameters *p, const double pose[3], 
     }
     double fx = c * force[0] + s * force[1], fy = -s * force[0] + c * force[1];
     const double(*jacobian)[N] = p->transpose.jacobian;
-    for (int i = 0; i < N; i++) {
+    for (int i = 0; i < N; i++)
         torque[i] = jacobian[0][i] * fx + jacobian[1][i] * fy + jacobian[2][i] * force[2];
-        double rate = d->encoder.omega[i], beyond = greatest(fabs(rate) - p->compensator.dead_band, 0.0);
-        double sign = rate > 0.0 ? 1.0 : rate < 0.0 ? -1.0 : 0.0;
-        double direction = p->compensator.coulomb > 0.0 ? tanh(beyond * (1.0 / p->compensator.speed_scale)) * sign : 0.0;
-        double moving = beyond > 0.0 ? rate : 0.0;
-        torque[i] = torque[i] + p->compensator.coulomb * direction + p->compensator.viscous * moving;
-    }
+    compensate(torque, d->encoder.omega, &p->compensator);
 }
 
-static void hold(int64_t k, Memory *d, const Parameters *p, const double command[N]) {
-    for (int i = 0; i < N; i++) {
-        double held = clip(command[i], -p->actuator.limit, p->actuator.limit);
-        if (p->actuator.resolution > 0.0)
-            held = p->actuator.resolution * floor(held / p->actuator.resolution + 0.5);
-        double memory = p->actuator.memory;
-        double driven = memory == 0.0 ? held : memory * d->actuator.driven[i] + (1.0 - memory) * held;
-        d->actuator.held[i] = held, d->actuator.driven[i] = driven, d->actuator.torque[i] = driven;
-        if (p->actuator.noise_std > 0.0)
-            d->actuator.torque[i] += p->actuator.noise_std * normal(p->actuator.stream, k, i);
+static void step(int64_t k, const Motion *m, Memory *d, const Parameters *p) {
+    double pose[3], torque[N], rate[N];
+    wheel_rates(m, &p->plant, rate);
+    sample_encoder(k, m->theta, rate, &d->encoder, &p->encoder);
+    if (k % VISION_TICKS == 0) {
+        slide_way_point(k, d->way_point, &p->way_point);
+        capture(k, m->x, m->y, m->phi, &d->kinect, &p->kinect);
+        deliver(k, &d->kinect, &p->kinect);
     }
+    remember(k, m->theta, d->plant.noise, d->plant.anchor, p->plant.stream, &p->plant.friction, &p->plant.slip);
+    step_odometry(d, p);
+    step_link(d->encoder.tick, d->kinect.delivered, d->way_point, &d->link, &p->link);
+    const double odometry[4] = {d->odometry.tick, d->odometry.x, d->odometry.y, d->odometry.phi};
+    step_estimator(odometry, d->link.delivered, &d->estimator);
+    estimate(d, p, pose);
+    control(d, p, pose, torque);
+    hold(k, torque, &d->actuator, &p->actuator);
 }
 
-/* -- one tick after the other ------------------------------------------------------------------------------------ */
-
-#define EACH for (unsigned i = 0; i < sizeof(Motion) / sizeof(double); i++)
-
-void rollout(int64_t ticks, double *x_packed, double *d_packed, const double *p_packed) {
-    union { Motion of; double at[sizeof(Motion) / sizeof(double)]; } x, x0, k1, k2, k3;
-    Memory d;
-    Parameters p;
-    memcpy(&x, x_packed, sizeof x), memcpy(&d, d_packed, sizeof d), memcpy(&p, p_packed, sizeof p);
-    for (int64_t k = 0; k < ticks; k++) {
-        double pose[3], torque[N];
-        sample_encoder(k, &x.of, &d, &p);
-        if (k % VISION_TICKS == 0) {
-            slide_way_point(k, &d, &p);
-            capture(k, &x.of, &d, &p);
-            deliver(k, &d, &p);
-        }
-        remember(k, &x.of, &d, &p.plant);
-        step_odometry(&d, &p);
-        step_link(&d, &p);
-        step_estimator(&d);
-        estimate(&d, &p, pose);
-        control(&d, &p, pose, torque);
-        hold(k, &d, &p, torque);
-
-        double h = (double)(k + 1) * TICK_S - (double)k * TICK_S, h6 = h / 6.0;
-        x0 = x;
-        derivatives(&x.of, &d, d.actuator.torque, &p.plant, &k1.of);
-        EACH x.at[i] = x0.at[i] + (0.5 * h) * k1.at[i];
-        derivatives(&x.of, &d, d.actuator.torque, &p.plant, &k2.of);
-        EACH x.at[i] = x0.at[i] + (-h * k1.at[i] + (2.0 * h) * k2.at[i]);
-        derivatives(&x.of, &d, d.actuator.torque, &p.plant, &k3.of);
-        EACH x.at[i] = x0.at[i] + ((h6 * k1.at[i] + (4.0 * h6) * k2.at[i]) + h6 * k3.at[i]);
-    }
-    memcpy(x_packed, &x, sizeof x), memcpy(d_packed, &d, sizeof d);
-}
+#include "steps.h"

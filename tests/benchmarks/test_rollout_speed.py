@@ -16,48 +16,75 @@ from drake_ispace.wiring.catalog import build_diagram
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 TICKS = 2000
-#: What a run without it would not show: name -> parameters of the plant away from where they do nothing.
-AWAY = {
+_COMMON = {
     "noise alone": {},
-    "centre of gravity": {"centre_of_gravity_m[0]": 0.02, "centre_of_gravity_m[1]": -0.03},
-    "a push": {"ground_force[0]": 0.2, "ground_force[1]": 0.1, "ground_force[2]": 0.01},
-    "wheels": {"wheels[0]": 1.0, "wheels[4]": -2.0, "wheels[8]": 9.0},
-    "smooth friction": {"friction.coulomb": 0.005, "friction.speed_scale": 1.0, "friction.viscous": 1e-4},
-    "bristles": {"friction.bristle": 1.0, "friction.coulomb": 0.005},
-    "slip in bends": {"slip.cornering_s": 0.1},
-    "traction": {f"slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")},
-    "lagged traction": {f"slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")}
-    | {"slip.relaxation_length_m": 0.1},
+    "a push": {"plant.ground_force[0]": 0.2, "plant.ground_force[1]": 0.1, "plant.ground_force[2]": 0.01},
+    "smooth friction": {
+        "plant.friction.coulomb": 0.005, "plant.friction.speed_scale": 1.0, "plant.friction.viscous": 1e-4,
+    },
+    "bristles": {"plant.friction.bristle": 1.0, "plant.friction.coulomb": 0.005},
+    "slip in bends": {"plant.slip.cornering_s": 0.1},
+    "traction": {f"plant.slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")},
+    "lagged traction": {f"plant.slip.traction_gain_{axis}": 0.2 for axis in ("x", "y", "yaw")}
+    | {"plant.slip.relaxation_length_m": 0.1},
+    "a driver that lags": {"actuator.memory": 0.5, "actuator.noise_std_n_m": 0.001},
+    "a link that loses": {"link.loss": 0.3},
+}
+#: What a run without it would not show: robot -> name -> parameters away from where they do nothing.
+AWAY = {
+    "omni": _COMMON | {
+        "centre of gravity": {"plant.centre_of_gravity_m[0]": 0.02, "plant.centre_of_gravity_m[1]": -0.03},
+        "wheels": {"plant.wheels[0]": 1.0, "plant.wheels[4]": -2.0, "plant.wheels[8]": 9.0},
+    },
+    "pendulum": _COMMON | {
+        "wheels of two radii": {"plant.radius_m[0]": 0.081, "plant.body.m12": 1e-3, "plant.body.m23": -1e-3},
+        "wheels that turn with a part of the body": {"plant.body.kappa": 0.9, "odometry.body_share": 0.9},
+        "a slope, and the IMU above the axle": {
+            "plant.slope_rad[0]": 0.02, "plant.slope_rad[1]": -0.01, "plant.imu_height_m": 0.1,
+        },
+        "slip on the axes of the room": {"plant.slip.frame": 1.0},
+        "a gyro with a bias": {"imu.bias[4]": 0.01},
+        "no look-ahead": {"tracker.mode": 2.0},
+        "the tracker as printed": {"tracker.mode": 1.0},
+    },
 }
 
 
 @pytest.fixture(scope="module")
-def omni():
-    noisy = ["omni.plant.slip.ratio=[0.1,0.1,0.1]", "omni.plant.slip.noise_std=[0.1,0.1,0.1]"]
-    diagram = build_diagram(load_scenario("omni_multirate", noisy))
+def robots():
+    return {robot: compiled(robot) for robot in AWAY}
+
+
+def compiled(robot):
+    noisy = [f"{robot}.plant.slip.{key}=[0.1,0.1,0.1]" for key in ("ratio", "noise_std")]
+    diagram = build_diagram(load_scenario(f"{robot}_multirate", noisy))
     return compile_diagram(diagram, log={diagram.get_output_port(0).get_name(): MAX_TICK})
 
 
 @pytest.fixture(scope="module")
-def by_hand(tmp_path_factory):
+def builds(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(FOLDER)
         from rollout_speed.hand_written import OPTIONS, HandWritten
+    folder = tmp_path_factory.mktemp("c")
     try:
-        return [HandWritten("omni_multirate", of, tmp_path_factory.mktemp("c")) for of in OPTIONS.values()]
+        return {
+            robot: [HandWritten(f"{robot}_multirate", words, folder) for words in OPTIONS.values()] for robot in AWAY
+        }
     except FileNotFoundError as error:
         pytest.skip(str(error))
 
 
-@pytest.mark.parametrize("case", AWAY)
-def test_the_omni_robot_in_c_ends_where_the_compiled_diagram_does(omni, by_hand, case):
-    parameters = omni.with_parameters({f"omni_plant.{name}": value for name, value in AWAY[case].items()})
-    x, d = omni.continuous_state.copy(), omni.discrete_state.copy()
-    logs = [np.zeros((TICKS // divisor + 1, size)) for size, divisor in omni.logged.values()]
-    omni._function(0, TICKS, x, d, parameters, np.empty((0, 0)), *logs)
-    for build in by_hand:
-        final = build.run(TICKS, omni.continuous_state, omni.discrete_state, parameters)[1]
-        assert final == pytest.approx(np.concatenate([x, d]), rel=0.0, abs=1e-12)
+@pytest.mark.parametrize(("robot", "case"), [(robot, case) for robot, cases in AWAY.items() for case in cases])
+def test_a_robot_in_c_ends_where_the_compiled_diagram_does(robots, builds, robot, case):
+    rollout = robots[robot]
+    parameters = rollout.with_parameters({f"{robot}_{name}": value for name, value in AWAY[robot][case].items()})
+    x, d = rollout.continuous_state.copy(), rollout.discrete_state.copy()
+    logs = [np.zeros((TICKS // divisor + 1, size)) for size, divisor in rollout.logged.values()]
+    rollout._function(0, TICKS, x, d, parameters, np.empty((0, 0)), *logs)
+    for build in builds[robot]:
+        final = build.run(TICKS, rollout.continuous_state, rollout.discrete_state, parameters)[1]
+        assert final == pytest.approx(np.concatenate([x, d]), rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.slow
