@@ -54,7 +54,7 @@ def drive(
     seed: int, seconds: float = 30.0, left_share: float = 0.04, late_s: float = 0.08, lag_s: float = 0.06,
     camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
     in_step: bool = False, speeds_m_s: tuple[float, float] = (0.1, 0.5),
-    rates_rad_s: tuple[float, float] = (-1.0, 1.0),
+    rates_rad_s: tuple[float, float] = (-1.0, 1.0), ramp_s: float = 0.0,
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
@@ -62,7 +62,8 @@ def drive(
         seed: of the commands and of all noise. left_share: by which the left wheel is larger than believed.
         late_s: by which motion capture stamps its poses late [s]. lag_s: time constant of the drive [s].
         others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
-            it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn.
+            it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how long
+            each change of a command takes [s].
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
@@ -70,6 +71,10 @@ def drive(
     t = _STEP_S * np.arange(n)
     step_s = 1.0 / encoder_hz if in_step else _STEP_S
     v, w = _wandering(random, t, *speeds_m_s, step_s), _wandering(random, t, *rates_rad_s, step_s)
+    if ramp_s > 0.0:
+        ramp = np.full(round(ramp_s / _STEP_S), _STEP_S / ramp_s)
+        last = np.arange(n) if not in_step else np.arange(n) // round(step_s / _STEP_S) * round(step_s / _STEP_S)
+        v, w = lfilter(ramp, [1.0], v)[last], lfilter(ramp, [1.0], w)[last]
     command = np.column_stack([v, np.zeros(n), w])
     sent = np.column_stack([v + HALF_TRACK_M * w, v - HALF_TRACK_M * w]) / RADIUS_M  # right, left, as it believes
     late = round(o["delay_s"] / _STEP_S)

@@ -37,7 +37,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little
+from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little, pass_over
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
@@ -49,6 +49,7 @@ from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
+from drake_ispace.robots.robot import COMMAND
 from drake_ispace.scenario import Scenario, as_scenario
 
 
@@ -112,6 +113,8 @@ def explain(
             if without.verdict == "none":
                 add_trace(without, answer)
                 answer = without
+        if answer.unknown is not None and not answer.remainders and case.replay.body.robot.driven == COMMAND:
+            pass_over(answer)  # a free run on its commands shows all that such a robot does
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)

@@ -45,4 +45,11 @@ FAULTS = (
         "a stretch runs backwards", "a buffer that is read from the wrong end",
         "two steps that vanish together", "turn the stretch round", harmless=True,
     ),
+    Fault(
+        "command_sampled", "a setpoint that moves on between its samples",
+        "the log shows the commanded velocity at some instants only",
+        "the setpoint is computed faster than it is logged",
+        "the wheels lead the command by about half a sample", "a smooth curve through the samples",
+        same=("clock_offset",), harmless=True,
+    ),
 )

@@ -67,6 +67,13 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
+def pass_over(answer: Explanation) -> None:
+    """Make an answer "none" whose unknown disagreement is detectable, but no more than noise in free runs."""
+    warning = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
+    answer.warnings.append(f"{warning}, but on unseen runs the model without it is as good as noise allows")
+    answer.verdict, answer.unknown = "none", None
+
+
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
     """Say in an answer that names nothing which effects were barely detectable; doubted: the answer that named them."""
     sizes = ", ".join(

@@ -13,6 +13,7 @@ from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of,
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
 from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
+from drake_ispace.explain.check.compare.setpoints import setpoint_findings
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
@@ -140,6 +141,7 @@ class _Search:
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
         self._agreed(COMMAND, command_columns_of)
+        self._add(setpoint_findings(self.runs, self._bases()))
         tell("looking for strangers and for stretches that do not fit")
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
