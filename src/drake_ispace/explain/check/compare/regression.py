@@ -61,8 +61,10 @@ def scores(
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
     ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, _FLOOR, 1.0)
-    # Student's density; what is far out counts, but as its logarithm only
-    far = 0.5 * (_FREEDOM + 1.0) * np.log1p((residual / (ratio * size)[:, None]) ** 2 / _FREEDOM).mean(axis=1)
+    # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
+    # reading that shrinks a channel is not the likelier for it
+    left = (residual**2 + noise[:, None] ** 2) / (ratio * size)[:, None] ** 2
+    far = 0.5 * (_FREEDOM + 1.0) * np.log1p(left / _FREEDOM).mean(axis=1)
     rows = min(x.shape[1], _MOST_ROWS)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
     return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
