@@ -15,7 +15,7 @@ from pydrake.systems.primitives import Multiplexer
 
 from drake_ispace.blocks.block import Spec
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.effects.wires import WheelAngleEffect
@@ -32,6 +32,7 @@ from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 _WHOLE = 2.0  # tanh(2) = 0.96
+_LAGGING_TICKS = ticks_in(1.0)
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,8 @@ class Replay:
         feeds: the channels that every run has.
         filter: plant -> the follower's filter; with a number besides, that under another assumption about noise.
         others: how many of these there are.
-        settling_ticks: of the filter, where a run begins while the robot moves; 0 where velocity is commanded, which
-            leaves no state to be found.
+        settling_ticks: of the filter, where a run begins while the robot moves; where velocity is commanded, how long
+            its drive may still follow what was commanded before.
         alone: indices of run-time numbers, and their values, with which wheels alone move the model, whatever was
             commanded; None: no velocity was recorded, or wheels were not read at every tick.
     """
@@ -240,7 +241,7 @@ def replay_of(
     filter = filters_of(scenario, robot, has, ticks, 0.0 if wheels_lead else count_rad)
     nominal = filter(body.plant)
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
-    settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else 0
+    settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else _LAGGING_TICKS
     alone = None
     if robot.driven == COMMAND and has >= {COMMAND, "encoder"} and ticks == 1:
         alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))

@@ -81,13 +81,13 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
     """The track between two ticks.
 
     It begins up to `settling_ticks` before, which are not scored: nobody knows the state of a robot that moves, and the
-    filter needs that long to find it.
+    filter needs that long to find it. Its first LEAD_TICKS have no fixes: a camera that is late shows what was before.
     """
     if (first, last) == (0, track.ticks):
         return track
     begin = max(first - settling_ticks, 0)
     rows = slice(begin, last + LEAD_TICKS)
-    kept = (track.fix_ticks >= begin) & (track.fix_ticks < last)
+    kept = (track.fix_ticks >= (begin + LEAD_TICKS if begin else 0)) & (track.fix_ticks < last)
     sightings, at = np.zeros_like(track.sightings[rows]), track.fix_rows[kept]
     sightings[at - begin] = track.sightings[at]
     reads = track.reads
@@ -105,7 +105,16 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
 
 def begun(track: Track, wheels: int, settling_ticks: int) -> Track:
     """The track; if it begins while the robot moves, its first `settling_ticks` are not scored, or half of it at most.
+
+    Nor has it fixes in its first LEAD_TICKS then, as a `stretch`.
     """
     turned = np.abs(track.measured[_FIRST_TICKS, :wheels] - track.measured[0, :wheels]).max() / _FIRST_TICKS
     usual = np.sqrt(np.mean(np.diff(track.measured[: track.ticks, :wheels], axis=0) ** 2))
-    return replace(track, unscored_ticks=min(settling_ticks, track.ticks // 2)) if turned > _MOVING * usual else track
+    if turned <= _MOVING * usual:
+        return track
+    kept, sightings = track.fix_ticks >= LEAD_TICKS, track.sightings.copy()
+    sightings[track.fix_rows[~kept]] = 0.0
+    return replace(
+        track, unscored_ticks=min(settling_ticks, track.ticks // 2), sightings=sightings,
+        fix_ticks=track.fix_ticks[kept], fix_t=track.fix_t[kept],
+    )

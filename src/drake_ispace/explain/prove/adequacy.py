@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
@@ -43,6 +44,7 @@ from drake_ispace.explain.prove.repeats import repeated_share
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
 TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
+_CHANCE = 1e-3  # probability that noise over few windows is taken for more
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
@@ -146,7 +148,7 @@ def too_large(
         errors = [run[m] for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
-        if size > TOO_LARGE[m.metric] * max(floor, 1e-300):
+        if size > max(TOO_LARGE[m.metric], _by_chance(m, errors)) * max(floor, 1e-300):
             because = f"sensors and plausible process noise leave {floor:.2g} {m.unit}"
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"
@@ -155,6 +157,15 @@ def too_large(
                 _worst(sizes, names), because,
             ))
     return found
+
+
+def _by_chance(m: Measure, errors: Sequence[np.ndarray]) -> float:
+    """How many times too large a relative error over few windows is by chance, if it is noise.
+
+    Windows end to end share a fix: of white errors of the fixes two thirds of the windows count.
+    """
+    numbers = sum(map(np.size, errors)) * 2.0 / 3.0
+    return float(np.sqrt(chi2.isf(_CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
 
 
 def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:

@@ -73,7 +73,7 @@ def setpoint_findings(runs: Sequence[Recording], bases: Sequence[Base | None]) -
         return []
     if before.score_over(between) >= SAID:  # logged late, too
         return []
-    what = "the wheels lead the command: a setpoint that moves on between its samples"
+    what = "the wheels lead what is held"
     return [Finding(
         "command_sampled", what, "", tuple(drives), COMMAND, drop_in_deviance=2.0 * score,
         repairs=(Interpolated(COMMAND, TICK_S),),
