@@ -49,3 +49,9 @@ def test_it_is_said_where_it_is_most_of_what_is_left(metric, horizon, own, said)
     measure, error = Measure(metric, horizon, "position", "m", WHEELS), np.full((50, 2), 1.0 / np.sqrt(2.0))
     (left,) = too_large([{measure: error}], {measure: 0.1}, {}, ["run"], {(horizon, "position"): own})
     assert ("every fix by itself" in left.because) == said
+
+
+@pytest.mark.parametrize("windows, said", [(5, False), (500, True)])
+def test_few_windows_may_be_large_by_chance(windows, said):
+    measure = Measure(RPE, "1s", "heading", "rad", WHEELS)
+    assert bool(too_large([{measure: np.full((windows, 1), 1.8)}], {measure: 1.0}, {}, ["run"])) == said

@@ -147,3 +147,12 @@ def test_an_effect_is_found_in_stretches_and_proved_on_others():
 def test_no_time_at_all_is_refused():
     with pytest.raises(InputError, match=r"most_s: 0\.0, expected a positive number of seconds"):
         di.explain("omni_multirate", [], most_s=0.0)
+
+
+def test_a_run_that_begins_while_the_robot_moves_has_no_fixes_at_first():
+    moving = begun(made(30.0), 2, 100)
+    assert moving.unscored_ticks == 100 and moving.fix_ticks[0] == LEAD_TICKS
+    assert np.flatnonzero(moving.sightings[:, SIGHTING.is_there])[0] == 2 * LEAD_TICKS
+    assert len(moving.fix_t) == len(moving.fix_ticks)
+    resting = made(30.0, rests=[(0.0, 1.0)])
+    assert begun(resting, 2, 100) is resting

@@ -7,6 +7,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.predict.case import prepare
+from drake_ispace.faults.repair import rows
 from hidden import two_wheels
 from hidden.rover_campaign import Case, answer, judged
 
@@ -47,6 +48,17 @@ def test_a_trace_is_named_without_which_the_answer_does_not_suffice():
     late, wheel = found.effects
     assert found.verdict == "set" and late.parameters.popitem()[1].estimate == pytest.approx(0.08, abs=0.002)
     assert "single_wheel_radius_error" in {wheel.name, *wheel.equivalents} and not found.remainders
+
+
+@pytest.mark.parametrize("has", [("encoder", "kinect"), ("command", "encoder", "kinect")])
+def test_a_log_may_begin_while_the_robot_moves(has):
+    """What a late camera shows at first, and a drive that lags does, was before the log."""
+    runs = [two_wheels.drive(k, 12.0, left_share=0.0, late_s=0.09, lag_s=0.05, in_step=True) for k in (100, 101, 102)]
+    channels = [{name: rows(run.channels[name], run.channels[name].t >= 4.0) for name in has} for run in runs]
+    found = di.explain(two_wheels.model(), [replace(run, channels=c) for run, c in zip(runs, channels, strict=True)])
+    known = {"camera_latency", "clock_offset"} | ({"velocity_lag"} if "command" in has else set())
+    assert found.verdict == "set" and {effect.name for effect in found.effects} <= known
+    assert len(found.effects) == len(has) - 1
 
 
 def with_a_spin(seed, seconds, others, before):

@@ -62,8 +62,8 @@ def drive(
         seed: of the commands and of all noise. left_share: by which the left wheel is larger than believed.
         late_s: by which motion capture stamps its poses late [s]. lag_s: time constant of the drive [s].
         others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
-            it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how long
-            each change of a command takes [s].
+            it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how
+            long each change of a command takes [s].
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])

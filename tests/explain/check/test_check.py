@@ -282,6 +282,12 @@ def test_steady_motion_accuses_nobody(speed, rate, lag_s, gain):
     assert check(two_wheels.model(), runs).findings == []
 
 
+def test_headings_that_are_nothing_but_noise_are_in_no_other_unit():
+    straight = {"speeds_m_s": (0.3, 0.3), "rates_rad_s": (0.0, 0.0), "left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
+    runs = [two_wheels.drive(seed, 30.0, in_step=True, **straight) for seed in (0, 1)]
+    assert check(two_wheels.model(), runs).findings == []
+
+
 def test_wheels_may_be_named_in_any_order(commanded):
     model, runs = commanded
     encoder = runs[0].channels["encoder"]

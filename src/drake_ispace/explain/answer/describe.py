@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student_t
 
+from drake_ispace.explain.answer.cancel import cancelling
 from drake_ispace.explain.answer.drift import drift
 from drake_ispace.explain.answer.explanation import (
     DetectionResult,
@@ -67,7 +68,7 @@ def _described(case, decision: Decision) -> Explanation:
         verdict, effects,
         DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),
         places, untestable, unknown=unknown, warnings=warnings,
-        drifts=drift(decision) if named is not None else [],
+        drifts=[] if named is None else drift(decision) + cancelling(decision),
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
 

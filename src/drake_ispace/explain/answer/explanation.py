@@ -159,7 +159,8 @@ class Explanation:
             "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
             not noise of a sound robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
-        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance.
+        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance, and
+            for every two named effects that undo each other.
         next_experiment: a sentence, empty where no question is open.
         model: the scenario with the named effects in it, None where there is none. difference: what differs in it from
             the defaults, as plain data. model_path: where it was written.

@@ -64,18 +64,17 @@ def setpoint_findings(runs: Sequence[Recording], bases: Sequence[Base | None]) -
     if not drives:
         return []
     step_s = float(np.median([drive.step_s for drive in drives.values()]))
-    held, between, before = (
+    held, between, later, before = (
         _fit([(drive, getattr(drive, rates)) for drive in drives.values()], step_s, earliest)
-        for rates, earliest in (("held", 0.0), ("between", -_NEAR), ("between", -2.0))
+        for rates, earliest in (("held", 0.0), ("between", -_NEAR), ("between", _NEAR), ("between", -2.0))
     )
-    score = between.score_over(held)
+    score = min(between.score_over(held), between.score_over(later))
     if score < SAID or max(held.late_s, between.late_s) > _NEAR * step_s:
         return []
     if before.score_over(between) >= SAID:  # logged late, too
         return []
-    what = "the wheels lead what is held"
     return [Finding(
-        "command_sampled", what, "", tuple(drives), COMMAND, drop_in_deviance=2.0 * score,
+        "command_sampled", "the wheels lead what is held", "", tuple(drives), COMMAND, drop_in_deviance=2.0 * score,
         repairs=(Interpolated(COMMAND, TICK_S),),
     )]
 
