@@ -40,6 +40,7 @@ from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
 from drake_ispace.explain.prove.repeats import repeated_share
+from drake_ispace.robots.robot import COMMAND
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
@@ -108,11 +109,8 @@ def remainders(
     of_each = error_of_each_fix([(path, t.poses) for path, t in zip(reckoned.values(), tracks, strict=True)])
     of_fixes = left_by_fixes(of_each, [(track.fix_t, track.poses) for track in tracks])
     names = [track.name for track in prediction.tracks]
-    dead_reckoned = [
-        {m: _without_offset(m, e) for m, e in run.items() if m.driven_by == WHEELS or m.metric == PREDICTION}
-        for run in after
-    ]
-    found = [*_too_noisy(noise, names), *too_large(dead_reckoned, sensors, chance, names, of_fixes)]
+    judged = [{m: _without_offset(m, e) for m, e in run.items() if _is_judged(m)} for run in after]
+    found = [*_too_noisy(noise, names), *too_large(judged, sensors, chance, names, of_fixes)]
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
@@ -121,6 +119,11 @@ def remainders(
             found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     found += _unlike(motion, names, {m: float(np.hypot(sensors.get(m, 0.0), chance.get(m, 0.0))) for m in after[0]})
     return sorted(found, key=lambda remainder: -remainder.ratio)
+
+
+def _is_judged(m: Measure) -> bool:
+    """Whether noise tells how large an error may be: not of free runs on recorded torque, nor of whole ones."""
+    return m.driven_by == WHEELS or m.metric == PREDICTION or (m.driven_by == COMMAND and m.metric == RPE)
 
 
 def _too_noisy(noise, names):

@@ -174,12 +174,21 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
 
     Noise that was learned while a size was wrong holds the size back or drives it too far, so that a single fit would
     stop half-way, and fits in turn could go to and fro. Each turn therefore begins where the turns so far let sizes be
-    expected that stay. If none does, the turn counts in which sizes moved least.
+    expected that stay. If none does with the noise's memory removed, which hides effects far from the best point, it is
+    tried with the memory left in. If none does then, the turn counts in which sizes moved least.
     """
+    steadiest = _in_turns(view, start, near=True)
+    if not steadiest[0] < _STAYS:
+        steadiest = min(steadiest, _in_turns(view, start, near=False), key=lambda found: found[0])
+    return steadiest[1:]
+
+
+def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
+    """As `fit_with_noise`; before both, by how many standard errors a size moved in the steadiest turn."""
     point, regression, begun, ended, least = start, None, [], [], np.inf
     residuals = view.prediction.residuals(merged(point))
     for _ in range(_MOST_TURNS):
-        likelihood = view.likelihood(point, residuals, near=True, start=regression)
+        likelihood = view.likelihood(point, residuals, near=near, start=regression)
         best = fit(likelihood, _with_best_shifts(likelihood, point))
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
         stds = np.maximum(np.sqrt(np.maximum(np.diag(covariance_of(likelihood, best)), 0.0)) * sizes, 1e-300)
@@ -187,7 +196,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
         ended.append([best.point[c][i] for c, i in best.order])
         move = np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0)
         if not move >= least:
-            least, steadiest = move, (likelihood, best)
+            least, steadiest = move, (move, likelihood, best)
         if move < _STAYS:
             break
         step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
