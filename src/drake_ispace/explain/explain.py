@@ -37,7 +37,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little, pass_over
+from drake_ispace.explain.answer.verdict import add_proof, add_trace, free_runs_show_all, lacks_little
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
@@ -49,7 +49,6 @@ from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
-from drake_ispace.robots.robot import COMMAND
 from drake_ispace.scenario import Scenario, as_scenario
 
 
@@ -108,13 +107,14 @@ def explain(
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
-        if answer.effects and case.is_filtered and decision.detection.in_doubt:
+        unsure = case.is_filtered and (
+            decision.detection.in_doubt or (answer.verdict == "incomplete" and free_runs_show_all(case))
+        )
+        if answer.effects and unsure:
             without = _answered(case, decision.without_effects(), seed, tell)
             if without.verdict == "none":
                 add_trace(without, answer)
                 answer = without
-        if answer.unknown is not None and not answer.remainders and case.replay.body.robot.driven == COMMAND:
-            pass_over(answer)  # a free run on its commands shows all that such a robot does
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)

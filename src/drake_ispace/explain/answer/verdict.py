@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 
-from drake_ispace.explain.answer.describe import with_sizes
+from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.robots.robot import COMMAND
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -20,7 +21,18 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.warnings.append(
             f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"
         )
+    if free_runs_show_all(case) and answer.verdict == "incomplete":  # beside the effects something is detectable
+        answer.verdict = named_or_set(answer.effects)
     _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
+    if free_runs_show_all(case) and answer.unknown is not None and not answer.remainders:
+        detectable = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
+        answer.warnings.append(f"{detectable}, but on unseen runs the model without it is as good as noise allows")
+        answer.verdict, answer.unknown = "none", None
+
+
+def free_runs_show_all(case: Case) -> bool:
+    """Whether what is detectable, and of which free runs show nothing, does not matter."""
+    return case.replay.body.robot.driven == COMMAND and "kinect" in case.replay.feeds
 
 
 def _within_tolerance(answer, case) -> list[str]:
@@ -65,13 +77,6 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
         return False
     on_bound = any(p.on_bound for effect in answer.effects for p in effect.parameters.values())
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
-
-
-def pass_over(answer: Explanation) -> None:
-    """Make an answer "none" whose unknown disagreement is detectable, but no more than noise in free runs."""
-    warning = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
-    answer.warnings.append(f"{warning}, but on unseen runs the model without it is as good as noise allows")
-    answer.verdict, answer.unknown = "none", None
 
 
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
