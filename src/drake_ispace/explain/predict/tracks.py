@@ -49,6 +49,7 @@ class Track:
             commanded; None: nothing.
         reads: (r,) ticks at which encoders were read of a robot that is driven by velocity, or of a user's own plant;
             None: at every tick.
+        command_step_s: from sample to sample of what drives the robot, 0 where it was not recorded.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Track:
     count_rad: float = 0.0
     rounding: np.ndarray | None = None
     reads: np.ndarray | None = None
+    command_step_s: float = 0.0
 
     @property
     def settled(self) -> int:
@@ -164,6 +166,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     return Track(
         name, ticks, command, measured, sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
         rounding=rounding, reads=reads,
+        command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
     )
 
 

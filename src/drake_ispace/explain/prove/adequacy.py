@@ -21,6 +21,7 @@ from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.command_times import left_by_command_times
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
 from drake_ispace.explain.prove.free_run import (
@@ -110,7 +111,11 @@ def remainders(
     of_fixes = left_by_fixes(of_each, [(track.fix_t, track.poses) for track in tracks])
     names = [track.name for track in prediction.tracks]
     judged = [{m: _without_offset(m, e) for m, e in run.items() if _is_judged(m)} for run in after]
-    found = [*_too_noisy(noise, names), *too_large(judged, sensors, chance, names, of_fixes)]
+    by_chance = chance | {
+        m: float(np.hypot(chance.get(m, 0.0), left_by_command_times(prediction.tracks, seconds(m.horizon))[m.channel]))
+        for m in {m for run in judged for m in run} if m.driven_by == COMMAND and m.metric == RPE
+    }
+    found = [*_too_noisy(noise, names), *too_large(judged, sensors, by_chance, names, of_fixes)]
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
