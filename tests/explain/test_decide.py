@@ -77,7 +77,7 @@ def test_a_further_effect_is_named_although_the_first_one_looks_alike():
 def test_what_is_left_over_can_be_named_too():
     decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.14 * SHAPES["lag"])
     assert set(sizes(decision)) == {"tilt"} and decision.left_over.candidate.name == "lag"
-    further = decision.further(decision)
+    further = decision.renamed(decision, decision.further)
     assert sizes(further) == {"tilt": pytest.approx(0.8, abs=0.1), "lag": pytest.approx(0.14, abs=0.1)}
     assert 0.0 < gains(further)["lag"] < LEAST_FURTHER and further.left_over is None
 

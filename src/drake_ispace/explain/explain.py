@@ -41,6 +41,7 @@ from drake_ispace.explain.answer.verdict import add_proof, add_trace, free_runs_
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
+from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -99,7 +100,7 @@ def explain(
         answer = _answered(case, decision, seed, tell)
         too_little = answer.verdict == "incomplete" and answer.proof and answer.remainders
         if too_little and case.is_filtered and decision.further is not None:
-            further = decision.further(decision)
+            further = decision.renamed(decision, decision.further)
             with_further = _answered(case, further, seed, tell)
             if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice
                 decision, answer = further, with_further
@@ -107,13 +108,16 @@ def explain(
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
+        more = case.is_filtered and decision.left_over is not None and decision.left_over.is_more
+        if more and free_runs_show_all(case) and answer.verdict in ("named", "set"):
+            decision, answer = _needed(case, decision, answer, seed, tell)
         unsure = case.is_filtered and (
-            decision.detection.in_doubt or (answer.verdict == "incomplete" and free_runs_show_all(case))
+            decision.detection.in_doubt or (free_runs_show_all(case) and (more or answer.verdict == "incomplete"))
         )
         if answer.effects and unsure:
             without = _answered(case, decision.without_effects(), seed, tell)
             if without.verdict == "none":
-                add_trace(without, answer)
+                add_trace(without, answer.effects)
                 answer = without
     if case.shortened:
         answer.warnings.append(case.shortened)
@@ -125,6 +129,22 @@ def explain(
     answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
     answer.seconds = time.perf_counter() - started
     return answer
+
+
+def _needed(case, decision, answer, seed, tell) -> tuple[Decision, Explanation]:
+    """The answer without effects that free runs do not need.
+
+    Where more is detectable than is explained, an effect may be named for what is not.
+    """
+    for effect in sorted(decision.gains, key=decision.gains.get):
+        if len(decision.named.point) == 1:
+            break
+        fewer = decision.renamed(decision, {c: z for c, z in decision.named.point.items() if c is not effect})
+        without = _answered(case, fewer, seed, tell)
+        if without.verdict in ("named", "set"):
+            add_trace(without, [named for named in answer.effects if named.name == effect.name])
+            decision, answer = fewer, without
+    return decision, answer
 
 
 def _answered(case, decision, seed, tell) -> Explanation:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from drake_ispace.explain.answer.describe import named_or_set, with_sizes
-from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.explanation import Explanation, NamedEffect
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
@@ -79,11 +79,11 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
-def add_trace(answer: Explanation, doubted: Explanation) -> None:
-    """Say in an answer that names nothing which effects were barely detectable; doubted: the answer that named them."""
+def add_trace(answer: Explanation, effects: Sequence[NamedEffect]) -> None:
+    """Say in an answer that does not name them which effects were detectable, though free runs do not need them."""
     sizes = ", ".join(
         f"{effect.name} ({', '.join(f'{name} {p.estimate:.3g} {p.unit}' for name, p in effect.parameters.items())})"
-        for effect in doubted.effects
+        for effect in effects
     )
     answer.warnings.append(
         f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"

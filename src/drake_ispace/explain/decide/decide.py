@@ -107,19 +107,19 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
     proposals, largest = known if decision.end is end and known and known[0] else (proposals_of(decision.end), None)
     decision.left_over = left_over(decision, seed, proposals, largest)
     clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
-    if clearest is not None:
-        decision.further = partial(_further, survey_at, seed, clearest.fit.point)
+    decision.further = None if clearest is None else clearest.fit.point
+    decision.renamed = partial(_renamed, survey_at, seed)
     return decision
 
 
-def _further(survey_at, seed, point, decision) -> Decision:
-    """The Decision that names the clearest effect, too, although it explains less than a further effect must."""
-    further = replace(refitted(survey_at, decision, point), rivals={}, further=None)
-    rests = without_each(further.end, further.named)
-    further.gains = {effect: rest.deviance - further.named.deviance for effect, rest in rests.items()}
-    further = with_rivals(further)
-    further.left_over = left_over(further, seed, proposals_of(further.end))
-    return further
+def _renamed(survey_at, seed, decision, point) -> Decision:
+    """The Decision that names the effects of `point` instead, whatever each explains."""
+    other = replace(refitted(survey_at, decision, point), rivals={}, further=None)
+    rests = without_each(other.end, other.named)
+    other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
+    other = with_rivals(other)
+    other.left_over = left_over(other, seed, proposals_of(other.end))
+    return other
 
 
 def _detection(

@@ -7,7 +7,7 @@ from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit
+from drake_ispace.explain.fit.likelihood import Fit, Point
 
 MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
 LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
@@ -52,8 +52,8 @@ class Decision:
         unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
-            back on should the named effects not suffice on unseen runs. further: turns this Decision into one that
-            names the clearest effect beside the named ones, too; None where there is none.
+            back on should the named effects not suffice on unseen runs. further: the named effects and the clearest one
+            beside them; None where there is none. renamed: turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -67,7 +67,8 @@ class Decision:
     left_over: LeftOver | None = None
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
-    further: "Callable[[Decision], Decision] | None" = None
+    further: Point | None = None
+    renamed: "Callable[[Decision, Point], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
