@@ -98,7 +98,8 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         answer = _answered(case, decision, seed, tell)
-        too_little = answer.verdict == "incomplete" and answer.proof and answer.remainders
+        nothing_named = answer.verdict == "unknown" and answer.unknown is None and free_runs_show_all(case)
+        too_little = (answer.verdict == "incomplete" or nothing_named) and answer.proof and answer.remainders
         if too_little and case.is_filtered and decision.further is not None:
             further = decision.renamed(decision, decision.further)
             with_further = _answered(case, further, seed, tell)

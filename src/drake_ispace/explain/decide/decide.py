@@ -98,17 +98,21 @@ def _far(survey_at, point) -> tuple[Survey, Fit]:
 
 def _finished(decision, survey_at, seed, known=()) -> Decision:
     """The Decision with no more effects than needed, their rivals, and what is left; known: as of `left_over`."""
+    decision.renamed = partial(_renamed, survey_at, seed)
     if decision.named is None:
-        return decision
+        return _with_further(decision, known[0] if known else [])
     end, decision = decision.end, pruned(survey_at, decision)
     if decision.named is None:
         return decision
     decision = with_rivals(decision)
     proposals, largest = known if decision.end is end and known and known[0] else (proposals_of(decision.end), None)
     decision.left_over = left_over(decision, seed, proposals, largest)
+    return _with_further(decision, proposals)
+
+
+def _with_further(decision, proposals) -> Decision:
     clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
     decision.further = None if clearest is None else clearest.fit.point
-    decision.renamed = partial(_renamed, survey_at, seed)
     return decision
 
 

@@ -192,6 +192,8 @@ def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) ->
     repeat themselves with the place.
     """
     names, series = zip(*runs, strict=True)
+    if len(series) == 1 and np.ptp(series[0].t) < (_FOLDS - 1) * seconds(m.horizon):
+        return None  # each fold must have a window to itself
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
     driver = max(shares, key=shares.get)
     size = rms([run.errors for run in series]) * float(np.sqrt(max(shares[driver], 0.0)))
