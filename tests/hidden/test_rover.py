@@ -61,6 +61,19 @@ def test_a_log_may_begin_while_the_robot_moves(has):
     assert len(found.effects) == len(has) - 1
 
 
+def test_what_hardly_shows_from_fix_to_fix_is_named_if_free_runs_need_it():
+    """A marker that is 46 mm off, of a robot that turns slowly under a camera at 100 Hz."""
+    slow = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.05, "in_step": True, "ramp_s": 3.0}
+    runs = [
+        two_wheels.drive(173000 + i, 6.0, camera_hz=100.0, others={"marker_y_m": -0.046}, **slow) for i in range(2)
+    ]
+    channels = [{name: run.channels[name] for name in ("encoder", "kinect")} for run in runs]
+    found = di.explain(two_wheels.model(), [replace(run, channels=c) for run, c in zip(runs, channels, strict=True)])
+    assert found.verdict == "named" and found.detection.p_value > 0.01
+    (effect,) = found.effects
+    assert effect.name == "marker_offset" and effect.parameters["y_m"].estimate == pytest.approx(-0.046, abs=0.005)
+
+
 def with_a_spin(seed, seconds, others, before):
     """What explain says of two runs of the same motion, and one that turns on the spot."""
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.links import Base
+from drake_ispace.explain.check.compare.links import FEWEST, Base
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Interpolated
 from drake_ispace.files.recording import Channel, Recording
@@ -20,7 +20,6 @@ from drake_ispace.robots.robot import COMMAND
 
 _BLOCK_S = 1.0  # within which what a fit leaves may belong together
 _FINE = 0.5 * TICK_S  # of the time in which commands act
-_FEWEST = 20  # windows
 _NEAR = 0.25  # steps of the command: nearer to its sample than to half-way to the next
 
 
@@ -91,7 +90,7 @@ def _drive(command: Channel, base: Base) -> _Drive | None:
         return None
     every = max(1, round(step_s / float(np.median(np.diff(read)))))
     edges = inner[::every]
-    if len(edges) <= _FEWEST:
+    if len(edges) <= FEWEST:
         return None
     t = np.arange(command.t[0], command.t[-1], _FINE)
     held = command.values[np.searchsorted(command.t, t + 1e-9, side="right") - 1]
