@@ -14,10 +14,11 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.agreement import SAID
 from drake_ispace.explain.check.compare.links import FEWEST, Base
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Interpolated
+from drake_ispace.faults.repair import Interpolated, rows
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.robots.robot import COMMAND
 
+_MOST_S = 160.0  # of all runs together
 _BLOCK_S = 1.0  # within which what a fit leaves may belong together
 _FINE = 0.5 * TICK_S  # of the time in which commands act
 _NEAR = 0.25  # steps of the command: nearer to its sample than to half-way to the next
@@ -58,7 +59,7 @@ def setpoint_findings(runs: Sequence[Recording], bases: Sequence[Base | None]) -
     drives = {
         i: drive for i, (run, base) in enumerate(zip(runs, bases, strict=True))
         if base is not None and COMMAND in run.channels and base.robot.driven == COMMAND
-        and (drive := _drive(run.channels[COMMAND], base)) is not None
+        and (drive := _drive(run.channels[COMMAND], base, _MOST_S / len(runs))) is not None
     }
     if not drives:
         return []
@@ -78,8 +79,12 @@ def setpoint_findings(runs: Sequence[Recording], bases: Sequence[Base | None]) -
     )]
 
 
-def _drive(command: Channel, base: Base) -> _Drive | None:
-    """None where the command mostly stays as it is, or too little was read."""
+def _drive(command: Channel, base: Base, most_s: float) -> _Drive | None:
+    """The middle `most_s` of a run; None where the command mostly stays as it is, or too little was read."""
+    middle = 0.5 * (command.t[0] + command.t[-1])
+    command = rows(command, np.abs(command.t - middle) <= 0.5 * most_s)
+    if len(command.t) <= FEWEST:
+        return None
     steps = np.diff(command.values, axis=0).any(axis=1)
     step_s = float(np.median(np.diff(command.t)))
     if step_s < 2.0 * TICK_S or np.mean(steps) < 0.5:
