@@ -8,7 +8,7 @@ import pytest
 
 import answers
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation, Unknown
+from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation
 from drake_ispace.explain.answer.verdict import add_proof, lacks_little
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -22,11 +22,9 @@ MODEL = load_scenario("omni_multirate")
 WORSE = replace(answers.GAP[1], before=0.006, after=0.02, worse=True)
 
 
-def judged(answer, rows=answers.GAP, remainders=(), driven="torque"):
-    """The answer, after a proof with these rows and remainders, of a robot that is driven by torque or command."""
-    replay = SimpleNamespace(body=SimpleNamespace(robot=SimpleNamespace(driven=driven)), feeds={"kinect", "encoder"})
-    proof = Proof("held-out runs", list(rows), list(remainders), None, {}, None)
-    add_proof(answer, SimpleNamespace(replay=replay, scenario=None), proof)
+def judged(answer, rows=answers.GAP, remainders=()):
+    """The answer, after a proof with these rows and remainders."""
+    add_proof(answer, None, Proof("held-out runs", list(rows), list(remainders), None, {}, None))
     return answer
 
 
@@ -53,23 +51,6 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
     assert "lacks something" in Explanation("unknown", [], shows, [], []).title
     assert "No effect shows" in Explanation("unknown", [], hidden, [], []).title
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
-
-
-@pytest.mark.parametrize(("driven", "remainders", "verdict"), [
-    ("command", (), "named"), ("command", (answers.LEFT,), "incomplete"), ("torque", (), "incomplete"),
-])
-def test_of_a_commanded_robot_only_what_free_runs_show_is_missing_beside_the_names(driven, remainders, verdict):
-    incomplete = answers.named(MODEL, verdict="incomplete")
-    assert judged(incomplete, remainders=remainders, driven=driven).verdict == verdict
-
-
-@pytest.mark.parametrize(("driven", "remainders", "verdict"), [
-    ("command", (), "none"), ("command", (answers.LEFT,), "unknown"), ("torque", (), "unknown"),
-])
-def test_of_a_commanded_robot_only_what_free_runs_show_is_unknown(driven, remainders, verdict):
-    unknown = Unknown("force", "speed", 1.0, "alike in both directions", "none", "from the start", "none", 0.0)
-    answer = judged(Explanation("unknown", [], None, [], [], unknown=unknown), (), remainders, driven)
-    assert answer.verdict == verdict and bool(answer.warnings) == (verdict == "none")
 
 
 def test_effects_that_leave_noise_keep_their_verdict():

@@ -37,11 +37,10 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace, free_runs_show_all, lacks_little
+from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -50,6 +49,7 @@ from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
+from drake_ispace.robots.robot import COMMAND
 from drake_ispace.scenario import Scenario, as_scenario
 
 
@@ -98,7 +98,8 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         answer = _answered(case, decision, seed, tell)
-        nothing_named = answer.verdict == "unknown" and answer.unknown is None and free_runs_show_all(case)
+        commanded = case.replay.body.robot.driven == COMMAND
+        nothing_named = answer.verdict == "unknown" and answer.unknown is None and commanded
         too_little = (answer.verdict == "incomplete" or nothing_named) and answer.proof and answer.remainders
         if too_little and case.is_filtered and decision.further is not None:
             further = decision.renamed(decision, decision.further)
@@ -109,16 +110,10 @@ def explain(
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
-        more = case.is_filtered and decision.left_over is not None and decision.left_over.is_more
-        if more and free_runs_show_all(case) and answer.verdict in ("named", "set"):
-            decision, answer = _needed(case, decision, answer, seed, tell)
-        unsure = case.is_filtered and (
-            decision.detection.in_doubt or (free_runs_show_all(case) and (more or answer.verdict == "incomplete"))
-        )
-        if answer.effects and unsure:
+        if answer.effects and case.is_filtered and decision.detection.in_doubt:
             without = _answered(case, decision.without_effects(), seed, tell)
             if without.verdict == "none":
-                add_trace(without, answer.effects)
+                add_trace(without, answer)
                 answer = without
     if case.shortened:
         answer.warnings.append(case.shortened)
@@ -130,22 +125,6 @@ def explain(
     answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
     answer.seconds = time.perf_counter() - started
     return answer
-
-
-def _needed(case, decision, answer, seed, tell) -> tuple[Decision, Explanation]:
-    """The answer without effects that free runs do not need.
-
-    Where more is detectable than is explained, an effect may be named for what is not.
-    """
-    for effect in sorted(decision.gains, key=decision.gains.get):
-        if len(decision.named.point) == 1:
-            break
-        fewer = decision.renamed(decision, {c: z for c, z in decision.named.point.items() if c is not effect})
-        without = _answered(case, fewer, seed, tell)
-        if without.verdict in ("named", "set"):
-            add_trace(without, [named for named in answer.effects if named.name == effect.name])
-            decision, answer = fewer, without
-    return decision, answer
 
 
 def _answered(case, decision, seed, tell) -> Explanation:

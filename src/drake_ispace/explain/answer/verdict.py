@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 
-from drake_ispace.explain.answer.describe import named_or_set, with_sizes
-from drake_ispace.explain.answer.explanation import Explanation, NamedEffect
+from drake_ispace.explain.answer.describe import with_sizes
+from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
-from drake_ispace.robots.robot import COMMAND
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -21,18 +20,7 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.warnings.append(
             f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"
         )
-    if free_runs_show_all(case) and answer.verdict == "incomplete":  # beside the effects something is detectable
-        answer.verdict = named_or_set(answer.effects)
     _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
-    if free_runs_show_all(case) and answer.unknown is not None and not answer.remainders:
-        detectable = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
-        answer.warnings.append(f"{detectable}, but on unseen runs the model without it is as good as noise allows")
-        answer.verdict, answer.unknown = "none", None
-
-
-def free_runs_show_all(case: Case) -> bool:
-    """Whether what is detectable, and of which free runs show nothing, does not matter."""
-    return case.replay.body.robot.driven == COMMAND and "kinect" in case.replay.feeds
 
 
 def _within_tolerance(answer, case) -> list[str]:
@@ -79,11 +67,11 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
-def add_trace(answer: Explanation, effects: Sequence[NamedEffect]) -> None:
-    """Say in an answer that does not name them which effects were detectable, though free runs do not need them."""
+def add_trace(answer: Explanation, doubted: Explanation) -> None:
+    """Say in an answer that names nothing which effects were barely detectable; doubted: the answer that named them."""
     sizes = ", ".join(
         f"{effect.name} ({', '.join(f'{name} {p.estimate:.3g} {p.unit}' for name, p in effect.parameters.items())})"
-        for effect in effects
+        for effect in doubted.effects
     )
     answer.warnings.append(
         f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"
