@@ -19,6 +19,7 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_
 _BLOCK_TICKS, _BLOCK_FIXES = 200, 10  # about a second, within which noise may still be correlated
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
+_ASTRAY = 3.0  # standard deviations by which sizes that move in every turn lead nowhere
 
 
 @dataclass(frozen=True)
@@ -174,11 +175,11 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
 
     Noise that was learned while a size was wrong holds the size back or drives it too far, so that a single fit would
     stop half-way, and fits in turn could go to and fro. Each turn therefore begins where the turns so far let sizes be
-    expected that stay. If none does with the noise's memory removed, which hides effects far from the best point, it is
-    tried with the memory left in. If none does then, the turn counts in which sizes moved least.
+    expected that stay. If none does, the turn counts in which sizes moved least. If they moved far even there, it is
+    tried with the noise's memory left in: to remove it hides effects that are far from their best sizes.
     """
     steadiest = _in_turns(view, start, near=True)
-    if not steadiest[0] < _STAYS:
+    if not steadiest[0] < _ASTRAY:
         steadiest = min(steadiest, _in_turns(view, start, near=False), key=lambda found: found[0])
     return steadiest[1:]
 
