@@ -64,14 +64,16 @@ def setpoint_findings(runs: Sequence[Recording], bases: Sequence[Base | None]) -
     if not drives:
         return []
     step_s = float(np.median([drive.step_s for drive in drives.values()]))
-    held, between, later, before = (
-        _fit([(drive, getattr(drive, rates)) for drive in drives.values()], step_s, earliest)
-        for rates, earliest in (("held", 0.0), ("between", -_NEAR), ("between", _NEAR), ("between", -2.0))
-    )
-    score = min(between.score_over(held), between.score_over(later))
+
+    def fit(rates, earliest):
+        return _fit([(drive, getattr(drive, rates)) for drive in drives.values()], step_s, earliest)
+
+    held, between = fit("held", 0.0), fit("between", -_NEAR)
+    score = between.score_over(held)
     if score < SAID or max(held.late_s, between.late_s) > _NEAR * step_s:
         return []
-    if before.score_over(between) >= SAID:  # logged late, too
+    score = min(score, between.score_over(fit("between", _NEAR)))
+    if score < SAID or fit("between", -2.0).score_over(between) >= SAID:  # the latter: logged late, too
         return []
     return [Finding(
         "command_sampled", "the wheels lead what is held", "", tuple(drives), COMMAND, drop_in_deviance=2.0 * score,
@@ -131,7 +133,7 @@ def _fit(pairs: Sequence[tuple[_Drive, np.ndarray]], step_s: float, earliest: fl
         return np.concatenate(each).ravel() / scale
 
     starts = [(1.0 + late, 1.0 + lag, 1.0) for late in (0.0, 0.5, 1.0, 4.0) for lag in (0.0, 2.0)]
-    least = min(starts, key=lambda x: float(left(np.array(x)) @ left(np.array(x))))
+    least = min(starts, key=lambda x: float(np.sum(left(x) ** 2)))
     fit = least_squares(left, least, bounds=([1.0, 1.0, 0.1], [40.0, 100.0, 10.0]), diff_step=1e-2)
     blocks = np.concatenate([np.floor(drive.edges[:-1] / _BLOCK_S) + 1e6 * i for i, (drive, _) in enumerate(pairs)])
     squares = (fit.fun**2).reshape(len(blocks), -1).sum(axis=1)
