@@ -90,6 +90,7 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
     kept = (track.fix_ticks >= (begin + LEAD_TICKS if begin else 0)) & (track.fix_ticks < last)
     sightings, at = np.zeros_like(track.sightings[rows]), track.fix_rows[kept]
     sightings[at - begin] = track.sightings[at]
+    inside = (track.seen[:, 0] >= begin * TICK_S) & (track.seen[:, 0] < last * TICK_S)
     reads = track.reads
     if reads is not None:
         reads = reads[(reads >= begin) & (reads < last + LEAD_TICKS)] - begin
@@ -100,6 +101,7 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
         aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
         since_s=track.since_s + begin * TICK_S, unscored_ticks=max(first, track.unscored_ticks) - begin,
         reads=reads, rounding=None if track.rounding is None else track.rounding[rows],
+        seen=track.seen[inside] - np.array([begin * TICK_S, 0.0, 0.0, 0.0]),
     )
 
 

@@ -1,7 +1,7 @@
 """Recordings on the robot's 5 ms clock, ready to be predicted; camera fixes keep their own instants."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class Track:
         reads: (r,) ticks at which encoders were read of a robot that is driven by velocity, or of a user's own plant;
             None: at every tick.
         command_step_s: from sample to sample of what drives the robot, 0 where it was not recorded.
+        seen: (n, 4) time [s] and pose x, y [m], phi [rad] of all fixes, of which `sightings` may have a few only.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Track:
     rounding: np.ndarray | None = None
     reads: np.ndarray | None = None
     command_step_s: float = 0.0
+    seen: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
 
     @property
     def settled(self) -> int:
@@ -156,6 +158,10 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, period_s) if "kinect" in has else (
         np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
     )
+    seen = np.empty((0, 4))
+    if "kinect" in has:
+        fixes = recording.channels["kinect"]
+        seen = np.column_stack([fixes.t, fixes.values[:, :3]])
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
@@ -165,7 +171,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
         name, ticks, command, measured, sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
-        rounding=rounding, reads=reads,
+        rounding=rounding, reads=reads, seen=seen,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
     )
 

@@ -39,7 +39,7 @@ from drake_ispace.explain.prove.free_run import (
 )
 from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
-from drake_ispace.explain.prove.paths import pairs, relative, relative_errors
+from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
 from drake_ispace.explain.prove.repeats import repeated_share
 from drake_ispace.robots.robot import COMMAND
 
@@ -252,33 +252,43 @@ def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def _unlike(motion, names, floors):
-    """Wheels whose errors, over what noise leaves of each, are larger than those of the wheels that are like them.
+    """Wheels whose errors are larger than those of the wheels that are like them.
 
-    floors: measure -> root mean square that noise leaves; the wheels of a robot that is off balance differ in it.
+    They must be, both as they are and over what noise leaves of each wheel, which depends on the motion and on how the
+    robot stands, and which is an assumption. floors: measure -> root mean square that noise leaves.
     """
     wheels = [m for m in motion[0] if m.channel.startswith("encoder")] if motion else []
     if len(wheels) < 3 or not all(floors.get(m, 0.0) for m in wheels):
         return []  # of two wheels nobody knows which one is wrong; a variable must tell
     blocks = []
     for run in motion:
-        squares = np.column_stack([(run[m].errors[:, 0] / floors[m]) ** 2 for m in wheels])
+        squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
         blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
     if len(blocks) < 2:  # too short to tell a wheel from chance
         return []
-    blocks = np.array(blocks)
+    blocks, noise = np.array(blocks), np.array([floors[m] for m in wheels]) ** 2
     found = []
     for k, m in enumerate(wheels):
-        others = np.sqrt(np.median(np.delete(blocks.mean(axis=0), k)))
-        ratios = 0.5 * np.log(blocks[:, k] / np.median(np.delete(blocks, k, axis=1), axis=1))
-        certain = ratios.mean() > _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios))
-        size = float(np.sqrt(blocks[:, k].mean()))
-        if certain and size > _UNLIKE * others:
+        times = min(_times_others(blocks, k), _times_others(blocks / noise, k))
+        if times > _UNLIKE:
             found.append(Remainder(
-                m.channel, "this wheel", size * floors[m], m.unit, m.horizon, size / others / _UNLIKE,
+                m.channel, "this wheel", float(np.sqrt(blocks[:, k].mean())), m.unit, m.horizon, times / _UNLIKE,
                 "from the start of a run", names,
-                f"the error is {size / others:.2f} times that of the wheels that are like it",
+                f"the error is {times:.2f} times that of the wheels that are like it",
             ))
     return found
+
+
+def _times_others(squares: np.ndarray, k: int) -> float:
+    """How many times as large as the others' the error of wheel k is; 0 where that may be chance.
+
+    squares: (blocks, wheels) of the errors in each block of time.
+    """
+    others = np.delete(squares, k, axis=1)
+    ratios = 0.5 * np.log(squares[:, k] / np.median(others, axis=1))
+    if ratios.mean() <= _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
+        return 0.0
+    return float(np.sqrt(squares[:, k].mean() / np.median(others.mean(axis=0))))
 
 
 def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, _Series]:
@@ -307,7 +317,9 @@ def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measur
         in_body = relative_errors(by_wheels, (begin, end))
         c, s = np.cos(end[:, 2]), np.sin(end[:, 2])  # errors are seen from the measured pose at the end
         in_room = np.column_stack([c * in_body[:, 0] - s * in_body[:, 1], s * in_body[:, 0] + c * in_body[:, 1]])
-        along, across = _of_motion(*by_wheels), _of_place(prediction, track, rows, begin, end)
+        way = relative(*by_wheels)
+        along = _of_motion(relative(by_wheels[1], by_wheels[0]))
+        across = _of_place(prediction, track, rows, begin, compose(begin, way))
         label, t = f"{horizon:g}s", track.fix_t[rows[:, 1]]
         for channel, unit, errors, drivers in (
             ("kinect: along the body", "m", in_body[:, :2], along), ("kinect: along the room", "m", in_room, across),
@@ -317,14 +329,14 @@ def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measur
     return series
 
 
-def _of_motion(begin, end):
-    """Functions of the motion in a window, along the axes of the body, as the wheels say: fixes share their errors."""
-    way = relative(end, begin)  # as seen from the end
+def _of_motion(way):
+    """Functions of the motion in a window (k, 3), as seen from its end and as the wheels say: fixes share their errors.
+    """
     return {"speed": way, "direction": np.sign(way) * np.abs(way).mean(axis=0), "distance": np.abs(way)}
 
 
 def _of_place(prediction, track: Track, rows, begin, end):
-    """Functions of the place at both ends of a window, along the axes of the room."""
+    """Functions of the place at both ends of a window, along the axes of the room; end: from begin on as wheels say."""
     velocity = motion_of(prediction, track).body[track.fix_ticks]
     c, s = np.cos(track.poses[:, 2]), np.sin(track.poses[:, 2])
     velocity = np.column_stack([c * velocity[:, 0] - s * velocity[:, 1], s * velocity[:, 0] + c * velocity[:, 1]])

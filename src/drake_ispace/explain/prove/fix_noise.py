@@ -1,12 +1,72 @@
-"""What errors of places owe to the error that every fix has by itself, whatever is wrong with the model."""
+"""The error that every fix has by itself, as fixes show it, and what errors of places owe to it."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.prediction import wheel_speeds
+from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import HORIZONS_S, RUN
-from drake_ispace.explain.prove.paths import compose, pairs, relative
+from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
+from drake_ispace.plants.wheels import WheelGeometry
+
+_LEAST_FIXES = 10  # from which on they say what the camera's noise is
+_REST_RAD_S = 0.01  # speed below which every wheel is at rest
+
+
+def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
+    """(3,) standard deviations [m, m, rad] of the fixes of a robot at rest.
+
+    None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
+    """
+    parts = []
+    for track in tracks:
+        if "encoder" not in track.has or not len(track.seen):
+            continue
+        resting = np.abs(wheel_speeds(track.measured[: track.ticks + 1, :wheels])).max(axis=1) < _REST_RAD_S
+        seen = resting[np.clip(np.rint(track.seen[:, 0] / TICK_S).astype(int), 0, track.ticks)]
+        for stretch in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen)) + 1):
+            if len(stretch) > 2 and seen[stretch[0]]:
+                poses = track.seen[stretch[1:-1], 1:].copy()  # the robot may still move at the ends
+                poses[:, 2] = np.unwrap(poses[:, 2])
+                parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
+    deviations = np.vstack([*parts, np.empty((0, 3))])
+    distinct = len(np.unique(np.round(deviations, 9), axis=0))
+    if len(deviations) < _LEAST_FIXES or distinct < 0.9 * len(deviations):
+        return None
+    return np.sqrt(np.mean(deviations**2, axis=0))
+
+
+def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray | None:
+    """(3,) root mean squares [m, m, rad] of the errors of the fixes of a robot whose wheels tell how it moved.
+
+    Only fixes between which it moved by more than the `stated` errors (3,) are used: whole pixels repeat theirs. None:
+    there are too few.
+    """
+    runs = []
+    for track in tracks:
+        if "encoder" in track.has and len(track.seen):
+            steps = np.diff(track.turned[:, : len(geometry.wheels)], axis=0) @ geometry.forward.T
+            path, at = chained(np.zeros(3), steps), track.seen[:, 0] / TICK_S
+            path[:, 2] = np.unwrap(path[:, 2])
+            reckoned = np.column_stack([np.interp(at, np.arange(len(path)), column) for column in path.T])
+            apart = _apart(reckoned, float(np.hypot(*stated[:2])), stated[2])
+            runs.append((reckoned[apart], track.seen[apart, 1:]))
+    if sum(len(poses) for _, poses in runs) < _LEAST_FIXES:
+        return None
+    return error_of_each_fix(runs)
+
+
+def _apart(poses, way_m, turn_rad):
+    """Numbers of the poses (k, 3) that are as far from the last of them that was chosen, or turned by as much."""
+    chosen = [0]
+    for i, pose in enumerate(poses):
+        x, y, turn = pose - poses[chosen[-1]]
+        if np.hypot(x, y) > way_m or abs(turn) > turn_rad:
+            chosen.append(i)
+    return np.array(chosen)
 
 
 def error_of_each_fix(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

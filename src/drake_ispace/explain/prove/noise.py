@@ -1,10 +1,11 @@
 """Noise in the gap: of the sensors, as stated, and of the process, as strong as the runs need and may need.
 
 Noise of known size is added to the recorded runs anew, and the spread of the errors is what noise of that size leaves.
-Sensor noise is what counts, pixels and densities of the scenario say, or what fixes show of a robot at rest. Process
-noise has physical forms: forces from outside along each coordinate, and a random walk of the place (translation, turn)
-with the way, as wheels slip. How strong each is follows from short horizons. What adds up over long horizons as noise
-of that form does not is then no noise; and a strength beyond the limits of the robot is not plausible.
+Sensor noise is what counts, pixels and densities of the scenario say, or what fixes show of a robot at rest, or on the
+move where that is less. Process noise has physical forms: forces from outside along each coordinate, and a random walk
+of the place (translation, turn) with the way, as wheels slip. How strong each is follows from short horizons. What adds
+up over long horizons as noise of that form does not is then no noise; and a strength beyond the limits of the robot is
+not plausible.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,10 +21,11 @@ from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.predict.filters import CORRELATION_S
-from drake_ispace.explain.predict.prediction import Prediction, wheel_speeds
+from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.fix_noise import at_rest, on_the_move
 from drake_ispace.explain.prove.free_run import (
     HORIZONS_S,
     PREDICTION,
@@ -47,8 +49,6 @@ from drake_ispace.room.localizer import Localizer, camera_of, see
 from drake_ispace.scenario import Scenario
 
 _DRAWS = 4
-_LEAST_RESTING = 10  # fixes of a robot at rest, from which on they say what the camera's noise is
-_REST_RAD_S = 0.01  # speed below which every wheel is at rest
 _DRIVE_S = 0.5  # correlation time of a drive that leaves its command
 
 SENSORS = "sensors"
@@ -105,9 +105,20 @@ def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
     if prediction.replay.body.robot.has_imu:
         imu = settings.imu
         outputs += [d / np.sqrt(TICK_S) for d in [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3]
-    resting = _resting_fix_noise(prediction)
-    of_fixes = partial(_pixels, localizer) if resting is None else partial(_as_at_rest, resting)
-    return SensorNoise(of_fixes, np.array(outputs), count)
+    return SensorNoise(_noise_of_fixes(localizer, prediction), np.array(outputs), count)
+
+
+def _noise_of_fixes(localizer, prediction):
+    """`of_fixes` of a SensorNoise: as of a robot at rest, or as stated, or less if fixes on the move show that."""
+    body, tracks = prediction.replay.body, prediction.tracks
+    std, stated = at_rest(tracks, body.wheels), partial(_pixels, localizer)
+    if std is None and any(len(track.seen) for track in tracks):
+        poses = np.vstack([track.poses for track in tracks])
+        by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
+        shown = on_the_move(tracks, body.plant.geometry, by_pixels)
+        if shown is not None and (shown < by_pixels).any():
+            std = np.minimum(shown, by_pixels)
+    return stated if std is None else partial(_independent, std)
 
 
 def _pixels(localizer: Localizer, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:
@@ -124,32 +135,9 @@ def _pixels(localizer: Localizer, poses: np.ndarray, generator: np.random.Genera
     return errors
 
 
-def _as_at_rest(std: np.ndarray, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:
-    """(k, 3) errors of fixes as independent of each other as those of a robot at rest, standard deviations (3,)."""
+def _independent(std: np.ndarray, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """(k, 3) errors of fixes that are independent of each other, standard deviations (3,)."""
     return generator.standard_normal(poses.shape) * std
-
-
-def _resting_fix_noise(prediction):
-    """(3,) standard deviations of the fixes of a robot at rest.
-
-    None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
-    """
-    wheels, parts = prediction.replay.body.wheels, []
-    for track in prediction.tracks:
-        if "encoder" not in track.has:
-            continue
-        at_rest = np.abs(wheel_speeds(track.measured[: track.ticks + 1, :wheels])).max(axis=1) < _REST_RAD_S
-        seen = at_rest[np.minimum(track.fix_ticks, track.ticks)]
-        for stretch in np.split(np.arange(len(seen)), np.flatnonzero(np.diff(seen)) + 1):
-            if len(stretch) > 2 and seen[stretch[0]]:
-                poses = track.poses[stretch[1:-1]]  # the robot may still move at the ends
-                poses[:, 2] = np.unwrap(poses[:, 2])
-                parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
-    deviations = np.vstack(parts) if parts else np.empty((0, 3))
-    distinct = len(np.unique(np.round(deviations, 9), axis=0))
-    if len(deviations) < _LEAST_RESTING or distinct < 0.9 * len(deviations):
-        return None
-    return np.sqrt(np.mean(deviations**2, axis=0))
 
 
 #: For each run Measure -> (k, d) changes of errors by noise, all draws pooled.

@@ -139,15 +139,18 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
         return body.robot.ground_force(force)
 
-    yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
-        [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]
-    ]
-    yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
-        [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
-    ]
+    if _is_motion(prediction, motions, slice(2, 3)):
+        yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
+            [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
+        ]
     yield Generic("spring_in_the_room", "force", "place", 3), [
         [push(m, *_in_body_frame(m, force)) for m in motions]
         for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
+    ]
+    if not _is_motion(prediction, motions, slice(2)):
+        return
+    yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
+        [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]
     ]
     yield Generic("resistance_that_wears_off", "force", "time and direction", 2), [
         [resist(m, np.exp(-m.t / _WARM_S)) for m in motions], [resist(m, m.t / _RUN_S) for m in motions],
@@ -198,6 +201,14 @@ def _losses(motions) -> Iterator[_Shapes]:
         [_travelled(m, 0.0, 0.02 * _speed(m), 0.0) for m in motions],
         [_travelled(m, 0.0, 0.0, 0.05 * _speed(m)) for m in motions],
     ]
+
+
+def _is_motion(prediction, motions, axes: slice) -> bool:
+    """Whether the robot moved along these axes of its body, or its encoders only round: speeds of the past alone would
+    then differ from those around each instant by more than there is of these."""
+    around = [motion_of(prediction, track).body[:, axes] for track in prediction.tracks]
+    apart = [m.body[:, axes] - body for m, body in zip(motions, around, strict=True)]
+    return bool(np.sum(np.vstack(around) ** 2) > np.sum(np.vstack(apart) ** 2))
 
 
 def _tenth_of_usual_command(motions):
