@@ -1,17 +1,19 @@
 """What an answer leaves: process noise as strong as it is, and variables that predict what is left."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.prove.adequacy import predicted_share
-from drake_ispace.explain.prove.free_run import simulate, windows_of
+from drake_ispace.explain.prove.adequacy import _unlike, predicted_share
+from drake_ispace.explain.prove.free_run import PREDICTION, WHEELS, Measure, simulate, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.prove.repeats import are_one_motion, repeated_share
 from drake_ispace.scenario import load_scenario
+from hidden import two_wheels
 from hidden.generator import generate
 
 RANDOM = np.random.default_rng(3)
@@ -99,6 +101,31 @@ def test_runs_that_begin_a_little_later_repeat_one_motion():
     speeds = [np.column_stack([np.sin(t - late), np.cos(t - late)]) for late in (0.0, 0.1, 0.25)]
     assert are_one_motion(speeds) and not are_one_motion(speeds[:1])
     assert not are_one_motion([*speeds, -speeds[0]])
+
+
+WHEEL = [Measure(PREDICTION, "0.2s", f"encoder: wheel {i + 1}", "rad", WHEELS) for i in range(4)]
+
+
+@pytest.mark.parametrize(("sensors", "chance", "said"), [
+    (0.1, 0.1, True), (1.6, 0.1, False), (0.1, [0.1, 0.2, 0.1, 0.1], False),
+], ids=["unlike", "sensors", "more noise"])
+def test_a_wheel_is_unlike_the_others_by_more_than_sensors_and_process_noise_leave(sensors, chance, said):
+    errors = RANDOM.standard_normal((2000, 4)) * [1.0, 1.8, 1.0, 1.0]
+    run = {m: SimpleNamespace(errors=errors[:, [i]]) for i, m in enumerate(WHEEL)}
+    floors = {m: float(np.broadcast_to(chance, 4)[i]) for i, m in enumerate(WHEEL)}
+    found = _unlike([run], ["run"], dict.fromkeys(WHEEL, sensors), floors)
+    assert [remainder.channel for remainder in found] == (["encoder: wheel 2"] if said else [])
+
+
+def test_the_place_of_a_robot_that_turns_on_the_spot_goes_with_nothing():
+    """Fixes would be compared with their own errors if the way came from them; camera and wheels alone are judged."""
+    on_the_spot = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "speeds_m_s": (0.0, 0.0)}
+    runs = [two_wheels.drive(40 + i, 15.0, **on_the_spot) for i in range(2)]
+    runs = [replace(run, channels={k: c for k, c in run.channels.items() if k != "command"}) for run in runs]
+    for run in runs:
+        run.channels["kinect"].values[:, :2] += 0.003 * RANDOM.standard_normal((len(run.channels["kinect"].t), 2))
+    case = prepare(two_wheels.model(), runs)
+    assert not [r for r in prove(case, SimpleNamespace(named=None), 0).remainders if r.driver == "place"]
 
 
 def test_the_heading_of_a_robot_that_does_not_turn_goes_with_nothing():

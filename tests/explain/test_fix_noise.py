@@ -1,12 +1,15 @@
 """The error that every fix has by itself is told from what goes on from fix to fix."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from drake_ispace.explain.prove.adequacy import too_large
-from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
+from drake_ispace.explain.prove.fix_noise import at_rest, error_of_each_fix, left_by_fixes, on_the_move
 from drake_ispace.explain.prove.free_run import ATE, RPE, RUN, WHEELS, Measure
 from drake_ispace.explain.prove.paths import chained, pairs, relative_errors
+from drake_ispace.plants.wheels import differential
 
 STEP_S, ROWS, WAY_M, TURN_RAD = 0.1, 4000, 0.03, 0.02
 STD = np.array([0.004, 0.006, 0.02])
@@ -55,3 +58,40 @@ def test_it_is_said_where_it_is_most_of_what_is_left(metric, horizon, own, said)
 def test_few_windows_may_be_large_by_chance(windows, said):
     measure = Measure(RPE, "1s", "heading", "rad", WHEELS)
     assert bool(too_large([{measure: np.full((windows, 1), 1.8)}], {measure: 1.0}, {}, ["run"])) == said
+
+
+WHEELS_OF = differential(0.05, 0.15)
+STATED = np.array([0.012, 0.012, 0.05])
+
+
+def recorded(std, pixel_m=0.0, rests=False):
+    """A Track on an arc, or at rest, with a fix every 20 ticks, of coordinates in whole pixels (0: none)."""
+    each = 20
+    steps = np.zeros((ROWS * each, 3)) if rests else np.tile([WAY_M / each, 0.0, TURN_RAD / each], (ROWS * each, 1))
+    turned = np.vstack([np.zeros(2), np.cumsum(steps @ WHEELS_OF.inverse.T, axis=0)])
+    fixes = seen(chained(np.zeros(3), steps)[: ROWS * each : each], std)
+    if pixel_m:
+        fixes[:, :2] = pixel_m * np.round(fixes[:, :2] / pixel_m)
+    at = 0.005 * each * np.arange(ROWS)
+    return SimpleNamespace(
+        has={"encoder", "kinect"}, turned=turned, measured=turned, ticks=len(steps) - 1,
+        seen=np.column_stack([at, fixes]),
+    )
+
+
+def test_fixes_on_the_move_show_how_noisy_they_are_at_most():
+    most = on_the_move([recorded(STD)], WHEELS_OF, STATED)
+    assert np.all(most > 0.98 * STD) and np.all(most < 1.2 * STD)
+
+
+def test_whole_pixels_on_the_move_say_nothing_nor_do_few_fixes():
+    assert np.all(np.isinf(on_the_move([recorded(0.0 * STD, 0.01)], WHEELS_OF, STATED)))
+    few = recorded(STD)
+    few.seen = few.seen[:8]
+    assert np.all(np.isinf(on_the_move([few], WHEELS_OF, STATED)))
+
+
+def test_a_robot_at_rest_shows_the_noise_of_its_fixes_unless_they_are_whole_pixels():
+    assert at_rest([recorded(STD, rests=True)], 2) == pytest.approx(STD, rel=0.05)
+    assert at_rest([recorded(0.0 * STD, 0.01, rests=True)], 2) is None
+    assert at_rest([recorded(STD)], 2) is None

@@ -34,6 +34,13 @@ def made(seconds, name="run", rests=()):
     return Track(name, ticks, np.zeros((rows, 2)), wheels, sightings, fixes, t[fixes], np.zeros(3), has, np.zeros(3))
 
 
+def test_all_fixes_of_a_stretch_go_with_it_and_its_clock():
+    track = made(60.0)
+    t = np.arange(0.0, 60.0, 0.01)
+    cut = stretch(replace(track, seen=np.column_stack([t, t, t, t])), 4000, 8000, 100)
+    assert cut.seen[0] == pytest.approx([0.0, 19.5, 19.5, 19.5], abs=1e-6) and len(cut.seen) == 2050
+
+
 def spans(tracks):
     """(begin, end) of what is scored of each [s]."""
     return [(one.since_s + one.unscored_ticks / 200.0, one.since_s + one.ticks / 200.0) for one in tracks]

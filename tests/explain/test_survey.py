@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.detect import detect, trials
-from drake_ispace.explain.decide.survey.generic import Motion, _cells, _losses
+from drake_ispace.explain.decide.survey.generic import Motion, _cells, _is_motion, _losses, motion_of
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.decide.survey.survey import (
@@ -25,6 +25,7 @@ from drake_ispace.explain.decide.survey.survey import (
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.prediction import past_speeds
+from drake_ispace.plants.wheels import differential
 
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
@@ -162,6 +163,17 @@ def motion(x, y, speed=0.0):
         np.column_stack([np.full(n, speed), np.zeros(n), np.zeros(n)]), np.column_stack([x, y, np.zeros(n)]),
         np.arange(n) * TICK_S, np.zeros((n, 2)), np.zeros((n, 2)),
     )
+
+
+@pytest.mark.parametrize(("axes", "moves"), [(slice(2), True), (slice(2, 3), False)])
+def test_rounding_of_encoders_is_no_motion(axes, moves):
+    """Two wheels that turn alike, each rounded by itself: the robot goes straight on."""
+    count, t = 0.01, np.arange(4000) * TICK_S
+    angles = count * np.floor((2.0 + np.sin(t)).cumsum()[:, None] * TICK_S / count + [0.0, 0.37])
+    plant = SimpleNamespace(geometry=differential(0.05, 0.15))
+    track = SimpleNamespace(turned=angles, fix_t=[], since_s=0.0, command=None)
+    prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(wheels=2, plant=plant)), tracks=[track])
+    assert _is_motion(prediction, [motion_of(prediction, track, past_speeds)], axes) == moves
 
 
 def test_the_visited_area_is_parted_into_nine_equal_cells():

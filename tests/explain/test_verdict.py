@@ -8,7 +8,7 @@ import pytest
 
 import answers
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation
+from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation, Unknown
 from drake_ispace.explain.answer.verdict import add_proof, lacks_little
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -51,6 +51,27 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
     assert "lacks something" in Explanation("unknown", [], shows, [], []).title
     assert "No effect shows" in Explanation("unknown", [], hidden, [], []).title
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
+
+
+def free_runs(after_m, driven_by="command"):
+    """The rows of free runs with such an error, where sensors leave 10 mm and process noise as much as there is."""
+    return [
+        replace(row, driven_by=driven_by, before=0.3, after=after_m, sensors=0.01, chance=after_m)
+        for row in answers.GAP[:2]
+    ]
+
+
+@pytest.mark.parametrize(("rows", "remainders", "suffices"), [
+    (free_runs(0.012), [], True), (free_runs(0.04), [], False), (free_runs(0.012), [answers.LEFT], False),
+    (free_runs(0.012, "torque"), [], False), ([], [], False),
+], ids=["as told", "astray", "remainder", "torque", "no run"])
+def test_what_is_detectable_does_not_matter_where_a_robot_moves_as_told(rows, remainders, suffices):
+    """Noise of its drive would hide whatever is wrong with it: only sensors count."""
+    incomplete = answers.named(MODEL, verdict="incomplete")
+    assert judged(incomplete, rows, remainders).verdict == ("named" if suffices else "incomplete")
+    driver = Unknown("force", "speed", 1.0, "alike in both directions", "none", "from the start", "none", 0.0)
+    unknown = judged(Explanation("unknown", [], None, [], [], unknown=driver), rows, remainders)
+    assert unknown.verdict == ("none" if suffices else "unknown") and bool(unknown.warnings) == suffices
 
 
 def test_effects_that_leave_noise_keep_their_verdict():

@@ -53,7 +53,7 @@ def _described(case, decision: Decision) -> Explanation:
     if unknown is not None:
         verdict = "unknown"
     elif effects:
-        verdict = "set" if any(effect.equivalents for effect in effects) else "named"
+        verdict = named_or_set(effects)
         verdict = "incomplete" if decision.left_over is not None and decision.left_over.is_more else verdict
     untestable = _untestable(case, decision)
     warnings = []
@@ -84,6 +84,11 @@ def _described_choice(case, choice: Choice) -> Explanation:
         verdict, effects, None, [], [], validated=validated,
         next_experiment=next_experiment(effects, None, []),
     )
+
+
+def named_or_set(effects: Sequence[NamedEffect]) -> str:
+    """The verdict on effects that suffice."""
+    return "set" if any(effect.equivalents for effect in effects) else "named"
 
 
 def with_sizes(effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Point) -> list[NamedEffect]:

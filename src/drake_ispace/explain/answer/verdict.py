@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 
-from drake_ispace.explain.answer.describe import with_sizes
+from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.prove.adequacy import TOO_LARGE
+from drake_ispace.explain.prove.free_run import PREDICTION
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.robots.robot import COMMAND
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -20,7 +23,26 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.warnings.append(
             f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"
         )
+    moves_as_told = _moves_as_told(proof.rows)
+    if answer.verdict == "incomplete" and moves_as_told:  # beside the effects something is detectable
+        answer.verdict = named_or_set(answer.effects)
     _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
+    if answer.unknown is not None and moves_as_told and not answer.remainders:
+        what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
+        answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
+        answer.verdict, answer.unknown = "none", None
+
+
+def _moves_as_told(rows: Sequence[GapRow]) -> bool:
+    """Whether free runs on the command, and dead reckoning, are off by no more than sensors leave, on unseen runs.
+
+    What else is detectable then does not matter. Noise of the process does not count: of a drive that does otherwise
+    than told it would be as large as whatever is wrong.
+    """
+    unseen = [row for row in rows if row.runs == HELD_OUT and row.metric != PREDICTION]
+    return any(row.driven_by == COMMAND for row in unseen) and all(
+        row.sensors is not None and row.after <= TOO_LARGE[row.metric] * row.sensors for row in unseen
+    )
 
 
 def _within_tolerance(answer, case) -> list[str]:

@@ -122,7 +122,7 @@ def remainders(
             pooled = _as_pooled(m)
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
             found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
-    found += _unlike(motion, names, {m: float(np.hypot(sensors.get(m, 0.0), chance.get(m, 0.0))) for m in after[0]})
+    found += _unlike(motion, names, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
 
@@ -251,14 +251,14 @@ def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     return 1.0 - float(left) / max(float(sum(np.sum(y**2) for _, y in parts)), 1e-300)
 
 
-def _unlike(motion, names, floors):
-    """Wheels whose errors are larger than those of the wheels that are like them.
+def _unlike(motion, names, sensors, chance):
+    """Wheels whose errors, beyond what sensors leave, are larger than those of the wheels that are like them.
 
     They must be, both as they are and over what noise leaves of each wheel, which depends on the motion and on how the
-    robot stands, and which is an assumption. floors: measure -> root mean square that noise leaves.
+    robot stands, and which is an assumption.
     """
     wheels = [m for m in motion[0] if m.channel.startswith("encoder")] if motion else []
-    if len(wheels) < 3 or not all(floors.get(m, 0.0) for m in wheels):
+    if len(wheels) < 3 or not all(sensors.get(m, 0.0) for m in wheels):
         return []  # of two wheels nobody knows which one is wrong; a variable must tell
     blocks = []
     for run in motion:
@@ -266,10 +266,11 @@ def _unlike(motion, names, floors):
         blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
     if len(blocks) < 2:  # too short to tell a wheel from chance
         return []
-    blocks, noise = np.array(blocks), np.array([floors[m] for m in wheels]) ** 2
+    blocks, sensed = np.array(blocks), np.array([sensors[m] for m in wheels]) ** 2
+    noise = sensed + np.array([chance.get(m, 0.0) for m in wheels]) ** 2
     found = []
     for k, m in enumerate(wheels):
-        times = min(_times_others(blocks, k), _times_others(blocks / noise, k))
+        times = min(_times_others(blocks, k, sensed[k]), _times_others(blocks / noise, k, sensed[k] / noise[k]))
         if times > _UNLIKE:
             found.append(Remainder(
                 m.channel, "this wheel", float(np.sqrt(blocks[:, k].mean())), m.unit, m.horizon, times / _UNLIKE,
@@ -279,16 +280,16 @@ def _unlike(motion, names, floors):
     return found
 
 
-def _times_others(squares: np.ndarray, k: int) -> float:
+def _times_others(squares: np.ndarray, k: int, sensed: float) -> float:
     """How many times as large as the others' the error of wheel k is; 0 where that may be chance.
 
-    squares: (blocks, wheels) of the errors in each block of time.
+    squares: (blocks, wheels) of the errors in each block of time. sensed: of them, what sensors leave of wheel k.
     """
     others = np.delete(squares, k, axis=1)
     ratios = 0.5 * np.log(squares[:, k] / np.median(others, axis=1))
     if ratios.mean() <= _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
         return 0.0
-    return float(np.sqrt(squares[:, k].mean() / np.median(others.mean(axis=0))))
+    return float(np.sqrt(max(squares[:, k].mean() - sensed, 0.0) / np.median(others.mean(axis=0))))
 
 
 def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, _Series]:

@@ -13,6 +13,7 @@ from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
 _LEAST_FIXES = 10  # from which on they say what the camera's noise is
+_CERTAIN = 3.0  # standard errors that are added to what they show on the move
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
@@ -33,17 +34,16 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
                 poses[:, 2] = np.unwrap(poses[:, 2])
                 parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
     deviations = np.vstack([*parts, np.empty((0, 3))])
-    distinct = len(np.unique(np.round(deviations, 9), axis=0))
-    if len(deviations) < _LEAST_FIXES or distinct < 0.9 * len(deviations):
+    if len(deviations) < _LEAST_FIXES or not _are_distinct(deviations):
         return None
     return np.sqrt(np.mean(deviations**2, axis=0))
 
 
-def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray | None:
-    """(3,) root mean squares [m, m, rad] of the errors of the fixes of a robot whose wheels tell how it moved.
+def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
+    """(3,) the most [m, m, rad] that the errors of fixes can be in the root mean square, as wheels tell the motion.
 
-    Only fixes between which it moved by more than the `stated` errors (3,) are used: whole pixels repeat theirs. None:
-    there are too few.
+    Only fixes between which it moved by more than the `stated` errors (3,) are used. Infinite where there are too few,
+    or where a coordinate has values that come again: errors of whole pixels then do, too.
     """
     runs = []
     for track in tracks:
@@ -54,9 +54,16 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
             reckoned = np.column_stack([np.interp(at, np.arange(len(path)), column) for column in path.T])
             apart = _apart(reckoned, float(np.hypot(*stated[:2])), stated[2])
             runs.append((reckoned[apart], track.seen[apart, 1:]))
-    if sum(len(poses) for _, poses in runs) < _LEAST_FIXES:
-        return None
-    return error_of_each_fix(runs)
+    products = _of_successive_motions(runs)
+    if len(products) < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
+        return np.full(3, np.inf)
+    most = products.mean(axis=0) + _CERTAIN * products.std(axis=0) / np.sqrt(len(products))
+    return np.sqrt(np.maximum(most, 0.0))
+
+
+def _are_distinct(rows):
+    """Whether nearly all rows (k,) or (k, n) differ from each other."""
+    return len(np.unique(np.round(rows, 9), axis=0)) >= 0.9 * len(rows)
 
 
 def _apart(poses, way_m, turn_rad):
@@ -72,18 +79,24 @@ def _apart(poses, way_m, turn_rad):
 def error_of_each_fix(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """(3,) root mean squares [m, m, rad] of the error that every fix has by itself.
 
-    It stands in the motions before and after the fix, once with either sign. What goes on from fix to fix, such as a
-    wrong scale or slip, stands in successive motions with the same sign, or in only one of them.
-
     runs: poses of the model's dead reckoning and of the camera, (k, 3) each, at the fixes of a run.
     """
-    products, rows = np.zeros(3), 0
+    products = _of_successive_motions(runs)
+    return np.sqrt(np.maximum(products.mean(axis=0), 0.0)) if len(products) else np.zeros(3)
+
+
+def _of_successive_motions(runs):
+    """(n, 3) numbers whose mean is the variance of what is wrong with each fix by itself; as `error_of_each_fix`.
+
+    It stands in the motions before and after the fix, once with either sign. What goes on from fix to fix, such as a
+    wrong scale or slip, stands in successive motions with the same sign, or in only one of them.
+    """
+    products = [np.empty((0, 3))]
     for reckoned, poses in runs:
         off = compose(poses[:-1], relative(reckoned[:-1], reckoned[1:])) - poses[1:]
         off[:, 2] = wrap(off[:, 2])
-        products += np.sum(off[:-1] * off[1:], axis=0)
-        rows += max(len(off) - 1, 0)
-    return np.sqrt(np.maximum(-products / max(rows, 1), 0.0))
+        products.append(-off[:-1] * off[1:])
+    return np.vstack(products)
 
 
 def left_by_fixes(of_each: np.ndarray, runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[tuple[str, str], float]:

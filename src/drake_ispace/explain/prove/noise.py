@@ -115,9 +115,9 @@ def _noise_of_fixes(localizer, prediction):
     if std is None and any(len(track.seen) for track in tracks):
         poses = np.vstack([track.poses for track in tracks])
         by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
-        shown = on_the_move(tracks, body.plant.geometry, by_pixels)
-        if shown is not None and (shown < by_pixels).any():
-            std = np.minimum(shown, by_pixels)
+        most = on_the_move(tracks, body.plant.geometry, by_pixels)
+        if (most < by_pixels).any():
+            std = np.minimum(most, by_pixels)
     return stated if std is None else partial(_independent, std)
 
 
