@@ -168,6 +168,29 @@ class Interpolated:
 
 
 @dataclass(frozen=True)
+class Restamped:
+    """Some samples of a channel at earlier times.
+
+    Attributes:
+        channel: name. samples: their numbers. earlier_s: by how much each is earlier.
+    """
+
+    channel: str
+    samples: tuple[int, ...]
+    earlier_s: tuple[float, ...]
+
+    def __str__(self):
+        return f"{self.channel}: {len(self.samples)} samples up to {1e3 * max(self.earlier_s):.2g} ms earlier"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with such stamps in the channel; none comes before the sample before it."""
+        channel = recording.channels[self.channel]
+        t = channel.t.copy()
+        t[list(self.samples)] -= self.earlier_s
+        return with_channel(recording, self.channel, rows(replace(channel, t=t), np.diff(t, prepend=-math.inf) > 0.0))
+
+
+@dataclass(frozen=True)
 class Dropped:
     """The samples of a channel from from_s to to_s left out."""
 
@@ -230,7 +253,7 @@ class CutOut:
 
 
 OfStretch = Dropped | Mirrored | CutOut
-Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Without | OfStretch
+Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

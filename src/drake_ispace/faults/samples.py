@@ -52,4 +52,11 @@ FAULTS = (
         "the wheels lead the command by about half a sample", "a smooth curve through the samples",
         same=("clock_offset",), harmless=True,
     ),
+    Fault(
+        "command_moments", "changes of a command between its samples",
+        "the log shows each change of the command up to a sample late",
+        "the command changes at any moment, and is logged at fixed ones",
+        "moments at which the wheels answer, which lie within one step", "each change at its own moment",
+        same=("clock_offset",), harmless=True,
+    ),
 )

@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drake_ispace.explain.check.compare.clocks import clocks
+from drake_ispace.explain.check.compare.command.drive import drive_of
+from drake_ispace.explain.check.compare.command.moments import moment_findings
+from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
 from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
-from drake_ispace.explain.check.compare.setpoints import setpoint_findings
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
@@ -141,7 +143,8 @@ class _Search:
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
         self._agreed(COMMAND, command_columns_of)
-        self._add(setpoint_findings(self.runs, self._bases()))
+        self._add(setpoint_findings(self._drives()))
+        self._add(moment_findings(self._drives()))
         tell("looking for strangers and for stretches that do not fit")
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
@@ -158,6 +161,15 @@ class _Search:
 
     def _bases(self):
         return [base_of(run, self.robot, self.settings) for run in self.runs]
+
+    def _drives(self):
+        """Number of each run with a commanded velocity -> the command and the wheels."""
+        drives = {
+            i: drive_of(run.channels[COMMAND], base)
+            for i, (run, base) in enumerate(zip(self.runs, self._bases(), strict=True))
+            if base is not None and COMMAND in run.channels and self.robot.driven == COMMAND
+        }
+        return {i: drive for i, drive in drives.items() if drive is not None}
 
     def _each(self, find: Callable[[Recording, int], Iterable[Finding]]):
         self._add(_joined([finding for i, run in enumerate(self.runs) for finding in find(run, i)]))

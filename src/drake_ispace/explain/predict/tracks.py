@@ -120,7 +120,8 @@ class Track:
 def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: float = SHORTEST_S) -> Track:
     """Put a recording of a robot with that plant, of shortest_s at least, on ticks; name: for messages.
 
-    A tick has the sample of what drives the robot that is next to it, of a user's own plant the mean over the tick.
+    A tick has the sample of the torque that is next to it, or the mean over the tick of a velocity, or of the torque of
+    a user's own plant.
 
     Raises:
         InputError: columns that are not one for each wheel, by its name, no channel to compare a prediction with,
@@ -144,7 +145,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     ticks = int(nearest_ticks(end_s))
     rows = ticks + LEAD_TICKS
     m = 3 if driven == COMMAND else wheels
-    drive = _held if robot.in_room else _means
+    drive = _held if driven == TORQUE and robot.in_room else _means
     command = drive(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
     count_rad, straight, parts = 0.0, None, [np.zeros((rows, wheels))]
     if "encoder" in has:
@@ -221,12 +222,10 @@ def _held(channel, rows):
 
 
 def _means(channel, rows):
-    """(rows, n) mean of the channel, held from sample to sample, over each tick."""
-    period = float(np.median(np.diff(channel.t)))
+    """(rows, n) mean of the channel, held from its time on, over each tick; zeros before the first."""
     edges = np.arange(rows + 1) * TICK_S
-    steps = np.append(np.diff(channel.t), period)
-    sums = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(channel.values * steps[:, None], axis=0)])
-    t = np.append(channel.t, channel.t[-1] + period)
+    t = np.append(channel.t, max(edges[-1], channel.t[-1]) + TICK_S)
+    sums = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(channel.values * np.diff(t)[:, None], axis=0)])
     inner = np.column_stack([np.interp(edges, t, column) for column in sums.T])
     return np.diff(inner, axis=0) / TICK_S
 

@@ -1,0 +1,1 @@
+"""Which instants of a commanded velocity does a log show?"""

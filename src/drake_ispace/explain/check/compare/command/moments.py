@@ -1,0 +1,120 @@
+"""At which moments between two samples of its log did a command change?
+
+A log with a fixed step shows a change up to a step late, each by another amount, and on the average half a step. Wheels
+tell these moments from each other; from a drive's own delay they are told by lying within one step.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import lil_array
+from scipy.stats import norm, truncnorm
+
+from drake_ispace.explain.check.compare.agreement import SAID
+from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
+from drake_ispace.explain.check.compare.links import FEWEST
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.repair import Restamped
+from drake_ispace.robots.robot import COMMAND
+
+_ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
+_APART = 3  # samples from one change to the next, below which they are not told from each other
+_ANSWERED = 20.0  # time constants, after which all of a change has come
+_GRID = 200  # of a step
+
+
+@dataclass(frozen=True)
+class _Moments:
+    """By how much single changes of a run's command act before they are logged.
+
+    Attributes:
+        samples: (c,) that show the changes. sizes: (c, 3) of the changes. earlier_s, std_s: (c,), but for a constant.
+    """
+
+    samples: np.ndarray
+    sizes: np.ndarray
+    earlier_s: np.ndarray
+    std_s: np.ndarray
+
+
+def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
+    """The findings, one of each run, that a command changed between its samples; none where it changed at them.
+
+    drives: number of a run -> its command and wheels.
+    """
+    samples = {i: _single(drive) for i, drive in drives.items()}
+    drives = {i: drive for i, drive in drives.items() if len(samples[i])}
+    if sum(len(samples[i]) for i in drives) < FEWEST:
+        return []
+    step_s, score = float(np.median([drive.step_s for drive in drives.values()])), 0.0
+    moved = {i: np.zeros(len(drive.command.t)) for i, drive in drives.items()}
+    for _ in range(_ROUNDS):
+        pairs = [(drive, drive.held(moved[i])) for i, drive in drives.items()]
+        drive_follows = best_following(pairs, step_s, -1.0)
+        found = [_moments(drives[i], samples[i], moved[i], drive_follows) for i in drives]
+        earlier, std = (np.concatenate([getattr(one, name) for one in found]) for name in ("earlier_s", "std_s"))
+        sizes = np.abs(np.vstack([one.sizes for one in found]))
+        at_once, within, more = (_log_likelihood(earlier, std, sizes, spread * step_s) for spread in (0.0, 1.0, 2.0))
+        score = within - at_once
+        if score < SAID or more > within:  # the latter: by more than a step
+            return []
+        ends = np.cumsum([len(one.samples) for one in found])[:-1]
+        for i, one in zip(drives, np.split(_within_a_step(earlier, std, step_s), ends), strict=True):
+            moved[i][samples[i]] = one
+    return [
+        Finding(
+            "command_moments", f"{len(samples[i])} changes up to {1e3 * moved[i].max():.2g} ms earlier than logged", "",
+            (i,), COMMAND, drop_in_deviance=2.0 * score,
+            repairs=(Restamped(COMMAND, tuple(samples[i].tolist()), tuple(moved[i][samples[i]].tolist())),),
+        ) for i in drives
+    ]
+
+
+def _single(drive):
+    """(c,) samples that show a change with none shortly before or after it, well within what the wheels show."""
+    changed = np.flatnonzero(drive.changes.any(axis=1)) + 1
+    gaps = np.diff(changed, prepend=-_APART, append=len(drive.command.t) + _APART)
+    alone = changed[(gaps[:-1] >= _APART) & (gaps[1:] >= _APART)]
+    t = drive.command.t[alone]
+    return alone[(t > drive.edges[0] + drive.step_s) & (t < drive.edges[-1] - _APART * drive.step_s)]
+
+
+def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Following) -> _Moments:
+    """The moments that explain best how far the wheels turned, each change moved by `moved` (all samples,) before."""
+    sizes, since = drive.changes[samples - 1], drive.command.t[samples] - moved[samples] + follows.late_s
+    first = np.searchsorted(drive.edges, since - drive.step_s)
+    last = np.searchsorted(drive.edges, since + _ANSWERED * follows.lag_s + drive.step_s)
+    columns = lil_array((len(samples), drive.turned.size))
+    for k, (a, b) in enumerate(zip(first, last, strict=True)):
+        after = np.maximum(drive.edges[a:b] - since[k], 0.0)
+        gained = np.diff(-np.expm1(-after / follows.lag_s) if follows.lag_s > 0.0 else np.sign(after))
+        turned = np.outer(gained, follows.gain * drive.geometry.inverse @ sizes[k])
+        columns[k, a * turned.shape[1] : a * turned.shape[1] + turned.size] = turned.ravel()
+    columns = columns.tocsr()
+    left = (drive.turned - follows.gain * drive.predicted(drive.held(moved), follows.late_s, follows.lag_s)).ravel()
+    more = np.linalg.solve((columns @ columns.T).toarray(), columns @ left)
+    noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(more), 1))
+    lengths = np.sqrt(columns.multiply(columns).sum(axis=1))
+    return _Moments(samples, sizes, moved[samples] + more, noise / lengths)
+
+
+def _log_likelihood(earlier, std, sizes, step_s):
+    """Of moments that lie anywhere within a step of their own, besides what goes with the sizes (changes, 3) of the
+    changes: that is how a drive answers."""
+    variance = std**2 + step_s**2 / 12.0
+    with_size = np.column_stack([np.ones(len(earlier)), sizes / np.maximum(sizes.max(axis=0), 1e-12)])
+    columns, shown = with_size / np.sqrt(variance)[:, None], earlier / np.sqrt(variance)
+    left = shown - columns @ np.linalg.lstsq(columns, shown, rcond=1e-6)[0]
+    return -0.5 * float(np.sum(left**2 + np.log(variance)))
+
+
+def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float) -> np.ndarray:
+    """(changes,) the expected moments before the samples, if all lie within a step; earlier: but for a constant."""
+    known = earlier[std < step_s]
+    constants = np.linspace(-known.max(), step_s - known.min(), _GRID)
+    low, high = (-(earlier + constants[:, None]) / std, (step_s - earlier - constants[:, None]) / std)
+    inside = np.log(np.maximum(norm.cdf(high) - norm.cdf(low), 1e-300)).sum(axis=1)
+    weights = np.exp(inside - inside.max())
+    each = earlier + constants @ weights / weights.sum()
+    return truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)
