@@ -37,7 +37,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little
+from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little, trifles
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
@@ -110,7 +110,14 @@ def explain(
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
-        if answer.effects and case.is_filtered and decision.detection.in_doubt:
+        small = trifles(answer, case) if case.is_filtered and case.scenario is not None else []
+        kept = {c: z for c, z in decision.named.point.items() if c.name not in small} if small else {}
+        if kept:
+            without = _answered(case, decision.renamed(decision, kept), seed, tell)
+            if without.verdict in ("named", "set"):
+                add_trace(without, answer)
+                answer = without
+        elif answer.effects and case.is_filtered and (small or decision.detection.in_doubt):
             without = _answered(case, decision.without_effects(), seed, tell)
             if without.verdict == "none":
                 add_trace(without, answer)

@@ -26,7 +26,10 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     moves_as_told = _moves_as_told(proof.rows)
     if answer.verdict == "incomplete" and moves_as_told:  # beside the effects something is detectable
         answer.verdict = named_or_set(answer.effects)
-    _judge(answer, _within_tolerance(answer, case) if proof.sizes and case.scenario is not None else [])
+    tolerated = trifles(answer, case) if proof.sizes and case.scenario is not None else []
+    _judge(answer, [
+        f"{name} is no larger than in a sound robot: what was detected is something else" for name in tolerated
+    ])
     if answer.unknown is not None and moves_as_told and not answer.remainders:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
         answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
@@ -45,9 +48,9 @@ def _moves_as_told(rows: Sequence[GapRow]) -> bool:
     )
 
 
-def _within_tolerance(answer, case) -> list[str]:
-    """Sentences about effects whose sizes a sound robot may have: what was detected is something else."""
-    scales, said = scales_of(case.prediction), []
+def trifles(answer: Explanation, case: Case) -> list[str]:
+    """Names of effects at sizes that a sound robot may have."""
+    scales, found = scales_of(case.prediction), []
     for effect in answer.effects:
         known = {p.name: p for p in case.replay.effects[effect.name].parameters_of(case.replay.body) if p.tolerance}
         shares = [
@@ -55,8 +58,8 @@ def _within_tolerance(answer, case) -> list[str]:
             for name, value in effect.parameters.items() if name in known
         ]
         if shares and max(shares) <= 1.0:
-            said.append(f"{effect.name} is no larger than in a sound robot: what was detected is something else")
-    return said
+            found.append(effect.name)
+    return found
 
 
 def _judge(answer: Explanation, tolerated: list[str]) -> None:
@@ -90,10 +93,11 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
 
 
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
-    """Say in an answer that names nothing which effects were barely detectable; doubted: the answer that named them."""
+    """Say in an answer which effects it does not name were barely detectable; doubted: the answer that named them."""
+    kept = {effect.name for effect in answer.effects}
     sizes = ", ".join(
         f"{effect.name} ({', '.join(f'{name} {p.estimate:.3g} {p.unit}' for name, p in effect.parameters.items())})"
-        for effect in doubted.effects
+        for effect in doubted.effects if effect.name not in kept
     )
     answer.warnings.append(
         f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"

@@ -64,7 +64,8 @@ def plain_fit(
         if residuals([start], horizons).size:
             best = least_squares(
                 lambda z, horizons: residuals([z], horizons)[0], start, bounds=(low, high), max_nfev=_MOST_TRIALS,
-                args=(horizons,), jac=lambda z, horizons: _slopes(lambda zs: residuals(zs, horizons), z, high),
+                method="dogbox", args=(horizons,),  # which a start near a bound does not slow down
+                jac=lambda z, horizons: _slopes(lambda zs: residuals(zs, horizons), z, high),
             )
             start = best.x
     if best is None:

@@ -13,6 +13,7 @@ from drake_ispace.files.recording import Channel
 from drake_ispace.plants.wheels import WheelGeometry
 
 FINE_S = 0.5 * TICK_S  # of the time in which commands act
+KEEPS_CHANGING = 0.5  # share of the samples at which a command changes, from which on it is no series of steps
 _BLOCK_S = 1.0  # within which what a fit leaves may belong together
 
 

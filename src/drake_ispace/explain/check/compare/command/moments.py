@@ -12,15 +12,15 @@ from scipy.sparse import lil_array
 from scipy.stats import norm, truncnorm
 
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
+from drake_ispace.explain.check.compare.command.drive import KEEPS_CHANGING, Drive, Following, best_following
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Restamped
 from drake_ispace.robots.robot import COMMAND
 
 _ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
-_APART = 3  # samples from one change to the next, below which they are not told from each other
 _ANSWERED = 20.0  # time constants, after which all of a change has come
+_UNKNOWN = 100.0  # steps: standard deviation of a moment that nothing shows
 _GRID = 200  # of a step
 
 
@@ -43,7 +43,7 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
     drives: number of a run -> its command and wheels.
     """
-    samples = {i: _single(drive) for i, drive in drives.items()}
+    samples = {i: _changed(drive) for i, drive in drives.items()}
     drives = {i: drive for i, drive in drives.items() if len(samples[i])}
     if sum(len(samples[i]) for i in drives) < FEWEST:
         return []
@@ -71,13 +71,14 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     ]
 
 
-def _single(drive):
-    """(c,) samples that show a change with none shortly before or after it, well within what the wheels show."""
-    changed = np.flatnonzero(drive.changes.any(axis=1)) + 1
-    gaps = np.diff(changed, prepend=-_APART, append=len(drive.command.t) + _APART)
-    alone = changed[(gaps[:-1] >= _APART) & (gaps[1:] >= _APART)]
-    t = drive.command.t[alone]
-    return alone[(t > drive.edges[0] + drive.step_s) & (t < drive.edges[-1] - _APART * drive.step_s)]
+def _changed(drive):
+    """(c,) samples that show a change, as far as wheels show what comes of it; none of a command that keeps changing.
+    """
+    changes = drive.changes.any(axis=1)
+    samples = np.flatnonzero(changes) + 1
+    t = drive.command.t[samples]
+    shown = (t > drive.edges[0] + drive.step_s) & (t < drive.edges[-1] - drive.step_s)
+    return samples[shown] if np.mean(changes) < KEEPS_CHANGING else samples[:0]
 
 
 def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Following) -> _Moments:
@@ -93,10 +94,12 @@ def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Foll
         columns[k, a * turned.shape[1] : a * turned.shape[1] + turned.size] = turned.ravel()
     columns = columns.tocsr()
     left = (drive.turned - follows.gain * drive.predicted(drive.held(moved), follows.late_s, follows.lag_s)).ravel()
-    more = np.linalg.solve((columns @ columns.T).toarray(), columns @ left)
-    noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(more), 1))
-    lengths = np.sqrt(columns.multiply(columns).sum(axis=1))
-    return _Moments(samples, sizes, moved[samples] + more, noise / lengths)
+    normal, product = (columns @ columns.T).toarray(), columns @ left
+    least = np.sum(left**2) - product @ np.linalg.pinv(normal, hermitian=True) @ product
+    noise = np.sqrt(max(least, 0.0) / max(len(left) - len(samples), 1)) + 1e-12
+    inverse = np.linalg.inv(normal + np.eye(len(samples)) * (noise / (_UNKNOWN * drive.step_s)) ** 2)
+    more = inverse @ product
+    return _Moments(samples, sizes, moved[samples] + more, noise * np.sqrt(np.diag(inverse)))
 
 
 def _log_likelihood(earlier, std, sizes, step_s):

@@ -1,0 +1,72 @@
+"""Is a command that changes between its samples told from one that changes at them, and when did it change?"""
+
+import numpy as np
+import pytest
+
+import drake_ispace as di
+from drake_ispace.explain.check.check import check
+from drake_ispace.faults.repair import Restamped
+from drake_ispace.files.recording import Channel, Recording
+from hidden import two_wheels
+
+SOUND = {"encoder_hz": 20.0, "left_share": 0.0, "late_s": 0.0}
+
+
+def checked(**robot):
+    """Two runs, and what is found in them."""
+    runs = [two_wheels.drive(seed, **SOUND | robot) for seed in range(2)]
+    return runs, check(two_wheels.model(), runs)
+
+
+def changes_of(seed, seconds=30.0):
+    """(c,) moments [s] at which the command of a run changes."""
+    random, t = np.random.default_rng([seed, 77]), 1e-3 * np.arange(round(seconds * 1e3))
+    commands = [two_wheels._wandering(random, t, *limits, 1e-3) for limits in ((0.1, 0.5), (-1.0, 1.0))]
+    return np.unique(np.concatenate([t[np.flatnonzero(np.diff(values)) + 1] for values in commands]))
+
+
+@pytest.mark.parametrize("robot", [
+    {"lag_s": 0.0}, {"lag_s": 0.05}, {"lag_s": 0.25, "others": {"delay_s": 0.07}}, {"lag_s": 0.0, "encoder_hz": 100.0},
+], ids=["exact", "lag", "lag and delay", "fast"])
+def test_changes_get_their_own_moments_whatever_the_drive_does_besides(robot):
+    runs, found = checked(**robot)
+    assert [finding.fault for finding in found.findings] == ["command_moments"] * 2
+    step_s, logged, repaired = 1.0 / (SOUND | robot)["encoder_hz"], [], []
+    for seed, (run, again) in enumerate(zip(runs, found.repaired, strict=True)):
+        true = changes_of(seed)
+        before, after = run.channels["command"].t, again.channels["command"].t
+        moved = np.flatnonzero(before != after)
+        which = np.searchsorted(true, before[moved] + 1e-9) - 1
+        logged.append(before[moved] - true[which])
+        repaired.append(after[moved] - true[which])
+    assert len(np.concatenate(repaired)) > 30
+    rms = [np.sqrt(np.mean(np.concatenate(one) ** 2)) for one in (logged, repaired)]
+    assert rms[0] > 0.45 * step_s and rms[1] < max(0.07 * step_s, 0.0015)
+
+
+@pytest.mark.parametrize("robot", [
+    {"lag_s": 0.0}, {"lag_s": 0.2}, {"lag_s": 0.03, "others": {"delay_s": 0.03}}, {"lag_s": 0.1, "encoder_hz": 100.0},
+    {"lag_s": 0.1, "others": {"gain_share": 0.08}},
+])
+def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
+    assert checked(**robot, in_step=True)[1].findings == []
+
+
+def test_a_robot_without_lag_lacks_nothing_although_its_command_changes_between_samples():
+    runs, _ = checked(lag_s=0.0)
+    answer = di.explain(two_wheels.model(), runs)
+    assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}
+
+
+def test_a_lag_is_not_short_by_half_a_sample():
+    runs, _ = checked(lag_s=0.05)
+    answer = di.explain(two_wheels.model(), runs)
+    assert [effect.name for effect in answer.effects] == ["velocity_lag"]
+    assert answer.effects[0].parameters["time_constant_s"].estimate == pytest.approx(0.05, abs=0.003)
+
+
+def test_samples_at_earlier_times_stay_in_order():
+    command = Channel(np.array([0.0, 0.1, 0.2, 0.3]), ("vx",), np.arange(4.0)[:, None])
+    repair = Restamped("command", (1, 3), (0.04, 0.1))
+    again = repair.apply(Recording("mine", "velocity_base", {"command": command}, "")).channels["command"]
+    assert again.t == pytest.approx([0.0, 0.06, 0.2]) and again.values[:, 0] == pytest.approx([0.0, 1.0, 2.0])
