@@ -253,7 +253,7 @@ def test_columns_of_the_command(commanded, factors, fault):
 
 
 def test_a_command_tells_swapped_wheels_from_a_mirrored_room():
-    late = [two_wheels.drive(80 + i, 15.0, left_share=0.0, late_s=0.06, lag_s=0.02) for i in range(2)]
+    late = [two_wheels.drive(80 + i, 15.0, left_share=0.0, late_s=0.06, lag_s=0.02, in_step=True) for i in range(2)]
     swapped = [changed(run, "encoder", lambda t, v: v[:, ::-1].copy()) for run in late]
     (finding,) = check(two_wheels.model(), swapped).findings
     assert finding.fault == "wheels_swapped" and "camera_axis_mirrored" in finding.rivals
@@ -264,7 +264,7 @@ def test_a_command_tells_swapped_wheels_from_a_mirrored_room():
 ])
 def test_a_steady_turn_on_the_spot_accuses_nobody(wheels):
     """Whose wheels move by next to nothing ahead, where neither the camera nor the command does."""
-    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.02}
+    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.02, "in_step": True}
     spin = two_wheels.drive(51, 30.0, **sound, speeds_m_s=(0.0, 0.0), rates_rad_s=(1.5, 1.5))
     runs = [two_wheels.drive(50, 15.0, **sound), changed(spin, "encoder", wheels)]
     assert check(two_wheels.model(), runs).findings == []
@@ -338,5 +338,5 @@ def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
 ], ids=["it turns about a wheel", "a slow camera"])
 def test_a_robot_whose_wheels_may_rest_is_not_carried_and_no_wheel_is_stuck(how, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
-    runs = [two_wheels.drive(seed, 40.0, 0.0, 0.0, 0.0, **how) for seed in (2001, 2002)]
+    runs = [two_wheels.drive(seed, 40.0, 0.0, 0.0, 0.0, in_step=True, **how) for seed in (2001, 2002)]
     assert check(two_wheels.model(), runs).findings == []

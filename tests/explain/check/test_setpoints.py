@@ -32,8 +32,8 @@ def test_a_command_that_changes_at_every_sample_and_is_held_is_sound(robot):
     assert faults_of(robot | {"in_step": True}) == []
 
 
-def test_a_command_that_steps_now_and_then_is_left_as_it_is():
-    assert faults_of({"lag_s": 0.0, "ramp_s": 0.0}) == []
+def test_a_command_that_steps_now_and_then_is_no_curve():
+    assert "command_sampled" not in faults_of({"lag_s": 0.0, "ramp_s": 0.0})
 
 
 def test_a_lag_of_half_a_sample_hides_that_a_setpoint_is_sampled():

@@ -121,6 +121,7 @@ def remainders(
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
             pooled = _as_pooled(m)
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
+            usual *= max(1.0, _by_chance(pooled, [run.errors for _, run in own]))
             found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     found += _unlike(motion, names, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
