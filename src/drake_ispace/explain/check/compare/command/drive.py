@@ -13,7 +13,7 @@ from drake_ispace.files.recording import Channel
 from drake_ispace.plants.wheels import WheelGeometry
 
 FINE_S = 0.5 * TICK_S  # of the time in which commands act
-KEEPS_CHANGING = 0.5  # share of the samples at which a command changes, from which on it is no series of steps
+_RAMPS = 0.5  # share of a command's changes that come right after another, from which on it is no series of steps
 _BLOCK_S = 1.0  # within which what a fit leaves may belong together
 
 
@@ -37,6 +37,12 @@ class Drive:
     def changes(self) -> np.ndarray:
         """(c, 3) by how much the command changes at each sample but the first."""
         return np.diff(self.command.values, axis=0)
+
+    @property
+    def ramps(self) -> bool:
+        """Whether the command moves on from sample to sample, rather than now and then."""
+        changed = self.changes.any(axis=1)
+        return bool(np.sum(changed[1:] & changed[:-1]) >= _RAMPS * np.sum(changed) > 0.0)
 
     def held(self, earlier_s: np.ndarray | float = 0.0) -> np.ndarray:
         """(k, n) commanded rates [rad/s] of the wheels if each sample holds until the next; means over each fine time.

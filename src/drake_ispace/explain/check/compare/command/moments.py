@@ -12,7 +12,7 @@ from scipy.sparse import lil_array
 from scipy.stats import norm, truncnorm
 
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.command.drive import KEEPS_CHANGING, Drive, Following, best_following
+from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Restamped
@@ -21,7 +21,8 @@ from drake_ispace.robots.robot import COMMAND
 _ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
 _ANSWERED = 20.0  # time constants, after which all of a change has come
 _UNKNOWN = 100.0  # steps: standard deviation of a moment that nothing shows
-_GRID = 200  # of a step
+_GRID = 1000  # of the constants that are tried
+_LIKELY = (1e-3, 1.0 - 1e-3)  # probabilities between which a constant may be
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         if score < SAID or more > within:  # the latter: by more than a step
             return []
         ends = np.cumsum([len(one.samples) for one in found])[:-1]
-        for i, one in zip(drives, np.split(_within_a_step(earlier, std, step_s), ends), strict=True):
+        within_a_step = _within_a_step(earlier, std, step_s, drive_follows.late_s)
+        for i, one in zip(drives, np.split(within_a_step, ends), strict=True):
             moved[i][samples[i]] = one
     return [
         Finding(
@@ -72,13 +74,11 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
 
 def _changed(drive):
-    """(c,) samples that show a change, as far as wheels show what comes of it; none of a command that keeps changing.
-    """
-    changes = drive.changes.any(axis=1)
-    samples = np.flatnonzero(changes) + 1
+    """(c,) samples that show a change, as far as wheels show what comes of it; none of a command that ramps."""
+    samples = np.flatnonzero(drive.changes.any(axis=1)) + 1
     t = drive.command.t[samples]
     shown = (t > drive.edges[0] + drive.step_s) & (t < drive.edges[-1] - drive.step_s)
-    return samples[shown] if np.mean(changes) < KEEPS_CHANGING else samples[:0]
+    return samples[:0] if drive.ramps else samples[shown]
 
 
 def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Following) -> _Moments:
@@ -112,12 +112,17 @@ def _log_likelihood(earlier, std, sizes, step_s):
     return -0.5 * float(np.sum(left**2 + np.log(variance)))
 
 
-def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float) -> np.ndarray:
-    """(changes,) the expected moments before the samples, if all lie within a step; earlier: but for a constant."""
+def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: float) -> np.ndarray:
+    """(changes,) the expected moments before the samples, if all lie within a step.
+
+    earlier: but for a constant; with none, wheels answer so late. If it may be, they answer at once.
+    """
     known = earlier[std < step_s]
     constants = np.linspace(-known.max(), step_s - known.min(), _GRID)
     low, high = (-(earlier + constants[:, None]) / std, (step_s - earlier - constants[:, None]) / std)
     inside = np.log(np.maximum(norm.cdf(high) - norm.cdf(low), 1e-300)).sum(axis=1)
     weights = np.exp(inside - inside.max())
-    each = earlier + constants @ weights / weights.sum()
+    weights /= weights.sum()
+    constant, (least, most) = constants @ weights, np.interp(_LIKELY, np.cumsum(weights), constants)
+    each = earlier + (-late_s if least <= -late_s <= most else constant)
     return truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.command.drive import FINE_S, KEEPS_CHANGING, Drive, best_following
+from drake_ispace.explain.check.compare.command.drive import FINE_S, Drive, best_following
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Interpolated
 from drake_ispace.robots.robot import COMMAND
@@ -22,7 +22,7 @@ def setpoint_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
     drives: number of a run -> its command and wheels.
     """
-    moving = {i: drive for i, drive in drives.items() if np.mean(drive.changes.any(axis=1)) >= KEEPS_CHANGING}
+    moving = {i: drive for i, drive in drives.items() if drive.ramps}
     if not moving:
         return []
     step_s = float(np.median([drive.step_s for drive in moving.values()]))
