@@ -1,5 +1,7 @@
 """Encoders that are read less often than once a tick are compared where they were read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,3 +68,15 @@ def test_a_few_fixes_are_fewer_than_what_could_explain_them(left_share):
     named = [{effect.name, *effect.equivalents} for effect in answer.effects]
     assert answer.verdict == ("set" if left_share else "none")
     assert len(named) == (left_share > 0.0) and all("single_wheel_radius_error" in names for names in named), answer
+
+
+def test_a_tick_has_the_mean_of_a_velocity_that_changes_within_it_and_the_last_one_is_held():
+    (run,) = runs(1, 6.0)
+    command = run.channels["command"]
+    t = command.t.copy()
+    t[200] -= 0.0035
+    values = np.where(np.arange(len(t)) < 200, 0.1, 0.3)[:, None] * [1.0, 0.0, 0.0]
+    moved = replace(run, channels=run.channels | {"command": replace(command, t=t, values=values)})
+    (track,) = prepare(two_wheels.model(), [moved]).prediction.tracks
+    assert track.command[798:802, 0] == pytest.approx([0.1, 0.24, 0.3, 0.3], abs=1e-6)
+    assert track.command[-1, 0] == pytest.approx(0.3)

@@ -110,18 +110,8 @@ def explain(
         if doubted and not lacks_little(answer, decision):
             decision = decision.otherwise
             answer = _answered(case, decision, seed, tell)
-        small = trifles(answer, case) if case.is_filtered and case.scenario is not None else []
-        kept = {c: z for c, z in decision.named.point.items() if c.name not in small} if small else {}
-        if kept:
-            without = _answered(case, decision.renamed(decision, kept), seed, tell)
-            if without.verdict in ("named", "set"):
-                add_trace(without, answer)
-                answer = without
-        elif answer.effects and case.is_filtered and (small or decision.detection.in_doubt):
-            without = _answered(case, decision.without_effects(), seed, tell)
-            if without.verdict == "none":
-                add_trace(without, answer)
-                answer = without
+        if answer.effects and case.is_filtered:
+            answer = _needed(case, decision, answer, seed, tell)
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)
@@ -132,6 +122,22 @@ def explain(
     answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
     answer.seconds = time.perf_counter() - started
     return answer
+
+
+def _needed(case, decision, answer, seed, tell) -> Explanation:
+    """The answer without effects that a sound robot may have, or without any where it is in doubt, if that suffices."""
+    small = trifles(answer, case) if case.scenario is not None else []
+    kept = {c: z for c, z in decision.named.point.items() if c.name not in small}
+    if small and kept:
+        without = _answered(case, decision.renamed(decision, kept), seed, tell)
+    elif small or decision.detection.in_doubt:
+        without = _answered(case, decision.without_effects(), seed, tell)
+    else:
+        return answer
+    if without.verdict not in (("named", "set") if without.effects else ("none",)):
+        return answer
+    add_trace(without, answer)
+    return without
 
 
 def _answered(case, decision, seed, tell) -> Explanation:

@@ -1,0 +1,45 @@
+"""Effects no larger than in a sound robot, or in doubt, are named only where the answer does not suffice without them.
+"""
+
+import importlib
+from types import SimpleNamespace
+
+import pytest
+
+explained = importlib.import_module("drake_ispace.explain.explain")
+
+
+def decided(names, in_doubt=False):
+    """A Decision that names these effects, and can name others or none."""
+    point = {Named(name): [1.0] for name in names}
+    return SimpleNamespace(
+        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt),
+        renamed=lambda decision, kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
+    )
+
+
+class Named:
+    """A candidate."""
+
+    def __init__(self, name):
+        self.name = name
+
+
+@pytest.mark.parametrize(("small", "in_doubt", "enough", "left"), [
+    ([], False, set(), {"slip", "lag"}),
+    (["lag"], False, {"slip"}, {"slip"}), (["lag"], False, {"lag"}, {"slip", "lag"}),
+    (["slip", "lag"], False, set(), set()), ([], True, set(), set()), ([], True, {"slip"}, {"slip", "lag"}),
+])
+def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
+    def answered(case, decision, seed, tell):
+        names = {candidate.name for candidate in decision.named.point}
+        effects = [SimpleNamespace(name=name, parameters={}) for name in sorted(names)]
+        verdict = "incomplete" if not enough <= names else "named" if names else "none"
+        return SimpleNamespace(verdict=verdict, effects=effects, warnings=[])
+
+    monkeypatch.setattr(explained, "_answered", answered)
+    monkeypatch.setattr(explained, "trifles", lambda answer, case: small)
+    decision = decided(["slip", "lag"], in_doubt)
+    answer = explained._needed(SimpleNamespace(scenario="one"), decision, answered(None, decision, 0, None), 0, None)
+    assert {effect.name for effect in answer.effects} == left
+    assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
