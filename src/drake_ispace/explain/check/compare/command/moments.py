@@ -20,7 +20,7 @@ from drake_ispace.robots.robot import COMMAND
 
 _ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
 _ANSWERED = 20.0  # time constants, after which all of a change has come
-_UNKNOWN = 100.0  # steps: standard deviation of a moment that nothing shows
+_LEVEL = 1e-9  # share of the mean squared length, below which a change shows nothing
 _GRID = 1000  # of the constants that are tried
 _LIKELY = (1e-3, 1.0 - 1e-3)  # probabilities between which a constant may be
 
@@ -56,14 +56,16 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         found = [_moments(drives[i], samples[i], moved[i], drive_follows) for i in drives]
         earlier, std = (np.concatenate([getattr(one, name) for one in found]) for name in ("earlier_s", "std_s"))
         sizes = np.abs(np.vstack([one.sizes for one in found]))
-        at_once, within, more = (_log_likelihood(earlier, std, sizes, spread * step_s) for spread in (0.0, 1.0, 2.0))
+        at_once, half, within, twice = (_log_likelihood(earlier, std, sizes, k * step_s) for k in (0.0, 0.5, 1.0, 2.0))
         score = within - at_once
-        if score < SAID or more > within:  # the latter: by more than a step
+        if score < SAID:
             return []
         ends = np.cumsum([len(one.samples) for one in found])[:-1]
         within_a_step = _within_a_step(earlier, std, step_s, drive_follows.late_s)
         for i, one in zip(drives, np.split(within_a_step, ends), strict=True):
             moved[i][samples[i]] = one
+    if max(half, twice) > within:  # the drive's answers scatter, whatever the step of the log
+        return []
     return [
         Finding(
             "command_moments", f"{len(samples[i])} changes up to {1e3 * moved[i].max():.2g} ms earlier than logged", "",
@@ -95,10 +97,9 @@ def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Foll
     columns = columns.tocsr()
     left = (drive.turned - follows.gain * drive.predicted(drive.held(moved), follows.late_s, follows.lag_s)).ravel()
     normal, product = (columns @ columns.T).toarray(), columns @ left
-    least = np.sum(left**2) - product @ np.linalg.pinv(normal, hermitian=True) @ product
-    noise = np.sqrt(max(least, 0.0) / max(len(left) - len(samples), 1)) + 1e-12
-    inverse = np.linalg.inv(normal + np.eye(len(samples)) * (noise / (_UNKNOWN * drive.step_s)) ** 2)
+    inverse = np.linalg.inv(normal + _LEVEL * np.trace(normal) / len(samples) * np.eye(len(samples)))
     more = inverse @ product
+    noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(samples), 1)) + 1e-12
     return _Moments(samples, sizes, moved[samples] + more, noise * np.sqrt(np.diag(inverse)))
 
 
