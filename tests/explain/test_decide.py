@@ -222,6 +222,8 @@ def test_a_generic_disagreement_that_explains_more_makes_the_verdict_unknown():
     decision = decided(noise() + 0.8 * pattern(21), SHAPES | {"near": nearest}, generics=generics)
     assert decision.named is None and decision.unknown[0].driver == "time" and decision.unknown[1] > 100.0
     assert decision.nearest[0].name == "near" and decision.nearest[1] < decision.unknown[1]
+    instead = decision.renamed(decision, decision.further)  # as if the disagreement did not matter
+    assert list(sizes(instead)) == ["near"] and instead.unknown is None and instead.left_over.is_more
 
 
 def test_a_generic_disagreement_that_explains_no_more_leaves_the_name():

@@ -99,9 +99,9 @@ def explain(
 
         answer = _answered(case, decision, seed, tell)
         commanded = case.replay.body.robot.driven == COMMAND
-        nothing_named = answer.verdict == "unknown" and answer.unknown is None and commanded
-        too_little = (answer.verdict == "incomplete" or nothing_named) and answer.proof and answer.remainders
-        if too_little and case.is_filtered and decision.further is not None:
+        too_little = answer.verdict == "incomplete" or (answer.verdict == "unknown" and commanded)
+        left = too_little and answer.proof and answer.remainders
+        if left and case.is_filtered and decision.further is not None:
             further = decision.renamed(decision, decision.further)
             with_further = _answered(case, further, seed, tell)
             if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice

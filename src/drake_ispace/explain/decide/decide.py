@@ -83,7 +83,8 @@ def decide(
     if doubt is None:
         return _finished(decision, near_best, seed, known)
     if not doubt.is_resolved_by(decision):
-        return _finished(doubt.decided, near_best, seed)
+        leaders = [] if doubt.leader is None else [doubt.leader]
+        return _finished(doubt.decided, near_best, seed, () if doubt.before.named is not None else (leaders, None))
     finished = _finished(decision, survey_at, seed, known)
     finished.otherwise = doubt.decided if doubt.before.named is None else None
     return finished
@@ -118,7 +119,7 @@ def _with_further(decision, proposals) -> Decision:
 
 def _renamed(survey_at, seed, decision, point) -> Decision:
     """The Decision that names the effects of `point` instead, whatever each explains."""
-    other = replace(refitted(survey_at, decision, point), rivals={}, further=None)
+    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=None)
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
     other = with_rivals(other)

@@ -68,12 +68,12 @@ class Drive:
 
 
 def drive_of(command: Channel, base: Base) -> Drive | None:
-    """The Drive of a run; None where too little was read, or where ticks are no finer than the samples."""
+    """The Drive of a run; None where too little was read, or where samples are finer than ticks."""
     if len(command.t) <= FEWEST:
         return None
     step_s, read = float(np.median(np.diff(command.t))), base.encoder.t
     inner = read[(read >= command.t[0] + 2.0 * step_s) & (read <= command.t[-1] - 2.0 * step_s)]
-    if step_s < 2.0 * TICK_S or not len(inner):
+    if step_s < 0.99 * TICK_S or not len(inner):
         return None
     every = max(1, round(step_s / float(np.median(np.diff(read)))))
     edges = inner[::every]

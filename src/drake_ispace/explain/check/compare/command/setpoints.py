@@ -22,7 +22,7 @@ def setpoint_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
     drives: number of a run -> its command and wheels.
     """
-    moving = {i: drive for i, drive in drives.items() if drive.ramps}
+    moving = {i: drive for i, drive in drives.items() if drive.ramps and drive.step_s >= 2.0 * TICK_S}
     if not moving:
         return []
     step_s = float(np.median([drive.step_s for drive in moving.values()]))
