@@ -8,7 +8,7 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.adequacy import TOO_LARGE
-from drake_ispace.explain.prove.free_run import PREDICTION
+from drake_ispace.explain.prove.free_run import RPE
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
@@ -40,11 +40,11 @@ def _moves_as_told(rows: Sequence[GapRow]) -> bool:
     """Whether free runs on the command, and dead reckoning, are off by no more than sensors leave, on unseen runs.
 
     What else is detectable then does not matter. Noise of the process does not count: of a drive that does otherwise
-    than told it would be as large as whatever is wrong.
+    than told it would be as large as whatever is wrong. That is of some seconds; over whole runs wheels slip.
     """
-    unseen = [row for row in rows if row.runs == HELD_OUT and row.metric != PREDICTION]
+    unseen = [row for row in rows if row.runs == HELD_OUT and row.metric == RPE]
     return any(row.driven_by == COMMAND for row in unseen) and all(
-        row.sensors is not None and row.after <= TOO_LARGE[row.metric] * row.sensors for row in unseen
+        row.sensors is not None and row.after <= TOO_LARGE[RPE] * row.sensors for row in unseen
     )
 
 
