@@ -173,7 +173,8 @@ def test_rounding_of_encoders_is_no_motion(axes, moves):
     plant = SimpleNamespace(geometry=differential(0.05, 0.15))
     track = SimpleNamespace(turned=angles, fix_t=[], since_s=0.0, command=None)
     prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(wheels=2, plant=plant)), tracks=[track])
-    assert _is_motion(prediction, [motion_of(prediction, track, past_speeds)], axes) == moves
+    past, around = motion_of(prediction, track, past_speeds), motion_of(prediction, track)
+    assert _is_motion([past], [around], axes) == moves
 
 
 def test_the_visited_area_is_parted_into_nine_equal_cells():

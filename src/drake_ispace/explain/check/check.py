@@ -143,8 +143,9 @@ class _Search:
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
         self._agreed(COMMAND, command_columns_of)
-        self._add(setpoint_findings(self._drives()))
-        self._add(moment_findings(self._drives()))
+        drives = self._drives()
+        self._add(setpoint_findings(drives))
+        self._add(moment_findings(drives))
         tell("looking for strangers and for stretches that do not fit")
         if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))

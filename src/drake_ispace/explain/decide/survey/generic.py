@@ -139,7 +139,8 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
         return body.robot.ground_force(force)
 
-    if _is_motion(prediction, motions, slice(2, 3)):
+    around = [motion_of(prediction, track) for track in prediction.tracks]
+    if _is_motion(motions, around, slice(2, 3)):
         yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
             [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
         ]
@@ -147,7 +148,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         [push(m, *_in_body_frame(m, force)) for m in motions]
         for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
     ]
-    if not _is_motion(prediction, motions, slice(2)):
+    if not _is_motion(motions, around, slice(2)):
         return
     yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
         [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]
@@ -203,12 +204,14 @@ def _losses(motions) -> Iterator[_Shapes]:
     ]
 
 
-def _is_motion(prediction, motions, axes: slice) -> bool:
-    """Whether the robot moved along these axes of its body, or its encoders only round: speeds of the past alone would
-    then differ from those around each instant by more than there is of these."""
-    around = [motion_of(prediction, track).body[:, axes] for track in prediction.tracks]
-    apart = [m.body[:, axes] - body for m, body in zip(motions, around, strict=True)]
-    return bool(np.sum(np.vstack(around) ** 2) > np.sum(np.vstack(apart) ** 2))
+def _is_motion(motions, around, axes: slice) -> bool:
+    """Whether the robot moved along these axes of its body, or its encoders only round.
+
+    Where they do, speeds of the past alone (`motions`) differ from those `around` each instant by more than there is of
+    the latter.
+    """
+    apart = [past.body[:, axes] - now.body[:, axes] for past, now in zip(motions, around, strict=True)]
+    return bool(np.sum(np.vstack([now.body[:, axes] for now in around]) ** 2) > np.sum(np.vstack(apart) ** 2))
 
 
 def _tenth_of_usual_command(motions):

@@ -5,7 +5,6 @@ tell these moments from each other; from a drive's own delay they are told by ly
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import lil_array
@@ -25,20 +24,6 @@ _GRID = 1000  # of the constants that are tried
 _LIKELY = (1e-3, 1.0 - 1e-3)  # probabilities between which a constant may be
 
 
-@dataclass(frozen=True)
-class _Moments:
-    """By how much single changes of a run's command act before they are logged.
-
-    Attributes:
-        samples: (c,) that show the changes. sizes: (c, 3) of the changes. earlier_s, std_s: (c,), but for a constant.
-    """
-
-    samples: np.ndarray
-    sizes: np.ndarray
-    earlier_s: np.ndarray
-    std_s: np.ndarray
-
-
 def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     """The findings, one of each run, that a command changed between its samples; none where it changed at them.
 
@@ -48,21 +33,21 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     drives = {i: drive for i, drive in drives.items() if len(samples[i])}
     if sum(len(samples[i]) for i in drives) < FEWEST:
         return []
-    step_s, score = float(np.median([drive.step_s for drive in drives.values()])), 0.0
+    step_s = float(np.median([drive.step_s for drive in drives.values()]))
+    sizes = np.abs(np.vstack([drive.changes[samples[i] - 1] for i, drive in drives.items()]))
+    ends = np.cumsum([len(samples[i]) for i in drives])[:-1]
     moved = {i: np.zeros(len(drive.command.t)) for i, drive in drives.items()}
     for _ in range(_ROUNDS):
-        pairs = [(drive, drive.held(moved[i])) for i, drive in drives.items()]
-        drive_follows = best_following(pairs, step_s, -1.0)
-        found = [_moments(drives[i], samples[i], moved[i], drive_follows) for i in drives]
-        earlier, std = (np.concatenate([getattr(one, name) for one in found]) for name in ("earlier_s", "std_s"))
-        sizes = np.abs(np.vstack([one.sizes for one in found]))
+        rates = {i: drive.held(moved[i]) for i, drive in drives.items()}
+        follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
+        found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
+        earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
         at_once, half, within, twice = (_log_likelihood(earlier, std, sizes, k * step_s) for k in (0.0, 0.5, 1.0, 2.0))
         score = within - at_once
         if score < SAID:
             return []
-        ends = np.cumsum([len(one.samples) for one in found])[:-1]
-        within_a_step = _within_a_step(earlier, std, step_s, drive_follows.late_s)
-        for i, one in zip(drives, np.split(within_a_step, ends), strict=True):
+        expected = _within_a_step(earlier, std, step_s, follows.late_s)
+        for i, one in zip(drives, np.split(expected, ends), strict=True):
             moved[i][samples[i]] = one
     if max(half, twice) > within:  # the drive's answers scatter, whatever the step of the log
         return []
@@ -83,8 +68,14 @@ def _changed(drive):
     return samples[:0] if drive.ramps else samples[shown]
 
 
-def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Following) -> _Moments:
-    """The moments that explain best how far the wheels turned, each change moved by `moved` (all samples,) before."""
+def _moments(
+    drive: Drive, samples: np.ndarray, moved: np.ndarray, rates: np.ndarray, follows: Following
+) -> tuple[np.ndarray, np.ndarray]:
+    """By how much the changes at some samples (c,) act before them [s], and the standard deviations, both (c,).
+
+    These moments explain best how far the wheels turned. A constant of all of them cannot be told from the lateness in
+    `follows`. moved: (all samples,) [s] by how much earlier they are in the rates (k, n) that the wheels are told.
+    """
     sizes, since = drive.changes[samples - 1], drive.command.t[samples] - moved[samples] + follows.late_s
     first = np.searchsorted(drive.edges, since - drive.step_s)
     last = np.searchsorted(drive.edges, since + _ANSWERED * follows.lag_s + drive.step_s)
@@ -95,17 +86,21 @@ def _moments(drive: Drive, samples: np.ndarray, moved: np.ndarray, follows: Foll
         turned = np.outer(gained, follows.gain * drive.geometry.inverse @ sizes[k])
         columns[k, a * turned.shape[1] : a * turned.shape[1] + turned.size] = turned.ravel()
     columns = columns.tocsr()
-    left = (drive.turned - follows.gain * drive.predicted(drive.held(moved), follows.late_s, follows.lag_s)).ravel()
+    left = (drive.turned - follows.gain * drive.predicted(rates, follows.late_s, follows.lag_s)).ravel()
     normal, product = (columns @ columns.T).toarray(), columns @ left
     inverse = np.linalg.inv(normal + _LEVEL * np.trace(normal) / len(samples) * np.eye(len(samples)))
     more = inverse @ product
     noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(samples), 1)) + 1e-12
-    return _Moments(samples, sizes, moved[samples] + more, noise * np.sqrt(np.diag(inverse)))
+    return moved[samples] + more, noise * np.sqrt(np.diag(inverse))
 
 
 def _log_likelihood(earlier, std, sizes, step_s):
-    """Of moments that lie anywhere within a step of their own, besides what goes with the sizes (changes, 3) of the
-    changes: that is how a drive answers."""
+    """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
+
+    What goes with the size of a change, the same for all of them, counts as the drive's answer and is left out.
+
+    earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. sizes: (c, 3) of the changes.
+    """
     variance = std**2 + step_s**2 / 12.0
     with_size = np.column_stack([np.ones(len(earlier)), sizes / np.maximum(sizes.max(axis=0), 1e-12)])
     columns, shown = with_size / np.sqrt(variance)[:, None], earlier / np.sqrt(variance)
@@ -114,9 +109,11 @@ def _log_likelihood(earlier, std, sizes, step_s):
 
 
 def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: float) -> np.ndarray:
-    """(changes,) the expected moments before the samples, if all lie within a step.
+    """(c,) by how much changes are expected to act before their samples [s], where none does by more than a step.
 
-    earlier: but for a constant; with none, wheels answer so late. If it may be, they answer at once.
+    earlier, std: (c,) what wheels say of it, but for a constant, and the standard deviation [s]. late_s: by which the
+    wheels answer if that constant is zero. Where the step leaves room for it, the constant is that of wheels that
+    answer at once.
     """
     known = earlier[std < step_s]
     constants = np.linspace(-known.max(), step_s - known.min(), _GRID)
