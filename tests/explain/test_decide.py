@@ -260,6 +260,14 @@ def test_effects_that_only_come_near_together_leave_it_unknown():
     assert decision.named is None and decision.unknown[0].driver == "time"
 
 
+def test_a_rival_may_look_alike_only_beside_another_effect_of_another_size():
+    camera, track = 0.3 * SHAPES["tilt"], SHAPES["lag"]
+    shapes = {"camera": camera, "track": track, "radius": camera + track}
+    survey_at, before = forced(noise() + 3.0 * camera + 1.5 * track, ("camera", "track"), shapes)
+    decision = with_rivals(pruned(survey_at, before))
+    assert sizes(decision).keys() == {"camera", "track"} and rivals(decision, "camera") == ["radius"]
+
+
 # ------------------------------------------------------------------------------- what is left over, what is superfluous
 
 GREAT, SMALL = 4.0 * SHAPES["tilt"], 0.6 * SHAPES["lag"]
@@ -313,6 +321,13 @@ def test_one_effect_that_does_as_well_as_all_named_takes_their_place():
     decision = pruned(*forced(noise() + 0.8 * mixed, ("tilt", "lag"), SHAPES | {"mixed": mixed}))
     assert sizes(decision) == {"mixed": pytest.approx(0.8, abs=0.15)}
     assert gains(decision) == {"mixed": decision.total_gain}
+
+
+def test_two_effects_that_do_as_well_as_three_take_their_place():
+    gain, track, one, other = SHAPES["tilt"], SHAPES["lag"], pattern(17), pattern(19)
+    shapes = {"gain": gain, "track": track, "a": gain + one, "b": track + other, "c": -one - other}  # a + b + c the same
+    decision = pruned(*forced(noise() + 0.8 * (gain + track), ("a", "b", "c"), shapes))
+    assert sizes(decision) == {"gain": pytest.approx(0.8, abs=0.15), "track": pytest.approx(0.8, abs=0.15)}
 
 
 def test_effects_that_are_all_needed_stay():

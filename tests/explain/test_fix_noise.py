@@ -64,11 +64,15 @@ WHEELS_OF = differential(0.05, 0.15)
 STATED = np.array([0.012, 0.012, 0.05])
 
 
-def recorded(std, pixel_m=0.0, rests=False):
-    """A Track on an arc, or at rest, with a fix every 20 ticks, of coordinates in whole pixels (0: none)."""
+def recorded(std, pixel_m=0.0, rests=False, told=(1.0, 1.0)):
+    """A Track on an arc, or at rest, with a fix every 20 ticks, of coordinates in whole pixels (0: none).
+
+    told: shares of the way and of the turn that the wheels tell.
+    """
     each = 20
     steps = np.zeros((ROWS * each, 3)) if rests else np.tile([WAY_M / each, 0.0, TURN_RAD / each], (ROWS * each, 1))
-    turned = np.vstack([np.zeros(2), np.cumsum(steps @ WHEELS_OF.inverse.T, axis=0)])
+    wheels = (steps * [told[0], 1.0, told[1]]) @ WHEELS_OF.inverse.T
+    turned = np.vstack([np.zeros(2), np.cumsum(wheels, axis=0)])
     fixes = seen(chained(np.zeros(3), steps)[: ROWS * each : each], std)
     if pixel_m:
         fixes[:, :2] = pixel_m * np.round(fixes[:, :2] / pixel_m)
@@ -79,8 +83,9 @@ def recorded(std, pixel_m=0.0, rests=False):
     )
 
 
-def test_fixes_on_the_move_show_how_noisy_they_are_at_most():
-    most = on_the_move([recorded(STD)], WHEELS_OF, STATED)
+@pytest.mark.parametrize("told", [(1.0, 1.0), (1.3, 1.0), (1.0, 0.7)])
+def test_fixes_on_the_move_show_how_noisy_they_are_at_most(told):
+    most = on_the_move([recorded(STD, told=told)], WHEELS_OF, STATED)
     assert np.all(most > 0.98 * STD) and np.all(most < 1.2 * STD)
 
 

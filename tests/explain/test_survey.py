@@ -64,6 +64,29 @@ def test_what_two_parameters_can_make_together_is_alike():
     assert screen.alike(candidate, other) == screen.alike(other, candidate) == pytest.approx(np.sqrt(8.0 / 9.0))
 
 
+def test_what_a_third_effect_of_another_size_makes_up_for_is_alike():
+    camera, track, radius = made("camera", "track", "radius")
+    changes = np.array([[3.0, 0.0], [0.0, 9.0], [3.0, 9.0]])
+    screen = Screen([Signature(c, [1.0], 0, False, None) for c in (camera, track, radius)], changes @ changes.T)
+    assert screen.alike(camera, radius) == pytest.approx(np.sqrt(0.1))
+    assert screen.alike(camera, radius, [track]) == pytest.approx(1.0)
+    assert screen.alike(camera, track, [radius]) == pytest.approx(1.0)
+    assert screen.alike(camera, track, [camera]) == 0.0
+
+
+def test_the_sets_that_explain_most_together_come_first():
+    one, two, three = candidates = made("one", "two", "three")
+    changes = np.array([[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [4.0, 4.0, 1.0]])
+    screen = Screen([Signature(c, [1.0], 0, False, None) for c in candidates], changes @ changes.T)
+    products = changes @ np.array([1.0, 1.0, 0.0])
+    assert screen.sets_of(candidates, 1, products)[0] == [three]
+    assert screen.sets_of(candidates, 2, products)[0] == [one, two]
+    assert {frozenset(some) for some in screen.sets_of(candidates, 2, products)} == {
+        frozenset(some) for some in ([one, two], [one, three], [two, three])
+    }
+    assert screen.sets_of(candidates, 4, products) == []
+
+
 def test_the_largest_over_all_candidates_is_that_of_the_one_that_has_it():
     candidate, products = two_parameters(), np.array([[5.0, 0.0, 1.0], [5.0, 4.0, -1.0], [2.0, 6.0, 0.5]])
     other = Candidate(candidate.effect, (("wheel", 2),), candidate.parameters[:1])

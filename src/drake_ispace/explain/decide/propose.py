@@ -81,15 +81,27 @@ def fits_beside(
 
     likelihood: of the fits. iterations: of each, at most.
     """
-    def start(candidate):
-        """Where the fit of the candidate should begin."""
-        if candidate.effect.is_local:
-            return {**rest, candidate: _placed(survey, candidate)}
-        if candidate.shifts:
-            return with_best_shift(likelihood, {**rest, candidate: list(candidate.neutral)}, candidate)
-        return {**rest, candidate: survey.screen.start(candidate, survey.products)}
+    return fits_of([[candidate] for candidate in candidates], survey, likelihood, iterations, rest)
 
-    return each(lambda candidate: fit(likelihood, start(candidate), iterations), candidates)
+
+def fits_of(
+    sets: Sequence[Sequence[Candidate]], survey: Survey, likelihood: Likelihood, iterations: int = 12,
+    rest: Point | None = None,
+) -> list[Fit]:
+    """The Fit of each set of candidates, beside the effects of `rest`; others: as of `fits_beside`."""
+    def start(candidates):
+        """Where the fit of the candidates should begin."""
+        point = dict(rest or {})
+        for candidate in candidates:
+            if candidate.effect.is_local:
+                point[candidate] = _placed(survey, candidate)
+            elif candidate.shifts:
+                point = with_best_shift(likelihood, {**point, candidate: list(candidate.neutral)}, candidate)
+            else:
+                point[candidate] = survey.screen.start(candidate, survey.products)
+        return point
+
+    return each(lambda candidates: fit(likelihood, start(candidates), iterations), sets)
 
 
 def _placed(survey, candidate) -> list[float]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
-from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_beside, penalty
+from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_of, penalty
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
@@ -19,7 +19,7 @@ _LEAST_SHARE = 0.01  # of what all named effects explain of a sensor, below whic
 def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
     """The Decision with no more effects than needed, and with its `gains`.
 
-    A single effect takes the place of all named ones if it does as well. Else the effect whose loss the others make
+    Fewer effects take the place of the named ones if they do as well. Else the effect whose loss the others make
     up for best is taken away, as long as the deviance hardly rises, or rises in some runs and falls in others, or what
     it explains is next to nothing beside what all of them explain of every sensor. Such a trace stays only if two runs
     show it, each by itself, and if it is no flaw in the form of the others. Nothing is named if the last effect
@@ -27,9 +27,9 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
 
     survey_at: `survey` of these runs, called with a point.
     """
-    single = _one_for_all(decision) if len(decision.named.point) > 1 else None
-    if single is not None:
-        decision = refitted(survey_at, decision, single)
+    fewer = _fewer(decision)
+    if fewer is not None:
+        decision = refitted(survey_at, decision, fewer)
     while len(decision.named.point) > 1:
         rests = without_each(decision.end, decision.named)
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
@@ -77,15 +77,19 @@ def _sums(drops, groups):
     return {group: float(drops[groups == group].sum()) for group in dict.fromkeys(groups)}
 
 
-def _one_for_all(decision) -> Point | None:
-    """A single effect that does as well as all named ones.
+def _fewer(decision) -> Point | None:
+    """The fewest effects that do as well as all named ones; None if there are none.
 
     Of two wheels, one that is larger can first be named as two effects: both are larger, and the other is smaller.
     """
-    start, likelihood = decision.start, decision.end.likelihood
-    tried = [candidate for candidate, _ in clearest_effects(start)[: 2 * SHORTLIST]]
-    best = min(fits_beside({}, tried, start, likelihood, iterations=6), key=lambda single: single.deviance)
-    return best.point if best.deviance - decision.named.deviance < _LEAST_RISE else None
+    start, named = decision.start, decision.named
+    known = [candidate for candidate, _ in clearest_effects(start)]
+    for count in range(1, len(named.point)):
+        tried = start.screen.sets_of(known, count, start.products)[: 2 * SHORTLIST]
+        best = min(fits_of(tried, start, decision.end.likelihood, iterations=6), key=lambda other: other.deviance)
+        if best.deviance - named.deviance < _LEAST_RISE:
+            return best.point
+    return None
 
 
 def refitted(survey_at: Callable[..., Survey], decision: Decision, point: Point) -> Decision:

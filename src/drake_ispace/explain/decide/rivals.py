@@ -43,7 +43,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     others = [
         other for other, _ in clearest_effects(start)
         if other.name not in taken and screen.knows(effect)
-        and (_changes_shape(effect, other) or screen.alike(effect, other) >= _LEAST_LIKENESS)
+        and (_changes_shape(effect, other) or screen.alike(effect, other, list(rest)) >= _LEAST_LIKENESS)
     ]
     likelihood, rivals = decision.end.likelihood, []
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):

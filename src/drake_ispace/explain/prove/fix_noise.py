@@ -42,8 +42,10 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
     """(3,) the most [m, m, rad] that the errors of fixes can be in the root mean square, as wheels tell the motion.
 
-    Only fixes between which it moved by more than the `stated` errors (3,) are used. Infinite where there are too few,
-    or where a coordinate has values that come again: errors of whole pixels then do, too.
+    Two fixes are wrong in every motion between fixes, and whatever else is wrong with it, with the wheels for example,
+    only adds to that. What goes with the motion itself, such as a wrong scale, is taken away first. Only fixes between
+    which the robot moved by more than the `stated` errors (3,) are used. Infinite where there are too few, or where a
+    coordinate has values that come again: errors of whole pixels then do, too.
     """
     runs = []
     for track in tracks:
@@ -54,11 +56,31 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
             reckoned = np.column_stack([np.interp(at, np.arange(len(path)), column) for column in path.T])
             apart = _apart(reckoned, float(np.hypot(*stated[:2])), stated[2])
             runs.append((reckoned[apart], track.seen[apart, 1:]))
-    products = _of_successive_motions(runs)
-    if len(products) < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
+    places, headings, known = _beside_what_goes_with_motion(runs)
+    free = len(places) - known
+    if free < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
         return np.full(3, np.inf)
-    most = products.mean(axis=0) + _CERTAIN * products.std(axis=0) / np.sqrt(len(products))
-    return np.sqrt(np.maximum(most, 0.0))
+    squares = np.column_stack([places, headings]) ** 2 * len(places) / free
+    return np.sqrt((squares.mean(axis=0) + _CERTAIN * squares.std(axis=0) / np.sqrt(free)) / 2.0)
+
+
+def _beside_what_goes_with_motion(runs):
+    """Errors of the motions between fixes, places (n, 2) in W and headings (n,), less what is linear in the motion.
+
+    Then the number of motions by which that is known. runs: as of `error_of_each_fix`.
+    """
+    off, moved, turned = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty((0, 2, 2))]
+    for reckoned, poses in runs:
+        moved.append(relative(reckoned[:-1], reckoned[1:]))
+        off.append(compose(poses[:-1], moved[-1]) - poses[1:])
+        c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
+        turned.append(np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0))
+    off, moved, turned = map(np.concatenate, (off, moved, turned))
+    by_places = np.einsum("nij,nk->nijk", turned, moved).reshape(2 * len(off), -1)
+    places, headings = off[:, :2].ravel(), wrap(off[:, 2])
+    places = places - by_places @ np.linalg.lstsq(by_places, places, rcond=None)[0]
+    headings = headings - moved @ np.linalg.lstsq(moved, headings, rcond=None)[0]
+    return places.reshape(-1, 2), headings, moved.shape[1]
 
 
 def _are_distinct(rows):

@@ -142,22 +142,43 @@ class Screen:
         """Whether the candidate has a signature."""
         return candidate in self._of
 
-    def alike(self, one: Candidate, other: Candidate) -> float:
+    def alike(self, one: Candidate, other: Candidate, rest: Sequence[Candidate] = ()) -> float:
         """The largest |cosine| between a signature of one candidate and what all of the other's can make of it.
 
-        Nuisances are marginalised. All of the other's: slip along x and y together looks like a smaller room, and
-        neither alone does.
+        Nuisances are marginalised, and so are the candidates of `rest`, which may have any size. All of the other's:
+        slip along x and y together looks like a smaller room, and neither alone does.
         """
-        a, b = self._shown(one), self._shown(other)
-        return max(self._share(a, b), self._share(b, a)) ** 0.5
-
-    def _share(self, some, others):
-        """The largest share of the squared length of one of these signatures that the others together explain."""
-        if not some or not others:
+        a, b, free = self._shown(one), self._shown(other), [i for c in rest for i in self._shown(c)]
+        if not a or not b:
             return 0.0
-        products, between = self.inner[np.ix_(others, some)], self.inner[np.ix_(others, others)]
-        explained = np.sum(products * (np.linalg.pinv(between, rcond=1e-8) @ products), axis=0)
-        return float(np.max(explained / self.length[some]))
+        both = [*a, *b]
+        to_free, among_free = self.inner[np.ix_(free, both)], self.inner[np.ix_(free, free)]
+        left = self.inner[np.ix_(both, both)] - to_free.T @ np.linalg.pinv(among_free, rcond=1e-8) @ to_free
+        some, others = slice(len(a)), slice(len(a), None)
+        return max(_share(left, some, others), _share(left, others, some)) ** 0.5
+
+    def sets_of(self, candidates: Sequence[Candidate], count: int, products: np.ndarray) -> list[list[Candidate]]:
+        """Sets of so many of the candidates, those first that together explain most; products: (k,).
+
+        Only sets with one candidate more than the best smaller ones are tried, of which there are as many as candidates.
+        """
+        shown, sets = [self._shown(candidate) for candidate in candidates], [()]
+        for _ in range(count):
+            larger = sorted({tuple(sorted({*some, i})) for some in sets for i in range(len(shown)) if i not in some})
+            indices = [[at for i in some for at in shown[i]] for some in larger]
+            drops = [float(products[among] @ self.amounts(among, products)) for among in indices]
+            sets = [larger[i] for i in np.argsort(-np.array(drops), kind="stable")[: len(shown)]]
+        return [[candidates[i] for i in some] for some in sets]
+
+
+def _share(products, some, others):
+    """The largest share of the squared length of one of some vectors that others together explain.
+
+    products: (n, n) of all vectors with each other. some, others: slices of them.
+    """
+    between = products[others, some]
+    explained = np.sum(between * (np.linalg.pinv(products[others, others], rcond=1e-8) @ between), axis=0)
+    return float(np.max(np.maximum(explained, 0.0) / np.maximum(np.diag(products)[some], _LEAST)))
 
 
 def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
