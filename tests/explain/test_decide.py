@@ -97,6 +97,16 @@ def test_every_step_is_told():
     ]
 
 
+def test_the_noise_of_few_numbers_has_nothing_of_nuisances():
+    """More effects than half of the numbers explain all of them; nuisances must then be taken away by themselves."""
+    few, shift = slice(0, 12), np.arange(12.0) - 5.5
+    shapes = {str(i): pattern(i)[:, few] for i in range(14)}
+    offsets = tuple((run, 50.0 * shift) for run in range(RUNS))
+    runs = Linear(noise()[:, few] + 30.0 * shift, shapes, offsets)
+    current = survey(runs, {}, made(*shapes), generics=no_generics)
+    assert abs(current.noise.reshape(RUNS, -1) @ shift).max() < 0.1 * np.linalg.norm(current.w) * np.linalg.norm(shift)
+
+
 # --------------------------------------------------------------------------------------------- noise and the impossible
 
 
@@ -325,7 +335,7 @@ def test_one_effect_that_does_as_well_as_all_named_takes_their_place():
 
 def test_two_effects_that_do_as_well_as_three_take_their_place():
     gain, track, one, other = SHAPES["tilt"], SHAPES["lag"], pattern(17), pattern(19)
-    shapes = {"gain": gain, "track": track, "a": gain + one, "b": track + other, "c": -one - other}  # a + b + c the same
+    shapes = {"gain": gain, "track": track, "a": gain + one, "b": track + other, "c": -one - other}
     decision = pruned(*forced(noise() + 0.8 * (gain + track), ("a", "b", "c"), shapes))
     assert sizes(decision) == {"gain": pytest.approx(0.8, abs=0.15), "track": pytest.approx(0.8, abs=0.15)}
 

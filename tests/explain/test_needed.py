@@ -1,4 +1,6 @@
 """Effects no larger than in a sound robot, or in doubt, are named only where the answer does not suffice without them.
+
+Further ones are named where it does not suffice without them either.
 """
 
 import importlib
@@ -43,3 +45,28 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
     answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
     assert {effect.name for effect in answer.effects} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
+
+
+def with_further(ratios, enough_at=None):
+    """What `_with_further` says of decisions that each name one effect more and leave errors of these ratios."""
+    chain = SimpleNamespace(further=None, number=len(ratios) - 1)
+    for number in range(len(ratios) - 1)[::-1]:
+        chain = SimpleNamespace(further="more", number=number, renamed=lambda decision, point, one=chain: one)
+
+    def answered(decision):
+        remainders = [SimpleNamespace(ratio=ratio) for ratio in ratios[decision.number]]
+        verdict = "set" if decision.number == enough_at else "incomplete"
+        return SimpleNamespace(verdict=verdict, effects=["one"], remainders=remainders, proof="by unseen runs")
+
+    decision, answer = explained._with_further(chain, answered(chain), answered)
+    assert (decision.number == enough_at) == (answer.verdict == "set")
+    return decision.number
+
+
+def test_effects_are_added_until_they_suffice():
+    assert with_further([[4.8, 4.7], [4.8], []], enough_at=2) == 2
+
+
+def test_effects_that_come_no_nearer_or_never_suffice_are_not_added():
+    assert with_further([[4.8], [4.8], []], enough_at=2) == 0
+    assert with_further([[4.8], [3.0], [2.0]]) == 0

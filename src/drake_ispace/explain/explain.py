@@ -116,13 +116,8 @@ def _best_answered(case, decision, answered) -> Explanation:
     answer = answered(decision)
     if not case.is_filtered:
         return answer
-    commanded = case.replay.body.robot.driven == COMMAND
-    too_little = answer.verdict == "incomplete" or (answer.verdict == "unknown" and commanded)
-    if too_little and answer.proof and answer.remainders and decision.further is not None:
-        further = decision.renamed(decision, decision.further)
-        with_further = answered(further)
-        if _suffices(with_further):  # a trace without which the others do not suffice
-            decision, answer = further, with_further
+    if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
+        decision, answer = _with_further(decision, answer, answered)
     doubted = answer.verdict == "incomplete" and decision.otherwise is not None
     if doubted and not lacks_little(answer, decision):
         decision = decision.otherwise
@@ -132,6 +127,26 @@ def _best_answered(case, decision, answered) -> Explanation:
         add_trace(without, answer)
         return without
     return answer
+
+
+def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
+    """The decision with traces without which the others do not suffice, and its answer; unchanged if none do.
+
+    Unseen runs must come nearer with each of them.
+    """
+    further, left = decision, answer
+    while further.further is not None and left.proof and left.remainders:
+        further, before = further.renamed(further, further.further), left
+        left = answered(further)
+        if _suffices(left):
+            return further, left
+        if not _too_large(left) < _too_large(before):
+            break
+    return decision, answer
+
+
+def _too_large(answer) -> float:
+    return sum(remainder.ratio**2 for remainder in answer.remainders)
 
 
 def _suffices(answer) -> bool:

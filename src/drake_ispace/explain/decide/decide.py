@@ -113,7 +113,8 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
 
 def _with_further(decision, proposals) -> Decision:
     clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
-    decision.further = None if clearest is None else clearest.fit.point
+    if clearest is not None and len(clearest.fit.point) <= _MOST_EFFECTS:
+        decision.further = clearest.fit.point
     return decision
 
 
@@ -123,8 +124,9 @@ def _renamed(survey_at, seed, decision, point) -> Decision:
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
     other = with_rivals(other)
-    other.left_over = left_over(other, seed, proposals_of(other.end))
-    return other
+    proposals = proposals_of(other.end)
+    other.left_over = left_over(other, seed, proposals)
+    return _with_further(other, proposals)
 
 
 def _detection(

@@ -15,7 +15,6 @@ from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.threads import each
 
 SHORTLIST = 6  # effects that are fitted
-LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
-    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
+    clearest = clearest_effects(survey)[:SHORTLIST]
     best = fits_beside(survey.point, [candidate for candidate, _ in clearest], survey, likelihood)
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, best, strict=True):

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import chi2, norm
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
@@ -13,12 +14,12 @@ from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
 _LEAST_FIXES = 10  # from which on they say what the camera's noise is
-_CERTAIN = 3.0  # standard errors that are added to what they show on the move
+_CERTAIN = 3.0  # standard errors that are added to what they show
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
 def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
-    """(3,) standard deviations [m, m, rad] of the fixes of a robot at rest.
+    """(2, 3) standard deviations [m, m, rad] of the fixes of a robot at rest, and how large these can be at most.
 
     None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
     """
@@ -36,7 +37,8 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
     deviations = np.vstack([*parts, np.empty((0, 3))])
     if len(deviations) < _LEAST_FIXES or not _are_distinct(deviations):
         return None
-    return np.sqrt(np.mean(deviations**2, axis=0))
+    likely, free = np.sqrt(np.mean(deviations**2, axis=0)), len(deviations) - len(parts)
+    return np.array([likely, likely * np.sqrt(free / chi2.ppf(norm.sf(_CERTAIN), free))])
 
 
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:

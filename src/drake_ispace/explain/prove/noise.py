@@ -109,16 +109,17 @@ def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
 
 
 def _noise_of_fixes(localizer, prediction):
-    """`of_fixes` of a SensorNoise: as of a robot at rest, or as stated, or less if fixes on the move show that."""
-    body, tracks = prediction.replay.body, prediction.tracks
-    std, stated = at_rest(tracks, body.wheels), partial(_pixels, localizer)
-    if std is None and any(len(track.seen) for track in tracks):
-        poses = np.vstack([track.poses for track in tracks])
-        by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
-        most = on_the_move(tracks, body.plant.geometry, by_pixels)
-        if (most < by_pixels).any():
-            std = np.minimum(most, by_pixels)
-    return stated if std is None else partial(_independent, std)
+    """`of_fixes` of a SensorNoise: as stated, unless fixes at rest show otherwise, or those on the move show less."""
+    body, tracks, stated = prediction.replay.body, prediction.tracks, partial(_pixels, localizer)
+    if not any(len(track.seen) for track in tracks):
+        return stated
+    poses = np.vstack([track.poses for track in tracks])
+    by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
+    resting = at_rest(tracks, body.wheels)
+    if resting is not None:
+        return partial(_independent, np.clip(by_pixels, *resting))
+    most = on_the_move(tracks, body.plant.geometry, by_pixels)
+    return partial(_independent, np.minimum(most, by_pixels)) if (most < by_pixels).any() else stated
 
 
 def _pixels(localizer: Localizer, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:

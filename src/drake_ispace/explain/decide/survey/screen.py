@@ -160,7 +160,8 @@ class Screen:
     def sets_of(self, candidates: Sequence[Candidate], count: int, products: np.ndarray) -> list[list[Candidate]]:
         """Sets of so many of the candidates, those first that together explain most; products: (k,).
 
-        Only sets with one candidate more than the best smaller ones are tried, of which there are as many as candidates.
+        Only sets with one candidate more than the best smaller ones are tried, of which as many are kept as there are
+        candidates.
         """
         shown, sets = [self._shown(candidate) for candidate in candidates], [()]
         for _ in range(count):

@@ -141,12 +141,14 @@ def _survey(point, view, residuals, likelihood) -> Survey:
         tested = likelihood.freed(directions(whitening, residuals, view.by_sizes).everywhere)
     marginal = Marginal(changes, tested.offsets, tested.memory, tested.remembered, tested.inner)
     screen, products = Screen(view.signatures, marginal.inner), changes.dot(tested.marginalised(w))
-    noise = _unexplained(marginal, screen, w, products)
+    noise = _unexplained(tested, marginal, screen, w, products)
     instants = whitening.instants(residuals)
     by_instant = marginal.by_instant(noise, instants).astype(np.float32)
     first = np.flatnonzero(np.diff(instants, prepend=-1))
     blocks = np.flatnonzero(np.diff(blocks_of(view.prediction, whitening, residuals)[first], prepend=-1))
     screen.calibrate(np.add.reduceat(by_instant, blocks, axis=1))
+    if _are_few(marginal, w):  # to leave a candidate out because it happens to explain most would make noise small
+        by_instant = marginal.by_instant(tested.marginalised(w), instants).astype(np.float32)
     return Survey(point, view, residuals, w, likelihood, tested, changes, screen, products, noise, by_instant)
 
 
@@ -157,17 +159,23 @@ def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals
     return whitening.instants(residuals, together)
 
 
-def _unexplained(marginal, screen, w, products):
+def _unexplained(tested, marginal, screen, w, products):
     """(rows,) what no signature and no offset explains of `w`, scaled to unit variance again.
 
-    Where these would explain more than half of `w` whatever it is, what the clearest candidate leaves of it.
+    Where these would explain more than half of `w` whatever it is, what the clearest candidate and nuisances leave.
     """
-    if 2 * len(marginal.gram) <= len(w):
-        amounts, spent = marginal.least_squares(w), len(marginal.gram)
+    if not _are_few(marginal, w):
+        left, spent = w - marginal.combined(marginal.least_squares(w)), len(marginal.gram)
     else:
         amounts, which = np.zeros(len(marginal.gram)), screen.clearest(products)
         amounts[which], spent = screen.amounts(which, products), len(which)
-    return (w - marginal.combined(amounts)) * np.sqrt(len(w) / max(len(w) - spent, 1))
+        left = tested.marginalised(w - marginal.combined(amounts))
+    return left * np.sqrt(len(w) / max(len(w) - spent, 1))
+
+
+def _are_few(marginal, w):
+    """Whether all signatures and offsets together would explain more than half of `w` whatever it is."""
+    return 2 * len(marginal.gram) > len(w)
 
 
 def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
