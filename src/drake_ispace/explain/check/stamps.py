@@ -6,10 +6,10 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock, Evened
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import Channel, Recording, in_si
 
 #: Recorded unit of time -> seconds.
-TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIMES = {unit: in_si(unit) for unit in ("ms", "us", "ns")}
 _LONGEST_STEP_S, _SHORTEST_STEP_S = 1.0, 1e-5  # of a sensor of a robot
 _LONGEST_STEADY_S = 0.25  # of wheels, torque and IMU
 _UNIT_RATIO = 1.5  # durations that agree in the right unit

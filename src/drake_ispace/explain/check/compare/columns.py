@@ -7,10 +7,13 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, ONE, TWO
+from drake_ispace.files.recording import in_si
 from drake_ispace.plants.slip import GRAVITY
 
 #: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
-TORQUES = {"mN m": 1e-3, "N cm": 1e-2, "kgf cm": 0.0980665, "N mm": 1e-3}
+TORQUES = {
+    "mN m": in_si("mN*m"), "N cm": in_si("N*cm"), "kgf cm": GRAVITY * in_si("cm"), "N mm": in_si("N*mm"),
+}
 _AXES = ("x", "y", "z")
 
 
@@ -78,8 +81,8 @@ def command_columns() -> list[Columns]:
     for x, y in product((1.0, -1.0), repeat=2):
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
         found.append(Columns("command_axes_swapped", "vx and vy change places", swap, ONE if x == y == 1.0 else TWO))
-    speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": 1.0 / 3.6}
-    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+    speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
+    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
     for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **turns}.items()):
         wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
         if wrong:
@@ -91,7 +94,7 @@ def command_columns() -> list[Columns]:
 def accelerometer_columns() -> list[Columns]:
     """All mistaken readings of ax, ay, az."""
     found = _turned("ax, ay, az")
-    for name, factor in (("g", GRAVITY), ("thousandths of g", GRAVITY / 1000.0), ("mm/s^2", 1e-3)):
+    for name, factor in (("g", GRAVITY), ("thousandths of g", GRAVITY / 1000.0), ("mm/s^2", in_si("mm/s^2"))):
         found.append(Columns("wrong_unit", f"ax, ay, az in {name}", factor * np.eye(3)))
     found.append(Columns("gravity_missing", "gravity is taken off az", np.eye(3), ONE, np.array([0.0, 0.0, GRAVITY])))
     return found
@@ -100,7 +103,7 @@ def accelerometer_columns() -> list[Columns]:
 def gyro_columns() -> list[Columns]:
     """All mistaken readings of wx, wy, wz."""
     found = _turned("wx, wy, wz")
-    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
     found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in rates.items()]
     return found
 

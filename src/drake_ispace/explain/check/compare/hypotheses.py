@@ -7,11 +7,12 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
+from drake_ispace.files.recording import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
-LENGTHS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "km": 1e3}
-ANGLES = {"deg": np.pi / 180.0, "rev": 2.0 * np.pi, "mrad": 1e-3}
+LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": 0.0254, "km": 1e3}
+ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _FACTORS = (2.0, 4.0, 0.5, 0.25)  # of counts per turn: edges of a quadrature decoder
 _GEARS = (3.0, 5.0, 8.0, 9.0, 10.0, 12.0, 16.0, 20.0, 30.0, 50.0, 100.0)
 #: Prior, as a loss of log likelihood: of one thing; of one of two or more at the same time; of a free number.
