@@ -9,7 +9,7 @@ from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
 from drake_ispace.files.recording import Channel, Recording
 
-_STUCK_S = 0.4  # rows that repeat for longer have stopped
+STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
 _FEW = 10  # different rows in them
 _WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
@@ -157,7 +157,7 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
     repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
-    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= _STUCK_S]
+    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= STUCK_S]
     if repeats.sum() - sum(b - a for a, b in long) > _RARELY * len(repeats):
         return  # a channel that often holds a value
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
@@ -181,7 +181,7 @@ def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     for first, last in stretches(size == 0.0):
         since, until = float(channel.t[first]), float(channel.t[last])
         others = np.delete(size, last) if last < len(size) else size[:0]
-        if until - since >= _STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
+        if until - since >= STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
             yield Finding("channel_frozen", "rows repeat, then leap", "", (number,), "encoder", since, until,
                           repairs=(CutOut(since, float(channel.t[last + 1])),))
 
