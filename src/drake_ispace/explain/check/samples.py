@@ -12,8 +12,7 @@ from drake_ispace.files.recording import Channel, Recording
 STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
 _FEW = 10  # different rows in them
-_WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
-_LEAP = 8.0  # steps after rows that repeat, in steps that are otherwise the largest
+_LEAP = 8.0  # a step of a counter that starts anew, or after rows that repeat, in steps that are otherwise the largest
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
 _LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
@@ -34,7 +33,7 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
         size = np.abs(steps)
         if len(size) < 2 * _BLOCK or not (size > 0.0).any():
             continue
-        far = size > _WRAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        far = size > _LEAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
         if not far.any():
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
