@@ -11,7 +11,6 @@ from drake_ispace.files.recording import Channel, Recording
 
 STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
-_FEW = 10  # different rows in them
 _LEAP = 8.0  # a step of a counter that starts anew, or after rows that repeat, in steps that are otherwise the largest
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
@@ -97,7 +96,8 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     _, codes = np.unique(values, axis=0, return_inverse=True)
     codes = codes.ravel()
     windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
-    lively = (np.diff(windows, axis=1) != 0).sum(axis=1) >= _FEW
+    changes = np.diff(windows, axis=1) != 0
+    lively = changes.sum(axis=1) > (~changes).sum(axis=1)
     first: dict[bytes, int] = {}
     far, end = 2.0 * np.quantile(steps, 0.99), 0
     for i in np.flatnonzero(lively).tolist():
