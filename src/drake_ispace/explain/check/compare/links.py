@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.motion import (
     AS_GIVEN,
+    WINDOW_S,
     View,
     arm,
     camera_noise,
@@ -28,7 +29,7 @@ LATENCY_S = 0.2  # by which a channel may be late or early without its clock bei
 _DRIVE_LAG_S = 0.6  # by which a drive may follow its command
 UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a parameter may be free
 FEWEST = 6  # windows, below which a channel is not compared
-_DRIVE_S, _GYRO_S, _COMMAND_S = 0.2, 0.7, 0.7  # windows of torque, IMU and command
+_DRIVE_S = 0.2  # windows of torque
 _RATE_S = 0.05  # half of the time over which angles are differentiated
 _PARTS = 160.0  # of a run of a plant of unknown quickness, which that time is at most
 BLOCK = 20  # windows of the accelerometer, 2 s
@@ -133,7 +134,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIV
 def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The gyro's turns about the vertical. Of wheels that differ a little, a share of the way looks like a turn."""
     imu = run.channels["imu"]
-    stretches = _grid(imu, base, _GYRO_S, starts)
+    stretches = _grid(imu, base, WINDOW_S, starts)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
         "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), base.noise[2:],
@@ -189,7 +190,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     command = run.channels[COMMAND]
     if base.robot.driven != COMMAND:
         return None
-    stretches, unit = _grid(command, base, _COMMAND_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = _grid(command, base, WINDOW_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
