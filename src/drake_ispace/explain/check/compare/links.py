@@ -20,7 +20,7 @@ from drake_ispace.explain.check.compare.motion import (
     turned,
     windows,
 )
-from drake_ispace.explain.check.compare.regression import PHYSICS, SLACK, Slack
+from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
@@ -31,7 +31,6 @@ UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a p
 FEWEST = 6  # windows, below which a channel is not compared
 _DRIVE_S = 0.2  # windows of torque
 _RATE_S = 0.05  # half of the time over which angles are differentiated
-_PARTS = 160.0  # of a run of a plant of unknown quickness, which that time is at most
 BLOCK = 20  # windows of the accelerometer, 2 s
 
 
@@ -104,8 +103,9 @@ def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
     encoder = run.channels.get("encoder")
     if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
         return None
-    rate_s = _RATE_S if robot.in_room else min(_RATE_S, (encoder.t[-1] - encoder.t[0]) / _PARTS)
-    return Base(robot, settings, encoder, float(rate_s))
+    # of a plant of unknown quickness so short that a run has as many windows of torque as count
+    most_s = _RATE_S if robot.in_room else _RATE_S / _DRIVE_S * (encoder.t[-1] - encoder.t[0]) / MOST_ROWS
+    return Base(robot, settings, encoder, float(min(_RATE_S, most_s)))
 
 
 def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
