@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SLACK, MOST_SLACK = 0.10, 0.45  # of S: standard deviation and bound
+#: Standard deviation and bound of S. Residuals below the former, as a share of the motion, are not told apart.
+SLACK, MOST_SLACK = 0.10, 0.45
 _FREEDOM = 4.0  # of Student's distribution
-#: Residuals below this share of the motion are not told apart: no physics is that exact.
-_FLOOR = 0.1
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
 _EXACT = 1e-3  # share of the motion, below which residuals weigh the same: of a steady motion the prior of S decides
@@ -60,7 +59,7 @@ def scores(
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
-    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, _FLOOR, 1.0)
+    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
     # reading that shrinks a channel is not the likelier for it
     left = (residual**2 + noise[:, None] ** 2) / (ratio * size)[:, None] ** 2
@@ -72,7 +71,7 @@ def scores(
 
 def most(rows: int, components: int) -> float:
     """Logarithm of likelihood of a hypothesis under which y follows x exactly."""
-    return -min(rows, MOST_ROWS) * components * np.log(_FLOOR)
+    return -min(rows, MOST_ROWS) * components * np.log(SLACK)
 
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
