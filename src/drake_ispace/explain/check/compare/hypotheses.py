@@ -13,10 +13,11 @@ from drake_ispace.plants.wheels import WheelGeometry
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
 LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": 0.0254, "km": 1e3}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
-_FACTORS = (2.0, 4.0, 0.5, 0.25)  # of counts per turn: edges of a quadrature decoder
+_EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
+_FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 _GEARS = (3.0, 5.0, 8.0, 9.0, 10.0, 12.0, 16.0, 20.0, 30.0, 50.0, 100.0)
-#: Prior, as a loss of log likelihood: of one thing; of one of two or more at the same time; of a free number.
-ONE, TWO, FREE = 0.0, 2.0, 4.0
+#: Prior, as a loss of log likelihood: of one thing; of one of two or more at the same time.
+ONE, TWO = 0.0, 2.0
 
 
 @dataclass(frozen=True)
