@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import Base, camera_link, inside
-from drake_ispace.explain.check.compare.motion import Windows, camera_noise, has_motion, seen, windows
+from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
@@ -14,7 +14,7 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
 _SPIKE_S = 0.35  # after which a step that cancels is an outlier
-_SPIKE_STEPS, _MOST_SPIKES, _FEWEST_FIXES = 5.0, 0.05, 20  # larger than most; share of the fixes; to tell from
+_SPIKE_STEPS, _MOST_SPIKES = 5.0, 0.05  # larger than most; share of the fixes
 _STEP_M = 0.12  # of the camera between two fixes that no wheel shows
 _STEP_NOISE = 8.0  # the same, in standard deviations of the camera
 _MOVED_M = 0.08  # by which the robot moved all the same
@@ -80,7 +80,7 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
 def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     """Fixes that are off and come back soon: the camera alone shows them, in any unit."""
     kinect = run.channels.get("kinect")
-    if kinect is None or len(kinect.t) < _FEWEST_FIXES:
+    if kinect is None or len(kinect.t) < FEWEST_FIXES:
         return
     place, t = kinect.values[:, :2], kinect.t
     steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
