@@ -9,13 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, Link, inside, moves
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    LATENCIES_S,
+    LATENCY_S,
+    RATE_S,
+    Base,
+    Link,
+    inside,
+    lags,
+    moves,
+)
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 
-_LAGS_S = np.arange(-100, 101) * 0.05
-_FINE_S = np.arange(-10, 11) * 0.01
+_LAGS_S = lags(5.0, RATE_S)  # that are looked at
 _RATES = tuple(sign * size for size in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05) for sign in (1.0, -1.0))
 _DRIFTS = float(np.log(len(_RATES)))
 _JUMPS = float(np.log(50 * len(_LAGS_S)))  # at one of some fifty windows, to any offset
@@ -54,15 +63,15 @@ class _Trial:
 
     def __init__(self, number: int, link: Link, base: Base):
         self.number, self.link, self.base = number, link, base
-        lags = _LAGS_S[:, None]
-        self.loss = _losses(link, base, link.since_s + lags, link.until_s + lags)
+        off = _LAGS_S[:, None]
+        self.loss = _losses(link, base, link.since_s + off, link.until_s + off)
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         low, high = link.usual_s
         self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
         at = int(np.argmin(self.total[self.usual]))
         usual, self.peaks_as_given = _LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
-        near = usual + _FINE_S[(usual + _FINE_S >= low - 1e-9) & (usual + _FINE_S <= high + 1e-9)]
+        near = usual + LATENCIES_S[(usual + LATENCIES_S >= low - 1e-9) & (usual + LATENCIES_S <= high + 1e-9)]
         self.given = max(0.0, *self.scores([Path(float(lag)) for lag in near], must_follow=False))
 
     def scores(self, paths: Sequence[Path], must_follow: bool = True) -> list[float]:
@@ -106,7 +115,7 @@ class _Trial:
 
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own."""
-        return min((replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S), key=self.rough)
+        return min((replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S), key=self.rough)
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
@@ -162,7 +171,7 @@ class _Trial:
 
     def interval(self, path: Path) -> tuple[float, float]:
         """The lags [s] that are about as likely, 90 %."""
-        near = [replace(path, lag_s=path.lag_s + float(d)) for d in 2.0 * _FINE_S]
+        near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
         scored = np.array(self.scores(near))
         likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
         return min(likely), max(likely)
@@ -229,13 +238,13 @@ def _common_drift(trials):
 def _common(trials, own):
     """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
     best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
-    lags = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
+    offsets = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
     low, high = trials[0].link.usual_s
-    paths = [Path(lag) for lag in lags if not low - 1e-9 <= lag <= high + 1e-9]
+    paths = [Path(lag) for lag in offsets if not low - 1e-9 <= lag <= high + 1e-9]
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))
-    near = [replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S]
+    near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
     return min(near, key=lambda path: sum(trial.rough(path) for trial in trials))
 
 

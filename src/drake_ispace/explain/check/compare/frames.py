@@ -5,14 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from drake_ispace.explain.check.compare.links import LATENCY_S, Base
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base
 from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, has_motion, seen, within
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Channel, Recording
 
 _BINS = 16  # to a step, into which stamps are sorted to find its length
-_LAGS_S = np.arange(-LATENCY_S, LATENCY_S + 1e-9, 0.01)
 
 
 def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
@@ -57,5 +56,5 @@ def _disagreement(kinect: Channel, base: Base) -> float:
         return 0.0
     return min(
         float(np.median(np.linalg.norm((moved - base.moved(since + lag, until + lag)[:, :2])[inside], axis=1)))
-        for lag in _LAGS_S
+        for lag in LATENCIES_S
     )
