@@ -19,7 +19,7 @@ from drake_ispace.robots.robot import COMMAND
 
 _ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
-_LEVEL = 1e-9  # share of the mean squared length, below which a change shows nothing
+_LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 _GRID = 1000  # of the constants that are tried
 _UNLIKELY = 1e-3  # probability that a constant is smaller than it may be, or larger
 
