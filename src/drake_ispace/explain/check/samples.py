@@ -14,7 +14,6 @@ _BLOCK = 20  # rows that come twice
 _LEAP = 8.0  # a step of a counter that starts anew, or after rows that repeat, in steps that are otherwise the largest
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
-_LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
 _RARELY = 0.02  # share of rows that are as the one before, of a channel that never rests
 _STEPS = 40.0  # of a range, below which they are coarse
 _FINE = 0.01  # m or rad: a camera's steps below it are fine however little the robot moves
@@ -128,7 +127,7 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     scale = np.quantile(np.abs(np.diff(values, axis=0)), 0.95, axis=0) + 1e-12
     scaled = values / scale
     size = np.abs(np.diff(scaled, axis=0)).max(axis=1)
-    largest = np.sort(np.argsort(-size)[:_LARGEST_STEPS])
+    largest = np.sort(np.argsort(-size)[: int(np.sqrt(len(size)))])  # of which there are no more pairs than steps
     limit = 4.0 * np.quantile(size, 0.99)
     best = None
     for a, b in combinations(largest[size[largest] > limit].tolist(), 2):
