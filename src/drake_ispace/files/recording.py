@@ -211,6 +211,12 @@ def si_unit(column: str) -> str | None:
     return "N*m" if column.startswith("tau_") else _SI_UNIT.get(column)
 
 
+def in_si(unit: str) -> float:
+    """What a number in a unit that recordings may have must be multiplied by to be in its SI unit."""
+    _, numerator, denominator = _UNITS[unit]
+    return numerator / denominator
+
+
 def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) -> Channel:
     key = f"channels.{name}"
     if not isinstance(entry, dict):

@@ -16,6 +16,7 @@ from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of,
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
 from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
+from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
@@ -32,7 +33,6 @@ from drake_ispace.scenario import Scenario, as_scenario
 
 _ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
-_ECHO_S = 1.0  # around a stretch
 _SHORTEST_S = 3.0  # part of a run that is kept
 
 
@@ -237,10 +237,10 @@ class _Search:
         ]
 
     def _echo(self, finding):
-        """Whether its stretches are only what earlier findings on the same stretches leave."""
+        """Whether its stretches are only what earlier findings on the same stretches leave in the windows around."""
         known = self._spoilt(finding.runs)
         return finding.limited and all(
-            any(begin - _ECHO_S <= since and until <= end + _ECHO_S for begin, end in known)
+            any(begin - WINDOW_S <= since and until <= end + WINDOW_S for begin, end in known)
             for since, until in finding.stretches
         )
 

@@ -9,14 +9,11 @@ from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
 from drake_ispace.files.recording import Channel, Recording
 
-_STUCK_S = 0.4  # rows that repeat for longer have stopped
+STUCK_S = 0.4  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
-_FEW = 10  # different rows in them
-_WRAP = 8.0  # a step of a counter that starts anew, in steps that are otherwise the largest
-_LEAP = 8.0  # steps after rows that repeat, in steps that are otherwise the largest
+_LEAP = 8.0  # a step of a counter that starts anew, or after rows that repeat, in steps that are otherwise the largest
 _OFTEN = 3  # steps of a height that no counter is known for
 _ALIKE = 0.05  # by which the heights of such steps differ
-_LARGEST_STEPS = 12  # that may bound a stretch in the opposite order
 _RARELY = 0.02  # share of rows that are as the one before, of a channel that never rests
 _STEPS = 40.0  # of a range, below which they are coarse
 _FINE = 0.01  # m or rad: a camera's steps below it are fine however little the robot moves
@@ -34,7 +31,7 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
         size = np.abs(steps)
         if len(size) < 2 * _BLOCK or not (size > 0.0).any():
             continue
-        far = size > _WRAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        far = size > _LEAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
         if not far.any():
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
@@ -98,7 +95,8 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     _, codes = np.unique(values, axis=0, return_inverse=True)
     codes = codes.ravel()
     windows = np.lib.stride_tricks.sliding_window_view(codes, _BLOCK)
-    lively = (np.diff(windows, axis=1) != 0).sum(axis=1) >= _FEW
+    changes = np.diff(windows, axis=1) != 0
+    lively = changes.sum(axis=1) > (~changes).sum(axis=1)
     first: dict[bytes, int] = {}
     far, end = 2.0 * np.quantile(steps, 0.99), 0
     for i in np.flatnonzero(lively).tolist():
@@ -129,7 +127,7 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     scale = np.quantile(np.abs(np.diff(values, axis=0)), 0.95, axis=0) + 1e-12
     scaled = values / scale
     size = np.abs(np.diff(scaled, axis=0)).max(axis=1)
-    largest = np.sort(np.argsort(-size)[:_LARGEST_STEPS])
+    largest = np.sort(np.argsort(-size)[: int(np.sqrt(len(size)))])  # of which there are no more pairs than steps
     limit = 4.0 * np.quantile(size, 0.99)
     best = None
     for a, b in combinations(largest[size[largest] > limit].tolist(), 2):
@@ -157,7 +155,7 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
     repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
-    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= _STUCK_S]
+    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= STUCK_S]
     if repeats.sum() - sum(b - a for a, b in long) > _RARELY * len(repeats):
         return  # a channel that often holds a value
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
@@ -181,7 +179,7 @@ def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     for first, last in stretches(size == 0.0):
         since, until = float(channel.t[first]), float(channel.t[last])
         others = np.delete(size, last) if last < len(size) else size[:0]
-        if until - since >= _STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
+        if until - since >= STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
             yield Finding("channel_frozen", "rows repeat, then leap", "", (number,), "encoder", since, until,
                           repairs=(CutOut(since, float(channel.t[last + 1])),))
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock, Evened
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import Channel, Recording, in_si
 
 #: Recorded unit of time -> seconds.
-TIMES = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_LONGEST_STEP_S, _SHORTEST_STEP_S = 1.0, 1e-5  # of a sensor of a robot
+TIMES = {unit: in_si(unit) for unit in ("ms", "us", "ns")}
+_LONGEST_STEP_S = 1.0  # of a sensor of a robot
 _LONGEST_STEADY_S = 0.25  # of wheels, torque and IMU
 _UNIT_RATIO = 1.5  # durations that agree in the right unit
 _EPOCH_S = 1e6  # a clock that starts later counts from some year, not from the start of a run
@@ -46,7 +46,7 @@ def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
         if step <= longest[name] or any(1.0 / _UNIT_RATIO < own / other < _UNIT_RATIO for other in lasts):
             continue
         for unit, seconds in TIMES.items():
-            if _SHORTEST_STEP_S * 10 < step * seconds <= _LONGEST_STEP_S:
+            if step * seconds <= _LONGEST_STEP_S:
                 repairs = (Clock(name, seconds, 0.0),)
                 yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=repairs)
                 break

@@ -5,19 +5,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import Base, camera_link, inside
-from drake_ispace.explain.check.compare.motion import Windows, camera_noise, has_motion, seen, windows
+from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import stretches
+from drake_ispace.explain.check.samples import STUCK_S, stretches
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
 _SPIKE_S = 0.35  # after which a step that cancels is an outlier
-_SPIKE_STEPS, _MOST_SPIKES, _FEWEST_FIXES = 5.0, 0.05, 20  # larger than most; share of the fixes; to tell from
+_SPIKE_STEPS, _MOST_SPIKES = 5.0, 0.05  # larger than most; share of the fixes
 _STEP_M = 0.12  # of the camera between two fixes that no wheel shows
 _STEP_NOISE = 8.0  # the same, in standard deviations of the camera
-_SINCE_S = 0.4  # rows that repeat for longer have stopped
 _MOVED_M = 0.08  # by which the robot moved all the same
 _CARRIED_M, _CARRIED_SHARE = 0.15, 0.5  # of a stretch that wheels and camera tell differently; of the larger of the two
 _NEVER_M = 0.5  # way of a wheel, or of the robot, that must show
@@ -59,7 +58,7 @@ def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
         since, until = float(kinect.t[first]), float(kinect.t[last])
         moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
-        if _SINCE_S <= until - since < _MOST * kinect_span(run) and moved > _MOVED_M:
+        if STUCK_S <= until - since < _MOST * kinect_span(run) and moved > _MOVED_M:
             yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 
@@ -81,7 +80,7 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
 def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     """Fixes that are off and come back soon: the camera alone shows them, in any unit."""
     kinect = run.channels.get("kinect")
-    if kinect is None or len(kinect.t) < _FEWEST_FIXES:
+    if kinect is None or len(kinect.t) < FEWEST_FIXES:
         return
     place, t = kinect.values[:, :2], kinect.t
     steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
@@ -151,7 +150,7 @@ def _frozen(run, base, number):
         for first, last in stretches(~np.any(np.diff(encoder.values[:, column], axis=0) != 0.0, axis=1)):
             since, until = float(encoder.t[first]), float(encoder.t[last])
             first_fix, end = np.searchsorted(kinect.t, [since, until])
-            if until - since < _SINCE_S or end - first_fix < 2:
+            if until - since < STUCK_S or end - first_fix < 2:
                 continue
             pair = Windows(kinect.t[[first_fix]], kinect.t[[end - 1]], np.array([first_fix]), np.array([end - 1]))
             turned = base.geometry.inverse @ (seen(kinect, pair) @ usual)[0]

@@ -25,11 +25,15 @@ UNRELATED = "no relation"
 
 
 class Hypothesis(Protocol):
-    """A way to read a channel: fault (empty: as given), in words, a loss of log likelihood (its prior), and advice."""
+    """A way to read a channel: fault (empty: as given), in words, and advice.
+
+    rare: whether it is less probable than others, such as two mistakes at the same time; it is then no rival of another
+    one that explains as much.
+    """
 
     fault: str
     what: str
-    loss: float
+    rare: bool
     advice: str
 
 
@@ -68,7 +72,7 @@ def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
     if not present:
         return Row(np.zeros(len(hypotheses)))
     many = np.log(len(hypotheses))
-    losses = np.array([hypothesis.loss + (many if hypothesis.fault else 0.0) for hypothesis in hypotheses])
+    losses = np.array([ALIKE * hypothesis.rare + many * bool(hypothesis.fault) for hypothesis in hypotheses])
     return Row(sum(part.scored for part in present) - losses, sum(part.most for part in present))
 
 

@@ -9,16 +9,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, Link, inside, moves
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    LATENCIES_S,
+    LATENCY_S,
+    RATE_S,
+    Base,
+    Link,
+    inside,
+    lags,
+    moves,
+)
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 
-_LAGS_S = np.arange(-100, 101) * 0.05
-_FINE_S = np.arange(-10, 11) * 0.01
-_RATES = tuple(sign * size for size in (0.002, 0.005, 0.01, 0.02, 0.03, 0.05) for sign in (1.0, -1.0))
-_DRIFTS = float(np.log(len(_RATES)))
-_JUMPS = float(np.log(50 * len(_LAGS_S)))  # at one of some fifty windows, to any offset
+_LAGS_S = lags(5.0, RATE_S)  # that are looked at
+_FASTEST = 0.05  # rate at which a clock may drift
 _NEAR = 0.2  # a residual that counts as small, as a share of the motion
 _SHARED = 0.9  # of what each run's own clock gains: an offset that all runs share is preferred
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
@@ -38,12 +45,6 @@ class Path:
         """(n,) times [s] on the wheels' clock."""
         return t + self.lag_s + self.rate * (t - self.middle_s) + np.where(t >= self.jump_s, self.later_s, 0.0)
 
-    @property
-    def loss(self) -> float:
-        """The log likelihood that a drifting or jumping clock must gain beyond a constant offset, because many more of
-        them are tried."""
-        return _JUMPS if self.later_s else _DRIFTS if self.rate else 0.0
-
 
 class _Trial:
     """A channel of one run under other clocks.
@@ -54,15 +55,16 @@ class _Trial:
 
     def __init__(self, number: int, link: Link, base: Base):
         self.number, self.link, self.base = number, link, base
-        lags = _LAGS_S[:, None]
-        self.loss = _losses(link, base, link.since_s + lags, link.until_s + lags)
+        off = _LAGS_S[:, None]
+        self.loss = _losses(link, base, link.since_s + off, link.until_s + off)
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
+        self.lasts_s = float(link.until_s[-1] - link.since_s[0])
         low, high = link.usual_s
         self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
         at = int(np.argmin(self.total[self.usual]))
         usual, self.peaks_as_given = _LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
-        near = usual + _FINE_S[(usual + _FINE_S >= low - 1e-9) & (usual + _FINE_S <= high + 1e-9)]
+        near = usual + LATENCIES_S[(usual + LATENCIES_S >= low - 1e-9) & (usual + LATENCIES_S <= high + 1e-9)]
         self.given = max(0.0, *self.scores([Path(float(lag)) for lag in near], must_follow=False))
 
     def scores(self, paths: Sequence[Path], must_follow: bool = True) -> list[float]:
@@ -77,7 +79,15 @@ class _Trial:
                 same = np.flatnonzero((inner == kept).all(axis=1))
                 there = since[same][:, kept], until[same][:, kept]
                 found[same] = self._scored(*there, self.link.measured[kept], must_follow)
-        return [score - path.loss if score else 0.0 for score, path in zip(found.tolist(), paths, strict=True)]
+        return [score - self.loss_of(path) if score else 0.0 for score, path in zip(found.tolist(), paths, strict=True)]
+
+    def loss_of(self, path: Path) -> float:
+        """The log likelihood that a clock must gain beyond a constant offset, because many more of them are tried.
+
+        They jump at any window to any offset, or drift at any rate.
+        """
+        jumps, drifts = len(self.link.since_s) * len(_LAGS_S), len(_rates(self.lasts_s))
+        return float(np.log(jumps if path.later_s else drifts if path.rate else 1))
 
     def _scored(self, since, until, measured, must_follow):
         """(p,) of p paths along which the same windows (p, n) lie inside of the run; measured: (n, d) in these."""
@@ -106,7 +116,7 @@ class _Trial:
 
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own."""
-        return min((replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S), key=self.rough)
+        return min((replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S), key=self.rough)
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
@@ -134,9 +144,8 @@ class _Trial:
 
     def drift(self) -> Path | None:
         """The best path with a clock that is fast or slow; None where a run is too short to see one."""
-        lasts = self.link.until_s[-1] - self.link.since_s[0]
-        rates = [rate for rate in _RATES if abs(rate) * lasts >= 2.0 * LATENCY_S]
-        return min((self.along(rate) for rate in rates), key=lambda found: found[0])[1] if rates else None
+        paths = [self.along(rate) for rate in _rates(self.lasts_s) if abs(rate) * self.lasts_s >= 2.0 * LATENCY_S]
+        return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jump(self) -> Path | None:
         """The best path with a clock that jumps once by more than a latency; None beside motions of any share."""
@@ -162,10 +171,10 @@ class _Trial:
 
     def interval(self, path: Path) -> tuple[float, float]:
         """The lags [s] that are about as likely, 90 %."""
-        near = [replace(path, lag_s=path.lag_s + float(d)) for d in 2.0 * _FINE_S]
+        near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
         scored = np.array(self.scores(near))
         likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
-        return min(likely), max(likely)
+        return min(path.lag_s, *likely), max(path.lag_s, *likely)
 
     def finding(self, path: Path, drop: float) -> Finding:
         """The path as a finding."""
@@ -218,24 +227,32 @@ def _common_drift(trials):
     """For each run its best offset with the drift that all runs may share; empty where they are too short."""
     if len(trials) < 2:
         return []
-    lasts = min(trial.link.until_s[-1] - trial.link.since_s[0] for trial in trials)
-    rates = [rate for rate in _RATES if abs(rate) * lasts >= 2.0 * LATENCY_S]
+    lasts = [trial.lasts_s for trial in trials]
+    rates = [rate for rate in _rates(max(lasts)) if abs(rate) * min(lasts) >= 2.0 * LATENCY_S]
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
     return [trial.sharpened(trial.along(rate)[1]) for trial in trials]
 
 
+def _rates(lasts_s: float) -> list[float]:
+    """Rates at which a clock may drift: from one to the next by a latency more during a run that lasts so long.
+
+    Of a longer run than one in which the fastest clock passes all offsets that are looked at, as many as of that one.
+    """
+    return lags(_FASTEST, LATENCY_S / min(lasts_s, np.ptp(_LAGS_S) / _FASTEST)).tolist()
+
+
 def _common(trials, own):
     """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
     best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
-    lags = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
+    offsets = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
     low, high = trials[0].link.usual_s
-    paths = [Path(lag) for lag in lags if not low - 1e-9 <= lag <= high + 1e-9]
+    paths = [Path(lag) for lag in offsets if not low - 1e-9 <= lag <= high + 1e-9]
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))
-    near = [replace(path, lag_s=path.lag_s + float(d)) for d in _FINE_S]
+    near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
     return min(near, key=lambda path: sum(trial.rough(path) for trial in trials))
 
 

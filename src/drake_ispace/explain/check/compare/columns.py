@@ -6,11 +6,14 @@ from itertools import permutations, product
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
-from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, ONE, TWO
+from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS
+from drake_ispace.files.recording import in_si
 from drake_ispace.plants.slip import GRAVITY
 
 #: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
-TORQUES = {"mN m": 1e-3, "N cm": 1e-2, "kgf cm": 0.0980665, "N mm": 1e-3}
+TORQUES = {
+    "mN m": in_si("mN*m"), "N cm": in_si("N*cm"), "kgf cm": GRAVITY * in_si("cm"), "N mm": in_si("N*mm"),
+}
 _AXES = ("x", "y", "z")
 
 
@@ -19,14 +22,14 @@ class Columns:
     """A way to read the columns of a channel: values = matrix times recorded ones, plus offset.
 
     Attributes:
-        fault: its name; empty: as given. what: in words. loss: of log likelihood, a prior. related: 0 where the channel
+        fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel
             says nothing of the robot's motion. advice: none, the data are at fault.
     """
 
     fault: str
     what: str
     matrix: np.ndarray
-    loss: float = ONE
+    rare: bool = False
     offset: np.ndarray | None = None
     related: float = 1.0
     advice: str = ""
@@ -53,8 +56,7 @@ def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:
         moved = sum(k != i for i, k in enumerate(order))
         if moved:
             said = ", ".join(str(k + 1) for k in order)
-            found.append(Columns("torques_swapped", f"the torques in the order {said}", unit[list(order)],
-                                 ONE if moved == 2 else TWO))
+            found.append(Columns("torques_swapped", f"the torques in the order {said}", unit[list(order)], moved > 2))
     if not in_si:
         ratios = {ratio for factor in (*TORQUES.values(), *ANGLES.values()) for ratio in (factor, 1.0 / factor)}
         for factor in sorted(ratios):
@@ -73,34 +75,34 @@ def command_columns() -> list[Columns]:
     for signs in product((1.0, -1.0), repeat=3):
         wrong = [name for name, sign in zip(("vx", "vy", "wz"), signs, strict=True) if sign < 0.0]
         if wrong:
-            found.append(Columns("command_sign", f"{' and '.join(wrong)} of the other sense", np.diag(signs),
-                                 ONE if len(wrong) == 1 else TWO))
+            said = f"{' and '.join(wrong)} of the other sense"
+            found.append(Columns("command_sign", said, np.diag(signs), len(wrong) > 1))
     for x, y in product((1.0, -1.0), repeat=2):
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        found.append(Columns("command_axes_swapped", "vx and vy change places", swap, ONE if x == y == 1.0 else TWO))
-    speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": 1.0 / 3.6}
-    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+        found.append(Columns("command_axes_swapped", "vx and vy change places", swap, not x == y == 1.0))
+    speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
+    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
     for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **turns}.items()):
         wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
         if wrong:
-            factors, loss = np.diag([metre, metre, radian]), TWO * (len(wrong) - 1)
-            found.append(Columns("wrong_unit", " and ".join(wrong), factors, loss))
+            factors = np.diag([metre, metre, radian])
+            found.append(Columns("wrong_unit", " and ".join(wrong), factors, len(wrong) > 1))
     return found
 
 
 def accelerometer_columns() -> list[Columns]:
     """All mistaken readings of ax, ay, az."""
     found = _turned("ax, ay, az")
-    for name, factor in (("g", GRAVITY), ("thousandths of g", GRAVITY / 1000.0), ("mm/s^2", 1e-3)):
+    for name, factor in (("g", GRAVITY), ("thousandths of g", GRAVITY / 1000.0), ("mm/s^2", in_si("mm/s^2"))):
         found.append(Columns("wrong_unit", f"ax, ay, az in {name}", factor * np.eye(3)))
-    found.append(Columns("gravity_missing", "gravity is taken off az", np.eye(3), ONE, np.array([0.0, 0.0, GRAVITY])))
+    found.append(Columns("gravity_missing", "gravity is taken off az", np.eye(3), offset=np.array([0.0, 0.0, GRAVITY])))
     return found
 
 
 def gyro_columns() -> list[Columns]:
     """All mistaken readings of wx, wy, wz."""
     found = _turned("wx, wy, wz")
-    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": 2.0 * np.pi / 60.0}
+    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
     found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in rates.items()]
     return found
 
@@ -114,5 +116,5 @@ def _turned(names):
             said = ", ".join(("-" if s < 0 else "") + columns[k] for k, s in zip(order, signs, strict=True))
             wrong = sum(s < 0 for s in signs) + sum(k != i for i, k in enumerate(order))
             if wrong:
-                found.append(Columns("imu_axes", f"axes are {said}", matrix, ONE if wrong <= 2 else TWO))
+                found.append(Columns("imu_axes", f"axes are {said}", matrix, wrong > 2))
     return found

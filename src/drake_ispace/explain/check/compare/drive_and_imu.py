@@ -114,7 +114,7 @@ def _six(columns, force, gyro):
         what = f"{what}, and the accelerometer's alike"
     both = np.block([[force, np.zeros((3, 3))], [np.zeros((3, 3)), gyro]])
     offset = None if columns.offset is None else np.concatenate([columns.offset, np.zeros(3)])
-    return Columns(columns.fault, what, both, columns.loss, offset)
+    return Columns(columns.fault, what, both, columns.rare, offset)
 
 
 def _imu_parts(run, base, given):

@@ -5,20 +5,18 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from drake_ispace.explain.check.compare.links import LATENCY_S, Base
-from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base
+from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, has_motion, seen, within
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Channel, Recording
 
-_FEWEST = 40  # fixes
 _BINS = 16  # to a step, into which stamps are sorted to find its length
-_LAGS_S = np.arange(-LATENCY_S, LATENCY_S + 1e-9, 0.01)
 
 
 def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
     """Stamps of a camera without which most of what it and the wheels disagree on, from frame to frame, is gone."""
-    if base is None or not has_motion(run) or len(run.channels["kinect"].t) < _FEWEST:
+    if base is None or not has_motion(run) or len(run.channels["kinect"].t) < 2 * FEWEST_FIXES:
         return
     kinect = run.channels["kinect"]
     given, best = _disagreement(kinect, base), None
@@ -54,9 +52,9 @@ def _disagreement(kinect: Channel, base: Base) -> float:
     steps = Windows(since, until, first, first + 1)
     moved = seen(kinect, steps)[:, :2]
     inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
-    if inside.sum() < _FEWEST // 2:
+    if inside.sum() < FEWEST_FIXES:
         return 0.0
     return min(
         float(np.median(np.linalg.norm((moved - base.moved(since + lag, until + lag)[:, :2])[inside], axis=1)))
-        for lag in _LAGS_S
+        for lag in LATENCIES_S
     )

@@ -7,15 +7,15 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
+from drake_ispace.files.recording import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
-LENGTHS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "km": 1e3}
-ANGLES = {"deg": np.pi / 180.0, "rev": 2.0 * np.pi, "mrad": 1e-3}
-_FACTORS = (2.0, 4.0, 0.5, 0.25)  # of counts per turn: edges of a quadrature decoder
+LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": 0.0254, "km": 1e3}
+ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
+_EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
+_FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 _GEARS = (3.0, 5.0, 8.0, 9.0, 10.0, 12.0, 16.0, 20.0, 30.0, 50.0, 100.0)
-#: Prior, as a loss of log likelihood: of one thing; of one of two or more at the same time; of a free number.
-ONE, TWO, FREE = 0.0, 2.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Reading:
     """A way to read wheels and camera.
 
     Attributes:
-        fault: its name; empty: as given. what: in words. channel: that is at fault. loss: of log likelihood, a prior.
+        fault: its name; empty: as given. what: in words. channel: that is at fault. rare: as of Hypothesis.
         wheels: (n, n) matrix on the wheels' angles. body: (3, 3) matrix on the motion that the model makes of them.
         view: of the camera. advice: what to do where the model is at fault.
     """
@@ -34,7 +34,7 @@ class Reading:
     wheels: np.ndarray
     body: np.ndarray = field(default_factory=lambda: np.eye(3))
     view: View = AS_GIVEN
-    loss: float = ONE
+    rare: bool = False
     advice: str = ""
 
 
@@ -60,8 +60,7 @@ def _wheel_signs(unit):
     for size in range(1, n):
         for chosen in combinations(range(n), size):
             sign = np.where(np.isin(range(n), chosen), -1.0, 1.0)
-            yield Reading("wheel_sign", f"{_numbers(chosen)} counts backwards", "encoder", np.diag(sign),
-                          loss=ONE if size == 1 else TWO)
+            yield Reading("wheel_sign", f"{_numbers(chosen)} counts backwards", "encoder", np.diag(sign), rare=size > 1)
 
 
 def _wheel_orders(unit):
@@ -73,8 +72,7 @@ def _wheel_orders(unit):
     for order in orders:
         moved = sum(k != i for i, k in enumerate(order))
         said = ", ".join(str(k + 1) for k in order)
-        yield Reading("wheels_swapped", f"the wheels in the order {said}", "encoder", unit[list(order)],
-                      loss=ONE if moved == 2 else TWO)
+        yield Reading("wheels_swapped", f"the wheels in the order {said}", "encoder", unit[list(order)], rare=moved > 2)
 
 
 def _exchanged(n, i, j):
@@ -91,9 +89,8 @@ def _factors(unit, counts_per_turn):
     for name, factor in units.items():
         yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
     for factor in (*_FACTORS, *_GEARS, *(1.0 / gear for gear in _GEARS)):
-        rare = ONE if factor in _FACTORS else TWO
         said = f"turns {1.0 / factor:.3g} times too large"
-        yield Reading("counts_per_turn", said, "encoder", factor * unit, loss=rare)
+        yield Reading("counts_per_turn", said, "encoder", factor * unit, rare=factor not in _FACTORS)
     for i in range(n):
         for factor in (*_FACTORS, ANGLES["deg"]):
             diagonal = np.ones(n)
@@ -110,14 +107,14 @@ def _dimensions(unit):
 
 def _views(unit):
     """Axes of the room and sense and zero of the heading; then units of places and headings."""
-    for fault, what, view, loss in _axes():
-        yield Reading(fault, what, "kinect", unit, view=view, loss=loss)
+    for fault, what, view, rare in _axes():
+        yield Reading(fault, what, "kinect", unit, view=view, rare=rare)
     for (length, metre), (angle, radian) in product({"m": 1.0, **LENGTHS}.items(), {"rad": 1.0, **ANGLES}.items()):
         units = (f"places in {length}", metre), (f"headings in {angle}", radian)
         wrong = [text for text, factor in units if factor != 1.0]
         if wrong:
             view = View(((metre, 0.0), (0.0, metre)), radian)
-            yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, loss=TWO * (len(wrong) - 1))
+            yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, rare=len(wrong) > 1)
 
 
 def _axes():
@@ -130,18 +127,18 @@ def _axes():
         "x and y change places and signs": ((0.0, -1.0), (-1.0, 0.0)),
     }
     for what, axes in mirrored.items():
-        yield "camera_axis_mirrored", what, View(axes), ONE
+        yield "camera_axis_mirrored", what, View(axes), False
     for what, axes in swapped.items():
-        yield "camera_axes_swapped", what, View(axes), ONE
+        yield "camera_axes_swapped", what, View(axes), False
     for quarter in range(4):
         off = {1: "-90", 2: "180", 3: "90"}.get(quarter)
         by = f", headings off by {off} degrees" if off else ""
-        turn, loss = quarter * np.pi / 2.0, TWO if off else ONE
+        turn, rare = quarter * np.pi / 2.0, bool(off)
         if off:
-            yield "heading_offset", f"headings off by {off} degrees", View(offset_rad=turn), ONE
-        yield "heading_sign", f"headings of the other sense{by}", View(scale=-1.0, offset_rad=turn), loss
+            yield "heading_offset", f"headings off by {off} degrees", View(offset_rad=turn), False
+        yield "heading_sign", f"headings of the other sense{by}", View(scale=-1.0, offset_rad=turn), rare
         room = View(((1.0, 0.0), (0.0, -1.0)), -1.0, turn)
-        yield "camera_axis_mirrored", f"the room is mirrored, y and headings{by}", room, loss
+        yield "camera_axis_mirrored", f"the room is mirrored, y and headings{by}", room, rare
 
 
 def _numbers(chosen):

@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.motion import (
     AS_GIVEN,
+    WINDOW_S,
     View,
     arm,
     camera_noise,
@@ -19,7 +20,7 @@ from drake_ispace.explain.check.compare.motion import (
     turned,
     windows,
 )
-from drake_ispace.explain.check.compare.regression import PHYSICS, SLACK, Slack
+from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
@@ -28,10 +29,19 @@ LATENCY_S = 0.2  # by which a channel may be late or early without its clock bei
 _DRIVE_LAG_S = 0.6  # by which a drive may follow its command
 UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a parameter may be free
 FEWEST = 6  # windows, below which a channel is not compared
-_DRIVE_S, _GYRO_S, _COMMAND_S = 0.2, 0.7, 0.7  # windows of torque, IMU and command
-_RATE_S = 0.05  # half of the time over which angles are differentiated
-_PARTS = 160.0  # of a run of a plant of unknown quickness, which that time is at most
+_DRIVE_S = 0.2  # windows of torque
+RATE_S = 0.05  # half of the time over which angles are differentiated: no motion is told in more detail
 BLOCK = 20  # windows of the accelerometer, 2 s
+
+
+def lags(most_s: float, step_s: float) -> np.ndarray:
+    """(n,) multiples [s] of a step, from -most_s to most_s."""
+    steps = round(most_s / step_s)
+    return np.arange(-steps, steps + 1) * step_s
+
+
+#: Latencies [s] that a sound channel may have.
+LATENCIES_S = lags(LATENCY_S, 0.01)
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,7 @@ class Base:
     robot: Robot
     settings: Any
     encoder: Channel
-    rate_s: float = _RATE_S
+    rate_s: float = RATE_S
 
     @property
     def geometry(self):
@@ -103,8 +113,9 @@ def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
     encoder = run.channels.get("encoder")
     if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
         return None
-    rate_s = _RATE_S if robot.in_room else min(_RATE_S, (encoder.t[-1] - encoder.t[0]) / _PARTS)
-    return Base(robot, settings, encoder, float(rate_s))
+    # of a plant of unknown quickness so short that a run has as many windows of torque as count
+    most_s = RATE_S if robot.in_room else RATE_S / _DRIVE_S * (encoder.t[-1] - encoder.t[0]) / MOST_ROWS
+    return Base(robot, settings, encoder, float(min(RATE_S, most_s)))
 
 
 def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
@@ -133,7 +144,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIV
 def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The gyro's turns about the vertical. Of wheels that differ a little, a share of the way looks like a turn."""
     imu = run.channels["imu"]
-    stretches = _grid(imu, base, _GYRO_S, starts)
+    stretches = _grid(imu, base, WINDOW_S, starts)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
         "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), base.noise[2:],
@@ -155,7 +166,7 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     free = robot.unweighted
     mass, effort = robot.mass_matrix(plant)[free], robot.effort(plant)[free]
     size = np.abs(effort).max(axis=1)  # rows as torques
-    stretches = _grid(torque, base, _DRIVE_S / _RATE_S * base.rate_s, starts)
+    stretches = _grid(torque, base, _DRIVE_S / RATE_S * base.rate_s, starts)
     pitch = run.channels.get("imu") if robot.has_imu else None
 
     def rates(t):
@@ -189,7 +200,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     command = run.channels[COMMAND]
     if base.robot.driven != COMMAND:
         return None
-    stretches, unit = _grid(command, base, _COMMAND_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = _grid(command, base, WINDOW_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
@@ -205,21 +216,21 @@ def felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[
         a matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
     """
     imu = run.channels["imu"]
-    t = np.arange(imu.t[0] + 3.0 * _RATE_S, imu.t[-1] - 3.0 * _RATE_S, 2.0 * _RATE_S)
+    t = np.arange(imu.t[0] + 3.0 * RATE_S, imu.t[-1] - 3.0 * RATE_S, 2.0 * RATE_S)
     t = t[: len(t) // BLOCK * BLOCK]
     columns = ("wx", "wy", "wz")
     angles = integral(imu, columns, np.full(len(t), imu.t[0]), t)
-    rates = [integral(imu, columns, t + k * _RATE_S, t + (k + 1) * _RATE_S) / _RATE_S for k in (-1, 0)]
-    spins = (rates[1] - rates[0]) / _RATE_S
+    rates = [integral(imu, columns, t + k * RATE_S, t + (k + 1) * RATE_S) / RATE_S for k in (-1, 0)]
+    spins = (rates[1] - rates[0]) / RATE_S
     velocity, arm_m = rates_at(base, t), base.robot.lean_arm(base.settings)
-    accelerations = (rates_at(base, t + _RATE_S) - rates_at(base, t - _RATE_S)) / (2.0 * _RATE_S)
+    accelerations = (rates_at(base, t + RATE_S) - rates_at(base, t - RATE_S)) / (2.0 * RATE_S)
 
     def predicted(gyro):
         lean, spin = (angles @ gyro.T)[:, 1], (spins @ gyro.T)[:, 1]
         along = accelerations[:, 0] - velocity[:, 1] * velocity[:, 2] + arm_m * spin - GRAVITY * lean
         return np.column_stack([along, accelerations[:, 1] + velocity[:, 0] * velocity[:, 2]])
 
-    return np.column_stack([t - _RATE_S, t + _RATE_S]), np.arange(len(t)) // BLOCK, predicted
+    return np.column_stack([t - RATE_S, t + RATE_S]), np.arange(len(t)) // BLOCK, predicted
 
 
 def rates_at(base: Base, t: np.ndarray) -> np.ndarray:

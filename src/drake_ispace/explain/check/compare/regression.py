@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SLACK, MOST_SLACK = 0.10, 0.45  # of S: standard deviation and bound
+#: Standard deviation and bound of S. Residuals below the former, as a share of the motion, are not told apart.
+SLACK, MOST_SLACK = 0.10, 0.45
 _FREEDOM = 4.0  # of Student's distribution
-#: Residuals below this share of the motion are not told apart: no physics is that exact.
-_FLOOR = 0.1
-_MOST_ROWS = 40.0  # that count as independent
+MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
 _EXACT = 1e-3  # share of the motion, below which residuals weigh the same: of a steady motion the prior of S decides
 _FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
@@ -60,19 +59,19 @@ def scores(
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
-    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, _FLOOR, 1.0)
+    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
     # reading that shrinks a channel is not the likelier for it
     left = (residual**2 + noise[:, None] ** 2) / (ratio * size)[:, None] ** 2
     far = 0.5 * (_FREEDOM + 1.0) * np.log1p(left / _FREEDOM).mean(axis=1)
-    rows = min(x.shape[1], _MOST_ROWS)
+    rows = min(x.shape[1], MOST_ROWS)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
     return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
 
 
 def most(rows: int, components: int) -> float:
     """Logarithm of likelihood of a hypothesis under which y follows x exactly."""
-    return -min(rows, _MOST_ROWS) * components * np.log(_FLOOR)
+    return -min(rows, MOST_ROWS) * components * np.log(SLACK)
 
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
@@ -101,7 +100,7 @@ def _fitted(x, y, z, slack):
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), least)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
-        weight *= min(n, _MOST_ROWS) / n
+        weight *= min(n, MOST_ROWS) / n
         weighted = design * weight[..., None]
         normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
         moment = np.einsum("hndi,hnd->hdi", weighted, y - x)

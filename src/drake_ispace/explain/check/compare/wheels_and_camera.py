@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import SAID, Part, Row, compared, disagreement, part, row
+from drake_ispace.explain.check.compare.agreement import ALIKE, Part, Row, compared, disagreement, part, row
 from drake_ispace.explain.check.compare.hypotheses import Reading, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
@@ -22,9 +22,6 @@ from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
-
-#: What the gyro adds to a log likelihood at most: it decides between readings that are alike, and accuses nobody.
-_CASTING = 0.5 * SAID
 
 
 def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> Finding | None:
@@ -74,11 +71,11 @@ def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
     x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
     y = np.stack([views[reading.view].measured[kept] for reading in given])
     noise = np.stack([views[reading.view].noise for reading in given])
-    gyro = None
+    gyro = None  # it decides between readings that are alike, and accuses nobody
     if "imu" in run.channels:
         turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
         gyro = scores(x[:, :, 2:] / unit[2], turn, ((0,),), np.zeros((len(given), 1)))
-        gyro = Part(np.clip(gyro - gyro[0], -_CASTING, _CASTING), 0.0)
+        gyro = Part(np.clip(gyro - gyro[0], -ALIKE, ALIKE), 0.0)
     return row(given, part(x, y, link.groups, noise), gyro)
 
 

@@ -18,10 +18,10 @@ from drake_ispace.faults.repair import Restamped
 from drake_ispace.robots.robot import COMMAND
 
 _ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
-_ANSWERED = 20.0  # time constants, after which all of a change has come
-_LEVEL = 1e-9  # share of the mean squared length, below which a change shows nothing
+_ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
+_LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 _GRID = 1000  # of the constants that are tried
-_LIKELY = (1e-3, 1.0 - 1e-3)  # probabilities between which a constant may be
+_UNLIKELY = 1e-3  # probability that a constant is smaller than it may be, or larger
 
 
 def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
@@ -121,6 +121,6 @@ def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: 
     inside = np.log(np.maximum(norm.cdf(high) - norm.cdf(low), 1e-300)).sum(axis=1)
     weights = np.exp(inside - inside.max())
     weights /= weights.sum()
-    constant, (least, most) = constants @ weights, np.interp(_LIKELY, np.cumsum(weights), constants)
-    each = earlier + (-late_s if least <= -late_s <= most else constant)
+    least, most = np.interp((_UNLIKELY, 1.0 - _UNLIKELY), np.cumsum(weights), constants)
+    each = earlier + (-late_s if least <= -late_s <= most else constants @ weights)
     return truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)
