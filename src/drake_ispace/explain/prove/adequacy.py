@@ -38,6 +38,7 @@ from drake_ispace.explain.prove.free_run import (
     rms,
 )
 from drake_ispace.explain.prove.gap import seconds
+from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
 from drake_ispace.explain.prove.repeats import repeated_share
@@ -50,7 +51,6 @@ _CHANCE = 1e-3  # probability that noise over few windows is taken for more
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 _CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
 _MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
-_FOLDS = 4  # into which the only run is cut
 NOTHING = "nothing measured"
 _OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
 
@@ -193,7 +193,7 @@ def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) ->
     repeat themselves with the place.
     """
     names, series = zip(*runs, strict=True)
-    if len(series) == 1 and np.ptp(series[0].t) < (_FOLDS - 1) * seconds(m.horizon):
+    if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds(m.horizon):
         return None  # each fold must have a window to itself
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
     driver = max(shares, key=shares.get)
@@ -238,7 +238,7 @@ def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """
     parts = [part for part in runs if len(part[0])]
     if len(parts) == 1:
-        parts = list(zip(*(np.array_split(column, _FOLDS) for column in parts[0]), strict=True))
+        parts = list(zip(*(np.array_split(column, MOST_BLOCKS) for column in parts[0]), strict=True))
     if not parts:
         return 0.0
     scale = np.maximum(np.sqrt(np.mean(np.vstack([x for x, _ in parts]) ** 2, axis=0)), 1e-12)
@@ -264,7 +264,7 @@ def _unlike(motion, names, sensors, chance):
     blocks = []
     for run in motion:
         squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
-        blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
+        blocks += [part.mean(axis=0) for part in np.array_split(squares, MOST_BLOCKS) if len(part) > 1]
     if len(blocks) < 2:  # too short to tell a wheel from chance
         return []
     blocks, sensed = np.array(blocks), np.array([sensors[m] for m in wheels]) ** 2
