@@ -20,6 +20,7 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.threads import each
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
+CERTAIN = 3.0  # standard deviations, beyond which nothing is chance
 _STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _HALVINGS = 6  # of a start at which the model runs away

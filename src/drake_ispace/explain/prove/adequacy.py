@@ -18,6 +18,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
@@ -37,7 +38,7 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
-from drake_ispace.explain.prove.gap import seconds
+from drake_ispace.explain.prove.gap import CHANCE, seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
@@ -47,10 +48,7 @@ from drake_ispace.robots.robot import COMMAND
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
 TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
-_CHANCE = 1e-3  # probability that noise over few windows is taken for more
 _UNLIKE = 1.25  # times the error of the wheels that are like it
-_CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
-_MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
 NOTHING = "nothing measured"
 _OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
 
@@ -174,7 +172,7 @@ def _by_chance(m: Measure, errors: Sequence[np.ndarray]) -> float:
     Windows end to end share a fix: of white errors of the fixes two thirds of the windows count.
     """
     numbers = sum(map(np.size, errors)) * 2.0 / 3.0
-    return float(np.sqrt(chi2.isf(_CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
+    return float(np.sqrt(chi2.isf(CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
 
 
 def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
@@ -182,7 +180,7 @@ def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
     sensor, _, name = m.channel.partition(": ")
     if sensor != "imu":
         return rows
-    most = _MOST_OFFSET * IMU_OFFSETS[name]
+    most = CERTAIN * IMU_OFFSETS[name]
     return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
@@ -215,7 +213,7 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
         [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < _PREDICTED or standard_errors < _CERTAIN or size < usual:
+    if share < _PREDICTED or standard_errors < CERTAIN or size < usual:
         return None
     return Remainder(
         m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),
@@ -288,7 +286,7 @@ def _times_others(squares: np.ndarray, k: int, sensed: float) -> float:
     """
     others = np.delete(squares, k, axis=1)
     ratios = 0.5 * np.log(squares[:, k] / np.median(others, axis=1))
-    if ratios.mean() <= _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
+    if ratios.mean() <= CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
         return 0.0
     return float(np.sqrt(max(squares[:, k].mean() - sensed, 0.0) / np.median(others.mean(axis=0))))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import HORIZONS_S, RUN
@@ -13,7 +14,6 @@ from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
 _LEAST_FIXES = 10  # from which on they say what the camera's noise is
-_CERTAIN = 3.0  # standard errors that are added to what they show on the move
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
@@ -57,7 +57,7 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
     products = _of_successive_motions(runs)
     if len(products) < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
         return np.full(3, np.inf)
-    most = products.mean(axis=0) + _CERTAIN * products.std(axis=0) / np.sqrt(len(products))
+    most = products.mean(axis=0) + CERTAIN * products.std(axis=0) / np.sqrt(len(products))
     return np.sqrt(np.maximum(most, 0.0))
 
 

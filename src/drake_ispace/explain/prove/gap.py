@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP, Errors, Measure, rms
 
 TRAINING, HELD_OUT = "training", "held_out"
-_CLEARLY = 3.0  # times sensors and chance, from which a gap can be shown
 _REPLICATES, _FEW_RUNS = 1000, 5
-_DOUBT = 0.001  # share of the draws that may say the contrary, where some thirty channels are looked at
+CHANCE = 0.001  # probability that noise is taken for more, where some thirty channels are looked at
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,9 @@ def _row(columns, m, runs, kind, generator):
     if sensors is not None and chance is not None:
         floor = _floor(sensors, chance)
         draws = _draws(before, after, generator)
-        worse = draws is not None and bool(np.quantile(draws[1] - draws[0], _DOUBT) > floor**2)
+        worse = draws is not None and bool(np.quantile(draws[1] - draws[0], CHANCE) > floor**2)
         is_known = m.channel != "position" or floor < columns.size_m
-        if rms(before) >= _CLEARLY * max(sensors, chance) and is_known:
+        if rms(before) >= CERTAIN * max(sensors, chance) and is_known:
             closed = float(_closed(rms(before) ** 2, rms(after) ** 2, floor**2))
             if draws is not None:
                 interval = tuple(float(end) for end in np.quantile(_closed(*draws, floor**2), [0.05, 0.95]))

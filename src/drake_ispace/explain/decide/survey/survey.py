@@ -11,7 +11,7 @@ from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal, directions
-from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
+from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
@@ -19,7 +19,6 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_
 _BLOCK_TICKS, _BLOCK_FIXES = 200, 10  # about a second, within which noise may still be correlated
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
-_ASTRAY = 3.0  # standard deviations by which sizes that move in every turn lead nowhere
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     tried with the noise's memory left in: to remove it hides effects that are far from their best sizes.
     """
     steadiest = _in_turns(view, start, near=True)
-    if not steadiest[0] < _ASTRAY:
+    if not steadiest[0] < CERTAIN:
         steadiest = min(steadiest, _in_turns(view, start, near=False), key=lambda found: found[0])
     return steadiest[1:]
 
