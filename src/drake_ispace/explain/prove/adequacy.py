@@ -47,7 +47,7 @@ from drake_ispace.robots.robot import COMMAND
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
-TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
+TOO_LARGE = dict.fromkeys((PREDICTION, ATE), 2.0) | {RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
 NOTHING = "nothing measured"
 _OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
