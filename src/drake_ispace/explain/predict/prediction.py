@@ -37,7 +37,7 @@ _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, 
 _WITHIN_COUNT = 0.4  # standard deviation of a wheel's place within a count, in counts
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
 #: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
-IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
+IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05} | dict.fromkeys(("wx", "wy", "wz"), 0.004)
 #: The roll rate of a leaning body, -yaw rate times tilt, mostly shows the error of the tilt, which nothing measures.
 #: Its sign and size change as the robot turns, so that no stationary noise can stand for it.
 _NOT_PREDICTED = "wx"
