@@ -6,7 +6,7 @@ from scipy.stats import chi2, false_discovery_control
 from drake_ispace.explain.answer.explanation import Place
 from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey
-from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals
+from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.prove.drivers import drivers_of
 
 _RATE = 0.05  # rate of false discoveries among channels
@@ -85,7 +85,7 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
     ):
         y = (run[stream] - after[stream])[:, column]
         every = track.scored_ticks if stream == "motion" else track.fix_ticks
-        scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
+        scored = classes[stream] > 0 if stream in classes else np.ones(len(y), bool)
         ticks = every[len(every) - len(y) :][scored]
         values.append(y[scored])
         for name, x in driven.items():
