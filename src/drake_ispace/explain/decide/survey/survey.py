@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
+from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS, Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
@@ -16,7 +16,7 @@ from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
-_BLOCK_TICKS, _BLOCK_FIXES = 200, 10  # about a second, within which noise may still be correlated
+_BLOCK_FIXES = 10  # as many as come in BLOCK_TICKS
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
 
@@ -152,7 +152,7 @@ def _survey(point, view, residuals, likelihood) -> Survey:
 def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals) -> np.ndarray:
     """(n,) number of the second, of a stream of a run, that each whitened number is of: noise may be correlated in it.
     """
-    together = {"motion": max(_BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
+    together = {"motion": max(BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
     return whitening.instants(residuals, together)
 
 
