@@ -7,6 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 explained = importlib.import_module("drake_ispace.explain.explain")
+BODY = SimpleNamespace(robot=SimpleNamespace(driven="torque"))
+CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(body=BODY))
 
 
 def decided(names, in_doubt=False):
@@ -31,15 +33,13 @@ class Named:
     (["slip", "lag"], False, set(), set()), ([], True, set(), set()), ([], True, {"slip"}, {"slip", "lag"}),
 ])
 def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
-    def answered(case, decision, seed, tell):
+    def answered(decision):
         names = {candidate.name for candidate in decision.named.point}
         effects = [SimpleNamespace(name=name, parameters={}) for name in sorted(names)]
         verdict = "incomplete" if not enough <= names else "named" if names else "none"
         return SimpleNamespace(verdict=verdict, effects=effects, warnings=[])
 
-    monkeypatch.setattr(explained, "_answered", answered)
     monkeypatch.setattr(explained, "trifles", lambda answer, case: small)
-    decision = decided(["slip", "lag"], in_doubt)
-    answer = explained._needed(SimpleNamespace(scenario="one"), decision, answered(None, decision, 0, None), 0, None)
+    answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
     assert {effect.name for effect in answer.effects} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})

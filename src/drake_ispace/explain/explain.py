@@ -41,6 +41,7 @@ from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_litt
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import decide
+from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -97,21 +98,7 @@ def explain(
         else:
             decision = validated_choice(case.prediction, tried, tell)
 
-        answer = _answered(case, decision, seed, tell)
-        commanded = case.replay.body.robot.driven == COMMAND
-        too_little = answer.verdict == "incomplete" or (answer.verdict == "unknown" and commanded)
-        left = too_little and answer.proof and answer.remainders
-        if left and case.is_filtered and decision.further is not None:
-            further = decision.renamed(decision, decision.further)
-            with_further = _answered(case, further, seed, tell)
-            if with_further.verdict in ("named", "set"):  # a trace without which the others do not suffice
-                decision, answer = further, with_further
-        doubted = answer.verdict == "incomplete" and case.is_filtered and decision.otherwise is not None
-        if doubted and not lacks_little(answer, decision):
-            decision = decision.otherwise
-            answer = _answered(case, decision, seed, tell)
-        if answer.effects and case.is_filtered:
-            answer = _needed(case, decision, answer, seed, tell)
+        answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)
@@ -124,20 +111,41 @@ def explain(
     return answer
 
 
-def _needed(case, decision, answer, seed, tell) -> Explanation:
-    """The answer without effects that a sound robot may have, or without any where it is in doubt, if that suffices."""
+def _best_answered(case, decision, answered) -> Explanation:
+    """What a decision comes to, or another one that unseen runs prefer; answered: gives what a decision comes to."""
+    answer = answered(decision)
+    if not case.is_filtered:
+        return answer
+    commanded = case.replay.body.robot.driven == COMMAND
+    too_little = answer.verdict == "incomplete" or (answer.verdict == "unknown" and commanded)
+    if too_little and answer.proof and answer.remainders and decision.further is not None:
+        further = decision.renamed(decision, decision.further)
+        with_further = answered(further)
+        if _suffices(with_further):  # a trace without which the others do not suffice
+            decision, answer = further, with_further
+    doubted = answer.verdict == "incomplete" and decision.otherwise is not None
+    if doubted and not lacks_little(answer, decision):
+        decision = decision.otherwise
+        answer = answered(decision)
+    needed = _needed(case, decision, answer) if answer.effects else decision
+    if needed is not decision and _suffices(without := answered(needed)):
+        add_trace(without, answer)
+        return without
+    return answer
+
+
+def _suffices(answer) -> bool:
+    """Whether unseen runs show nothing that the answer lacks."""
+    return answer.verdict in (("named", "set") if answer.effects else ("none",))
+
+
+def _needed(case, decision, answer) -> Decision:
+    """The decision without effects that a sound robot may have, or without any where it is in doubt."""
     small = trifles(answer, case) if case.scenario is not None else []
     kept = {c: z for c, z in decision.named.point.items() if c.name not in small}
     if small and kept:
-        without = _answered(case, decision.renamed(decision, kept), seed, tell)
-    elif small or decision.detection.in_doubt:
-        without = _answered(case, decision.without_effects(), seed, tell)
-    else:
-        return answer
-    if without.verdict not in (("named", "set") if without.effects else ("none",)):
-        return answer
-    add_trace(without, answer)
-    return without
+        return decision.renamed(decision, kept)
+    return decision.without_effects() if small or decision.detection.in_doubt else decision
 
 
 def _answered(case, decision, seed, tell) -> Explanation:
