@@ -356,10 +356,14 @@ def _worst(sizes, names):
 
 def _since(runs):
     """Since when the squared error is there, in words."""
-    t = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
-    squares = np.concatenate([np.sum(run.errors**2, axis=1) for run in runs])
-    shares = np.histogram(t, bins=10, range=(0.0, 1.0), weights=squares)[0]
-    late = np.cumsum(shares) / max(shares.sum(), 1e-300)
+    times = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
+    return since(times, np.concatenate([np.sum(run.errors**2, axis=1) for run in runs]))
+
+
+def since(times: np.ndarray, amounts: np.ndarray) -> str:
+    """Since when something is there, in words: amounts (k,) of it at times (k,), in shares of a run."""
+    by_tenth = np.histogram(times, bins=10, range=(0.0, 1.0), weights=amounts)[0]
+    late = np.cumsum(by_tenth) / max(by_tenth.sum(), 1e-300)
     if late[2] < 0.05:
         return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
     return "mostly in the first third of a run" if late[2] > 0.6 else "from the start of a run"

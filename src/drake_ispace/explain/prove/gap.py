@@ -15,6 +15,7 @@ import numpy as np
 
 from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP, Errors, Measure, rms
+from drake_ispace.explain.prove.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
 _REPLICATES, _FEW_RUNS = 1000, 5
@@ -129,14 +130,14 @@ def _closed(before, after, floor):
 
 
 def _draws(before, after, generator):
-    """Mean squares (draws,) before and after, over draws of runs, or of tenths of runs where there are few."""
+    """Mean squares (draws,) before and after, over draws of runs, or of blocks of runs where there are few."""
     parts = [
         (np.sum(b**2, axis=1), np.sum(a**2, axis=1)) for b, a in zip(before, after, strict=True) if len(b) == len(a)
     ]
     if len(parts) < _FEW_RUNS:
         parts = [
             tuple(column[rows] for column in run) for run in parts
-            for rows in np.array_split(np.arange(len(run[0])), 10) if len(rows)
+            for rows in np.array_split(np.arange(len(run[0])), BLOCKS) if len(rows)
         ]
     if len(parts) < _FEW_RUNS:
         return None
