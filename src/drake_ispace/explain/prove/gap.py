@@ -18,7 +18,7 @@ from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP,
 from drake_ispace.explain.prove.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
-_REPLICATES, _FEW_RUNS = 1000, 5
+_FEW_RUNS = 5  # fewer are cut into blocks
 CHANCE = 0.001  # probability that noise is taken for more, where some thirty channels are looked at
 
 
@@ -142,5 +142,6 @@ def _draws(before, after, generator):
     if len(parts) < _FEW_RUNS:
         return None
     sums = np.array([[len(b), b.sum(), a.sum()] for b, a in parts])
-    n, b, a = sums[generator.integers(0, len(sums), size=(_REPLICATES, len(sums)))].sum(axis=1).T
+    draws = round(1.0 / CHANCE)  # of which one is as rare as that
+    n, b, a = sums[generator.integers(0, len(sums), size=(draws, len(sums)))].sum(axis=1).T
     return b / n, a / n
