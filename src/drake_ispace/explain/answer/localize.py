@@ -4,13 +4,13 @@ import numpy as np
 from scipy.stats import chi2, false_discovery_control
 
 from drake_ispace.explain.answer.explanation import Place
+from drake_ispace.explain.decide.detect import WORTH_A_LOOK
 from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.prove.adequacy import since
 from drake_ispace.explain.prove.drivers import drivers_of
 
-_RATE = 0.05  # rate of false discoveries among channels
 _LEAST_SHARE = 0.02
 _LEAST_DRIVEN, _PER_COLUMN = 0.3, 0.01  # share that a variable must explain, and what each of its columns must add
 
@@ -35,7 +35,7 @@ def localize(prediction: Prediction, start: Survey, explained: Residuals) -> lis
     adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
     significant = [
         Place(label, shares[label], _driver(prediction, start, drivers, label, explained))
-        for label, q in zip(places, adjusted, strict=True) if q < _RATE
+        for label, q in zip(places, adjusted, strict=True) if q < WORTH_A_LOOK
     ]
     return sorted(significant, key=lambda place: -place.share)
 

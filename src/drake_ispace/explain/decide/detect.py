@@ -12,6 +12,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.screen import Screen
 
 FALSE_ALARM_RATE = 0.01
+WORTH_A_LOOK = 0.05  # probability of chance, above which an effect is not fitted and a channel not named
 CLEAR_MINUS_LOG10_P = 6.0  # from which on a flaw of the noise model is not enough of an explanation
 _REPLICATES = 400
 _BATCH = 100

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.explain.decide.detect import WORTH_A_LOOK
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
@@ -15,7 +16,6 @@ from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.threads import each
 
 SHORTLIST = 6  # effects that are fitted
-LEAST_MINUS_LOG10_P = 1.3  # of an effect that is fitted: one in twenty, before correction for trying many
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
-    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if value >= LEAST_MINUS_LOG10_P]
+    clearest = [(c, value) for c, value in clearest_effects(survey)[:SHORTLIST] if 10.0**-value <= WORTH_A_LOOK]
     best = fits_beside(survey.point, [candidate for candidate, _ in clearest], survey, likelihood)
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, best, strict=True):
