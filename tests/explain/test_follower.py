@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.predict.filters import OTHERS, filters_of
+from drake_ispace.explain.predict.filters import ASSUMED, filters_of
 from drake_ispace.explain.predict.follower import Follower, design, discrete
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
@@ -68,7 +68,7 @@ def test_every_robot_has_a_stable_filter(robot):
     assert np.abs(np.linalg.eigvals(f.a @ (np.eye(len(f.a)) - f.gain @ f.c))).max() < 1.0
     model = slice(len(f.a) - f.slips)
     assert np.abs(np.linalg.eigvals((f.a - f.b @ f.feedback)[model, model])).max() < 1.0
-    assert all(not np.array_equal(filters(plant, number).gain, f.gain) for number in range(OTHERS))
+    assert all(not np.array_equal(filters(plant, number).gain, f.gain) for number in range(len(ASSUMED)))
 
 
 def test_wheels_that_slip_against_each_other_are_followed_and_push_nothing():

@@ -5,7 +5,6 @@ import pytest
 from scipy.signal import lfilter
 
 from drake_ispace.explain.fit.whitening import Whitening, fit_noise, past
-from drake_ispace.explain.predict.prediction import RESTING
 
 
 def coloured(rows, rng, memory=0.9):
@@ -44,20 +43,29 @@ def test_rows_at_rest_weigh_nothing():
     assert np.all(white[1000 - 8 + 8 : 1492] == 0.0) and white[:900].std() == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("share", [0.5, 0.05])
+def test_rows_that_move_have_unit_size_however_few_they_are(share):
+    rng, classes = np.random.default_rng(0), np.zeros(20000, int)
+    classes[-round(share * len(classes)) :] = 1
+    y = rng.standard_normal((len(classes), 2))
+    white = fit_noise([y], "motion", [classes]).whiten(y, classes)
+    assert white[white.any(axis=1)].std() == pytest.approx(1.0, abs=0.06)
+
+
 def test_noise_that_is_larger_in_a_class_of_motion_is_scaled_there():
-    rng, classes = np.random.default_rng(0), np.repeat([RESTING, RESTING + 1, RESTING + 2], 2000)
+    rng, classes = np.random.default_rng(0), np.repeat([1, 2, 3], 2000)
     y = rng.standard_normal((6000, 2)) * np.repeat([1.0, 3.0, 1e-3], 2000)[:, None]
     noise = fit_noise([y], "motion", [classes])
     overall = np.sqrt((1.0 + 9.0) / 3.0)
-    assert noise.sizes[RESTING : RESTING + 2, 0] == pytest.approx([1.0 / overall, 3.0 / overall], rel=0.05)
-    assert noise.sizes[RESTING + 2] == pytest.approx(0.1)  # quantised numbers may be still for long
+    assert noise.sizes[1:3, 0] == pytest.approx([1.0 / overall, 3.0 / overall], rel=0.05)
+    assert noise.sizes[3] == pytest.approx(0.1)  # quantised numbers may be still for long
 
 
 def test_a_class_with_few_rows_has_the_noise_of_all():
-    rng, classes = np.random.default_rng(0), np.full(3000, RESTING)
-    classes[:50] = RESTING + 1
+    rng, classes = np.random.default_rng(0), np.full(3000, 1)
+    classes[:50] = 2
     noise = fit_noise([rng.standard_normal((3000, 2))], "motion", [classes])
-    assert np.all(noise.sizes[RESTING + 1] == 1.0)
+    assert np.all(noise.sizes[2] == 1.0)
 
 
 def test_rows_that_are_independent_have_their_spread_and_no_memory():

@@ -8,7 +8,6 @@ from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.predict.prediction import RESTING
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 from hidden.effects_truth import ROBOTS
@@ -37,7 +36,7 @@ def parts(survey):
             rows, p = max(len(run[stream]) - noise.lags, 0), run[stream].shape[1]
             part = survey.noise[at : at + rows * p].reshape(rows, p)
             at += rows * p
-            scored = classes[stream][noise.lags :] >= RESTING if stream in classes else np.ones(rows, bool)
+            scored = classes[stream][noise.lags :] > 0 if stream in classes else np.ones(rows, bool)
             yield stream, part, scored
 
 

@@ -10,8 +10,9 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.compare.frames import _grid
 from drake_ispace.explain.check.repaired import save_repaired
+from drake_ispace.explain.check.samples import wrap_findings
 from drake_ispace.faults.repair import rows
-from drake_ispace.files.recording import load
+from drake_ispace.files.recording import Channel, Recording, load
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 from hidden import two_wheels
@@ -128,6 +129,16 @@ def test_a_gyro_tells_swapped_wheels_from_a_mirrored_room(sound):
     assert found(wheels, "pendulum")[0].fault == "wheels_swapped"
     room = [changed(run, "kinect", lambda t, v: v * ([1, -1, -1, 1][: v.shape[1]])) for run in sound["pendulum"]]
     assert found(room, "pendulum")[0].fault == "camera_axis_mirrored"
+
+
+@pytest.mark.parametrize("begin, end", [(1234, 1235), (1234, None)])
+def test_an_odd_leap_of_one_wheel_hides_no_wraps(begin, end):
+    t = 0.005 * np.arange(4000)
+    angles = (t[:, None] * [3.0, 2.0, 2.5, 1.5]) % (2.0 * np.pi)
+    angles[begin:end, 3] += 3.0
+    wheels = Channel(t, ("theta_1", "theta_2", "theta_3", "theta_4"), angles)
+    (finding,) = wrap_findings(Recording("omni", channels={"encoder": wheels}), 0, 2000.0)
+    assert finding.fault == "angle_wrap"
 
 
 def test_counters_that_wrap_are_continued(sound):

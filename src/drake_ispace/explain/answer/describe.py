@@ -29,13 +29,11 @@ from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.changes import without
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
-from drake_ispace.explain.fit.likelihood import Fit, Point
+from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Point
 from drake_ispace.explain.fit.profile import profile_intervals
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.prove.repeats import are_one_motion
-
-_VISIBLE = 3.0  # length of an effect's whitened signature at its largest probe, below which these runs cannot show it
 
 
 def describe(case: Case, decision: Decision | Choice) -> Explanation:
@@ -221,7 +219,7 @@ def _unknown(decision, explained) -> Unknown:
 
 
 def _untestable(case, decision) -> list[Untestable]:
-    """Effects whose signature these runs would not show even at the largest size that a search begins with."""
+    """Effects that chance would hide in these runs even at the largest size that a search begins with."""
     screen, longest = decision.start.screen, {}
     named = {candidate.name for candidate in decision.named.point} if decision.named else ()
     for signature, length in zip(screen.signatures, screen.length, strict=True):
@@ -230,5 +228,5 @@ def _untestable(case, decision) -> list[Untestable]:
             longest[name] = max(longest.get(name, 0.0), float(np.sqrt(max(length, 0.0))))
     return [
         Untestable(name, needs(case.replay.effects[name])) for name in case.replay.effects
-        if name not in named and longest.get(name, 0.0) < _VISIBLE
+        if name not in named and longest.get(name, 0.0) < CERTAIN
     ]

@@ -6,7 +6,8 @@ from scipy.stats import chi2, false_discovery_control
 from drake_ispace.explain.answer.explanation import Place
 from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey
-from drake_ispace.explain.predict.prediction import RESTING, Prediction, Residuals
+from drake_ispace.explain.predict.prediction import Prediction, Residuals
+from drake_ispace.explain.prove.adequacy import since
 from drake_ispace.explain.prove.drivers import drivers_of
 
 _RATE = 0.05  # rate of false discoveries among channels
@@ -58,15 +59,7 @@ def onset(start: Survey, explained: Residuals) -> str:
             times.append(share if name in ("motion", "room") else np.full(rows * p, np.nan))
     times = np.concatenate(times)
     known = np.isfinite(times)
-    counts = np.histogram(times[known], bins=10, range=(0.0, 1.0), weights=drops[known])[0]
-    if counts.sum() <= 0.0:
-        return "not to be seen"
-    late = np.cumsum(counts) / counts.sum()
-    if late[2] < 0.05:
-        return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
-    if late[2] > 0.6:
-        return "mostly in the first third of a run"
-    return "from the start of a run"
+    return since(times[known], drops[known]) if drops[known].sum() > 0.0 else "not to be seen"
 
 
 def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], label, explained):
@@ -85,7 +78,7 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
     ):
         y = (run[stream] - after[stream])[:, column]
         every = track.scored_ticks if stream == "motion" else track.fix_ticks
-        scored = classes[stream] >= RESTING if stream in classes else np.ones(len(y), bool)
+        scored = classes[stream] > 0 if stream in classes else np.ones(len(y), bool)
         ticks = every[len(every) - len(y) :][scored]
         values.append(y[scored])
         for name, x in driven.items():

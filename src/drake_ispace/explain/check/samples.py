@@ -35,13 +35,11 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
         if not far.any():
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
-        if np.mean(np.sign(steps[far]) == np.sign(motion)) > 0.2:
-            return
         exact = np.abs(steps[far] - motion)
-        if np.ptp(exact) > _ALIKE * exact.max():
-            return
-        heights.append(exact)
-        columns.append(name)
+        alike = np.abs(exact - np.median(exact)) < _ALIKE * np.median(exact)
+        if np.mean(alike) > 0.5 and np.mean(np.sign(steps[far][alike]) == np.sign(motion[alike])) < 0.2:
+            heights.append(exact[alike])
+            columns.append(name)
     if not heights:
         return
     turn = _known_turn(float(np.median(np.concatenate(heights))), counts_per_turn, len(np.concatenate(heights)))

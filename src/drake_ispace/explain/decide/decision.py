@@ -11,6 +11,7 @@ from drake_ispace.explain.fit.likelihood import Fit, Point
 
 MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
 LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
+NEXT_TO_NOTHING = 0.01  # share of what effects explain: no model is as good as that
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
-from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, NEXT_TO_NOTHING, Decision
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_of, penalty
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit
 from drake_ispace.explain.threads import each
-
-_LEAST_RISE = max(2.0 * MARGIN, LEAST_FURTHER)  # of the deviance, for which an effect is kept
-_LEAST_SHARE = 0.01  # of what all named effects explain of a sensor, below which an effect is next to nothing
 
 
 def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
@@ -35,7 +32,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
         needless = [
             effect for effect, rest in rests.items()
-            if rises[effect] <= max(_LEAST_RISE, MARGIN * scatter(decision.end, decision.named, rest))
+            if rises[effect] <= max(LEAST_FURTHER, MARGIN * scatter(decision.end, decision.named, rest))
         ]
         needless = needless or [e for e in _next_to_nothing(decision, rests) if not _is_shown(decision, rests[e], e)]
         if not needless:
@@ -57,8 +54,8 @@ def _next_to_nothing(decision, rests) -> list[Candidate]:
     totals, found = _sums(likelihood.parts(likelihood.whitened({})) - with_all, sensors), []
     for effect, rest in rests.items():
         drops = _sums(likelihood.parts(rest.w) - with_all, sensors)
-        shares = [drop / max(totals[sensor], drop) for sensor, drop in drops.items() if drop > _LEAST_RISE]
-        if max(shares, default=0.0) < _LEAST_SHARE:
+        shares = [drop / max(totals[sensor], drop) for sensor, drop in drops.items() if drop > LEAST_FURTHER]
+        if max(shares, default=0.0) < NEXT_TO_NOTHING:
             found.append(effect)
     return found
 
@@ -70,7 +67,7 @@ def _is_shown(decision, rest, effect) -> bool:
         return False
     others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
     flawed = likelihood_with_flaws(end, end.likelihood.raw(named.point), others)
-    return fit(flawed, others).deviance - fit(flawed, named.point).deviance > _LEAST_RISE
+    return fit(flawed, others).deviance - fit(flawed, named.point).deviance > LEAST_FURTHER
 
 
 def _sums(drops, groups):
@@ -87,7 +84,7 @@ def _fewer(decision) -> Point | None:
     for count in range(1, len(named.point)):
         tried = start.screen.sets_of(known, count, start.products)[: 2 * SHORTLIST]
         best = min(fits_of(tried, start, decision.end.likelihood, iterations=6), key=lambda other: other.deviance)
-        if best.deviance - named.deviance < _LEAST_RISE:
+        if best.deviance - named.deviance < LEAST_FURTHER:
             return best.point
     return None
 

@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 from drake_ispace.explain.decide.agreement import scatter
-from drake_ispace.explain.decide.decision import MARGIN, Decision, Rival
+from drake_ispace.explain.decide.decision import MARGIN, NEXT_TO_NOTHING, Decision, Rival
 from drake_ispace.explain.decide.propose import clearest_effects, fits_beside, penalty
 from drake_ispace.explain.fit.likelihood import Fit
 
-_RELATIVE_MARGIN = 0.01  # of the total gain, which is as good as a model can be
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
 
 
@@ -49,7 +48,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
         fitted = _sensible(likelihood, other, best)
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = max(MARGIN * scatter(decision.end, named, fitted), _RELATIVE_MARGIN * decision.total_gain)
+        limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.total_gain)
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind), best))

@@ -20,10 +20,10 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.threads import each
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
-_STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
+CERTAIN = 3.0  # standard deviations, beyond which nothing is chance
+STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
-_HALVINGS = 6  # of a start at which the model runs away
-_DAMPINGS = 6  # tried in an iteration
+_SHORTENINGS = 6  # of a step that leads to a worse point, or of a start at which the model runs away
 _ANY_SIZE = 1e4  # standard deviation of an offset that may have any size, in those of the whitened residuals
 
 
@@ -126,7 +126,7 @@ class Likelihood:
             candidate, i = coordinate
             low, high = candidate.bounds[i]
             z, size = point[candidate][i], self.sizes[candidate][i]
-            step = _STEP * max(abs(z - candidate.neutral[i]), size)
+            step = STEP * max(abs(z - candidate.neutral[i]), size)
             if z + step > high:
                 step = -step
             if z + step < low:
@@ -171,7 +171,7 @@ def fit(
     point = {candidate: list(z) for candidate, z in start.items()}
     order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
     w = likelihood.whitened(point)
-    for _ in range(_HALVINGS):  # a start at which the model runs away
+    for _ in range(_SHORTENINGS):  # a start at which the model runs away
         if np.isfinite(w).all() or held is not None:
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
@@ -184,7 +184,7 @@ def fit(
         normal, gradient = products[:-1, :-1], products[:-1, -1]
         free = _free(point, order, normal, gradient)
         drop = 0.0
-        for _ in range(_DAMPINGS):
+        for _ in range(_SHORTENINGS):
             step = np.zeros(len(order))
             damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
             step[free] = -np.linalg.lstsq(damped[np.ix_(free, free)], gradient[free], rcond=None)[0]

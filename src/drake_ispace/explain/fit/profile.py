@@ -8,7 +8,6 @@ from drake_ispace.explain.fit.likelihood import Fit, Likelihood, covariance_of, 
 from drake_ispace.explain.threads import each
 
 _DOUBLINGS = 5  # of a guessed distance
-_FAR = 1e9  # deviance where the model runs away
 _TOLERANCE = 0.03  # of an end, as a share of its distance
 
 
@@ -58,5 +57,6 @@ def _reach(excess, guess, most, rise):
     else:
         return outer
     known = {0.0: -rise, outer: value}
-    finite = lambda t: np.nan_to_num(known[t] if t in known else excess(t), nan=_FAR, posinf=_FAR)  # noqa: E731
+    far = np.finfo(float).max  # where the model runs away
+    finite = lambda t: np.nan_to_num(known[t] if t in known else excess(t), nan=far, posinf=far)  # noqa: E731
     return float(brentq(finite, inner, outer, xtol=_TOLERANCE * outer, rtol=1e-3))

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.explain.fit.memory import Memory
-from drake_ispace.explain.predict.prediction import RESTING, Residuals
+from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.threads import each
 
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
@@ -32,7 +32,7 @@ class Noise:
         means: rates of the exponential means, per row.
         a: (p (lags + means), p) coefficients.
         unit: C^-1 (p, p).
-        sizes: (classes, p) how much larger e is in each class of motion; infinite in classes that are not scored.
+        sizes: (classes, p) how much larger e is in each class of motion; infinite in class 0, at rest.
     """
 
     lags: int
@@ -171,12 +171,11 @@ def fit_noise(
     sizes, scored = equal, np.ones(len(e), bool)
     if classes[0] is not None:
         class_of = np.concatenate([c[lags:] for c in classes])
-        scored = class_of >= RESTING
-        if scored.sum() < 0.1 * len(scored):
-            scored[:] = True
+        scored = class_of > 0
     if lags:
         before = np.vstack([past(run, lags, means) for run in runs if len(run) > lags])
-        a = np.linalg.lstsq(before[scored], e[scored], rcond=None)[0]
+        learned = scored if scored.sum() >= 0.1 * len(scored) else slice(None)
+        a = np.linalg.lstsq(before[learned], e[learned], rcond=None)[0]
         e = e - before @ a
     if classes[0] is not None:
         sizes = _sizes(e, class_of)
@@ -189,10 +188,10 @@ def fit_noise(
 
 def _sizes(e, classes):
     """(classes, p) root mean square of e in each class over that of all scored rows; 1 for classes with few rows."""
-    overall = np.sqrt(np.mean(e[classes >= RESTING] ** 2, axis=0)) + 1e-30
-    sizes = np.ones((max(int(classes.max()) + 1, RESTING), e.shape[1]))
-    sizes[:RESTING] = np.inf
-    for c in range(RESTING, len(sizes)):
+    overall = np.sqrt(np.mean(e[classes > 0] ** 2, axis=0)) + 1e-30
+    sizes = np.ones((int(classes.max()) + 1, e.shape[1]))
+    sizes[0] = np.inf
+    for c in range(1, len(sizes)):
         own = e[classes == c]
         if len(own) > _LEAST_ROWS:
             sizes[c] = np.maximum(np.sqrt(np.mean(own**2, axis=0)) / overall, 0.1)
@@ -239,7 +238,7 @@ class Whitening:
             for name, noise in self.noise.items():
                 rows, classes = run[name][noise.lags :].copy(), self.classes[i].get(name)
                 if classes is not None:
-                    rows[classes[noise.lags :] < RESTING] = np.nan
+                    rows[classes[noise.lags :] == 0] = np.nan
                 parts.append(rows.ravel())
         return np.concatenate(parts)
 

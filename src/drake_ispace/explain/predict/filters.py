@@ -17,7 +17,7 @@ CORRELATION_S = 0.05  # of unknown forces, assumed
 _UNDRIVEN = 30.0  # times larger unknown forces where no command was recorded: the motion itself is then unknown
 _FINEST_COUNT = 2e-3  # rad: an encoder that is finer, or exact, counts as one of this
 OTHER_NOISE = 4.0  # times the spectral density or variance: how wrong an assumption about noise may well be
-OTHERS = 4  # assumptions about noise that may be wrong
+ASSUMED = ("force 1", "force 2", "force 3", "rounding")  # each of which may be wrong by that
 
 
 def filters_of(
@@ -29,8 +29,8 @@ def filters_of(
     need not hold an unstable model. Elsewhere only the weight does, so that the same error causes the same acceleration
     whatever the mass.
 
-    Its second argument is the number of the assumption about noise that is wrong by OTHER_NOISE, below OTHERS: unknown
-    forces along each of the three coordinates, then the encoder's rounding; None, the default: none is.
+    Its second argument is the number of the assumption among ASSUMED that is wrong by OTHER_NOISE: unknown forces along
+    each of the three coordinates, or the encoder's rounding; None, the default: none is.
 
     Args:
         has: channels of the runs. ticks: from one read of the encoders to the next. count_rad: of the encoders, where
@@ -52,7 +52,7 @@ def _filter(robot, settings, has, ticks, count_rad, plant, changed=None):
     if "encoder" not in has:
         a, b = discrete(system.a, system.b)
         return Filter(a, b, system.c, system.d, np.zeros((n, p)), np.zeros((m, n)), weight, slips)
-    factors = np.ones(OTHERS)
+    factors = np.ones(len(ASSUMED))
     if changed is not None:
         factors[changed] = OTHER_NOISE
     process, sensors = np.zeros((n, n)), np.full(p, count**2 / 12.0 * factors[3])

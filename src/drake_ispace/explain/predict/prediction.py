@@ -28,8 +28,7 @@ from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
 _SPEED_COUNTS, _SPEED_TICKS = 10, 20  # over which the speed of a wheel is averaged
-_CLASS_EDGES = (0.02, 0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
-RESTING = 2  # classes of motion below this are not scored: a wheel that hardly turns sticks or not by chance
+_CLASS_EDGES = (0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
 _RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
 _COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
@@ -37,7 +36,7 @@ _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, 
 _WITHIN_COUNT = 0.4  # standard deviation of a wheel's place within a count, in counts
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
 #: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
-IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05, "wx": 0.004, "wy": 0.004, "wz": 0.004}
+IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05} | dict.fromkeys(("wx", "wy", "wz"), 0.004)
 #: The roll rate of a leaning body, -yaw rate times tilt, mostly shows the error of the tilt, which nothing measures.
 #: Its sign and size change as the robot turns, so that no stationary noise can stand for it.
 _NOT_PREDICTED = "wx"
@@ -218,8 +217,9 @@ class Prediction:
     def classes(self, values: Values, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
 
-        Noise differs between rest and motion. Classes below RESTING are not scored. A wheel too slow for the dry
-        friction that the model has with the effects in `values` is at rest, too, but for the fastest class.
+        Noise differs between rest and motion. Class 0, at rest, is not scored: a wheel that hardly turns sticks or not
+        by chance. A wheel too slow for the dry friction that the model has with the effects in `values` is at rest,
+        too, but for the fastest class.
 
         speeds: of the wheels from their angles, default `wheel_speeds`.
         """
@@ -231,7 +231,7 @@ class Prediction:
             slowest = moving.min(axis=1)
             classes = np.where(slowest < turning, 0, np.searchsorted(edges, slowest))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
-                rests = maximum_filter1d(classes < RESTING, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
+                rests = maximum_filter1d(classes == 0, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
             by_run.append({"motion": classes[track.scored_ticks]})
         return by_run

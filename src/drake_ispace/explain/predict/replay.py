@@ -19,7 +19,7 @@ from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.effects.wires import WheelAngleEffect
-from drake_ispace.explain.predict.filters import OTHERS, filters_of
+from drake_ispace.explain.predict.filters import ASSUMED, filters_of
 from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
 from drake_ispace.explain.predict.tracks import IMU, Track
@@ -245,7 +245,7 @@ def replay_of(
     alone = None
     if robot.driven == COMMAND and has >= {COMMAND, "encoder"} and ticks == 1:
         alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))
-    return Replay(body, every, known, rollout, has, filter, OTHERS, settling_ticks, alone)
+    return Replay(body, every, known, rollout, has, filter, len(ASSUMED), settling_ticks, alone)
 
 
 def _alone(rollout, robot, effects, filter):

@@ -9,10 +9,9 @@ are then no longer independent, and short-lived disagreements outweigh what accu
 import dataclasses
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-_HEADING_GAINS = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
-_PLACE_GAINS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 _LEAST_FIXES = 20  # a run with fewer is left out; without any run the gains stay as they are
 _LEAST_VARIANCE = 1e-12  # m^2, rad^2, of innovations
 
@@ -24,10 +23,15 @@ def tuned(replay, tracks, starts):
     """
     if max(len(track.fix_t) for track in tracks) < _LEAST_FIXES:
         return replay
-    for which, gains in ((1, _HEADING_GAINS), (0, _PLACE_GAINS)):
-        replays = [with_gain(replay, which, gain) for gain in gains]
-        replay = min(replays, key=lambda r: _deviance(r, tracks, starts))
+    for which in (1, 0):
+        replay = with_gain(replay, which, _likeliest(replay, which, tracks, starts))
     return replay
+
+
+def _likeliest(replay, which, tracks, starts) -> float:
+    """The likeliest gain of place (0) or heading (1), a share between nothing and all, the other being as it is."""
+    deviance = lambda gain: _deviance(with_gain(replay, which, gain), tracks, starts)  # noqa: E731
+    return float(minimize_scalar(deviance, bounds=(0.0, 1.0), method="bounded").x)
 
 
 def with_gain(replay, which: int, value: float):

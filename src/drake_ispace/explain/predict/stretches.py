@@ -16,7 +16,7 @@ from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track
 
 MOST_S = 160.0  # of training runs: twice as much as the four runs of 20 s that nearly every effect is found in
-_STRETCH_S = 20.0
+STRETCH_S = 20.0  # as long as a run is as a rule
 _FIRST_TICKS = 4
 _MOVING = 0.2  # of the root mean square speed of all wheels: faster, a robot was not at rest
 
@@ -48,7 +48,7 @@ def in_stretches(tracks: Sequence[Track], settling_ticks: int) -> list[Track]:
     """
     return [
         part for track in tracks
-        for part in (_parts(track, settling_ticks) if track.ticks * TICK_S > 2.0 * _STRETCH_S else [track])
+        for part in (_parts(track, settling_ticks) if track.ticks * TICK_S > 2.0 * STRETCH_S else [track])
     ]
 
 
@@ -68,7 +68,7 @@ def _evenly(parts, wheels, count) -> list[int]:
 
 def _parts(track: Track, settling_ticks: int) -> list[Track]:
     """Equal stretches of a track."""
-    return equal_parts(track, int(np.ceil(track.ticks * TICK_S / _STRETCH_S)), settling_ticks)
+    return equal_parts(track, int(np.ceil(track.ticks * TICK_S / STRETCH_S)), settling_ticks)
 
 
 def equal_parts(track: Track, count: int, settling_ticks: int) -> list[Track]:

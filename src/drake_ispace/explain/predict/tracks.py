@@ -10,10 +10,10 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.files.recording import Recording
+from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
-IMU = 6  # columns of the channel
+IMU = len(CHANNEL_COLUMNS["imu"])
 #: Where the velocity is commanded but not recorded, fixes with a median period below the first are thinned to one each
 #: of the second [s]. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle
 #: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.

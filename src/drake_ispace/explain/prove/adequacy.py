@@ -18,6 +18,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
@@ -37,7 +38,8 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
-from drake_ispace.explain.prove.gap import seconds
+from drake_ispace.explain.prove.gap import CHANCE, seconds
+from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
 from drake_ispace.explain.prove.repeats import repeated_share
@@ -45,12 +47,8 @@ from drake_ispace.robots.robot import COMMAND
 
 _PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
-TOO_LARGE = {PREDICTION: 2.0, ATE: 2.0, RPE: 1.5}
-_CHANCE = 1e-3  # probability that noise over few windows is taken for more
+TOO_LARGE = dict.fromkeys((PREDICTION, ATE), 2.0) | {RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
-_CERTAIN = 3.0  # standard errors by which a wheel must differ, or an error come again
-_MOST_OFFSET = 3.0  # standard deviations of the offset of a sound IMU
-_FOLDS = 4  # into which the only run is cut
 NOTHING = "nothing measured"
 _OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
 
@@ -174,7 +172,7 @@ def _by_chance(m: Measure, errors: Sequence[np.ndarray]) -> float:
     Windows end to end share a fix: of white errors of the fixes two thirds of the windows count.
     """
     numbers = sum(map(np.size, errors)) * 2.0 / 3.0
-    return float(np.sqrt(chi2.isf(_CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
+    return float(np.sqrt(chi2.isf(CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
 
 
 def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
@@ -182,7 +180,7 @@ def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
     sensor, _, name = m.channel.partition(": ")
     if sensor != "imu":
         return rows
-    most = _MOST_OFFSET * IMU_OFFSETS[name]
+    most = CERTAIN * IMU_OFFSETS[name]
     return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
@@ -193,7 +191,7 @@ def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) ->
     repeat themselves with the place.
     """
     names, series = zip(*runs, strict=True)
-    if len(series) == 1 and np.ptp(series[0].t) < (_FOLDS - 1) * seconds(m.horizon):
+    if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds(m.horizon):
         return None  # each fold must have a window to itself
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
     driver = max(shares, key=shares.get)
@@ -215,7 +213,7 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
         [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < _PREDICTED or standard_errors < _CERTAIN or size < usual:
+    if share < _PREDICTED or standard_errors < CERTAIN or size < usual:
         return None
     return Remainder(
         m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),
@@ -238,7 +236,7 @@ def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
     """
     parts = [part for part in runs if len(part[0])]
     if len(parts) == 1:
-        parts = list(zip(*(np.array_split(column, _FOLDS) for column in parts[0]), strict=True))
+        parts = list(zip(*(np.array_split(column, MOST_BLOCKS) for column in parts[0]), strict=True))
     if not parts:
         return 0.0
     scale = np.maximum(np.sqrt(np.mean(np.vstack([x for x, _ in parts]) ** 2, axis=0)), 1e-12)
@@ -264,7 +262,7 @@ def _unlike(motion, names, sensors, chance):
     blocks = []
     for run in motion:
         squares = np.column_stack([run[m].errors[:, 0] ** 2 for m in wheels])
-        blocks += [part.mean(axis=0) for part in np.array_split(squares, _FOLDS) if len(part) > 1]
+        blocks += [part.mean(axis=0) for part in np.array_split(squares, MOST_BLOCKS) if len(part) > 1]
     if len(blocks) < 2:  # too short to tell a wheel from chance
         return []
     blocks, sensed = np.array(blocks), np.array([sensors[m] for m in wheels]) ** 2
@@ -288,7 +286,7 @@ def _times_others(squares: np.ndarray, k: int, sensed: float) -> float:
     """
     others = np.delete(squares, k, axis=1)
     ratios = 0.5 * np.log(squares[:, k] / np.median(others, axis=1))
-    if ratios.mean() <= _CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
+    if ratios.mean() <= CERTAIN * ratios.std(ddof=1) / np.sqrt(len(ratios)):
         return 0.0
     return float(np.sqrt(max(squares[:, k].mean() - sensed, 0.0) / np.median(others.mean(axis=0))))
 
@@ -358,10 +356,14 @@ def _worst(sizes, names):
 
 def _since(runs):
     """Since when the squared error is there, in words."""
-    t = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
-    squares = np.concatenate([np.sum(run.errors**2, axis=1) for run in runs])
-    shares = np.histogram(t, bins=10, range=(0.0, 1.0), weights=squares)[0]
-    late = np.cumsum(shares) / max(shares.sum(), 1e-300)
+    times = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
+    return since(times, np.concatenate([np.sum(run.errors**2, axis=1) for run in runs]))
+
+
+def since(times: np.ndarray, amounts: np.ndarray) -> str:
+    """Since when something is there, in words: amounts (k,) of it at times (k,), in shares of a run."""
+    by_tenth = np.histogram(times, bins=10, range=(0.0, 1.0), weights=amounts)[0]
+    late = np.cumsum(by_tenth) / max(by_tenth.sum(), 1e-300)
     if late[2] < 0.05:
         return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
     return "mostly in the first third of a run" if late[2] > 0.6 else "from the start of a run"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drake_ispace.explain.decide.survey.generic import Motion
+from drake_ispace.explain.decide.survey.generic import WARM_S, Motion
 from drake_ispace.explain.predict.prediction import wheel_speeds
 
 CONSTANT = "nothing (constant)"
@@ -26,7 +26,7 @@ def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
         "acceleration": np.column_stack(smooth),
         "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
         "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
-        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / 5.0)]),
+        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / WARM_S)]),
         "load": np.abs(m.command),
         "command": m.command,
     }

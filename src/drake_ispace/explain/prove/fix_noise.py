@@ -7,6 +7,7 @@ from scipy.stats import chi2, norm
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import HORIZONS_S, RUN
@@ -14,7 +15,6 @@ from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
 _LEAST_FIXES = 10  # from which on they say what the camera's noise is
-_CERTAIN = 3.0  # standard errors that are added to what they show
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
@@ -38,7 +38,7 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
     if len(deviations) < _LEAST_FIXES or not _are_distinct(deviations):
         return None
     likely, free = np.sqrt(np.mean(deviations**2, axis=0)), len(deviations) - len(parts)
-    return np.array([likely, likely * np.sqrt(free / chi2.ppf(norm.sf(_CERTAIN), free))])
+    return np.array([likely, likely * np.sqrt(free / chi2.ppf(norm.sf(CERTAIN), free))])
 
 
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
@@ -63,7 +63,7 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
     if free < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
         return np.full(3, np.inf)
     squares = np.column_stack([places, headings]) ** 2 * len(places) / free
-    return np.sqrt((squares.mean(axis=0) + _CERTAIN * squares.std(axis=0) / np.sqrt(free)) / 2.0)
+    return np.sqrt((squares.mean(axis=0) + CERTAIN * squares.std(axis=0) / np.sqrt(free)) / 2.0)
 
 
 def _beside_what_goes_with_motion(runs):

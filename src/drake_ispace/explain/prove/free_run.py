@@ -16,7 +16,7 @@ from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
-from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.predict.tracks import SHORTEST_S, Track
 from drake_ispace.explain.prove.paths import (
     absolute_errors,
     aligned,
@@ -30,11 +30,11 @@ from drake_ispace.rollout.segments import Segments, State
 
 ATE, RPE, PREDICTION = "ATE", "RPE", "prediction"
 RUN, STEP, WHEELS = "run", "step", "wheels"
-FIRST_S = 1.0  # of a run, from which its start pose is estimated
-SPACING_S, DENSE_S = 1.0, 0.2  # between the starts of windows
 HORIZONS_S = (1.0, 5.0)  # of places
-_SENSED_S = (0.2, 1.0, 5.0)  # of wheels and IMU
-_FALLING_S = (0.05, 0.1, 0.2)  # the same of a robot that falls by itself, which multiplies an error tenfold in 0.1 s
+SPACING_S = min(HORIZONS_S)  # between the starts of windows
+DENSE_S = 0.2  # the same for the shortest horizon
+_SENSED_S = (DENSE_S, *HORIZONS_S)  # of wheels and IMU
+_FALLING_S = (0.05, 0.1, DENSE_S)  # of a robot that falls by itself, which multiplies an error tenfold in 0.1 s
 
 
 @dataclass(frozen=True, order=True)
@@ -88,13 +88,13 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
     """The windows of run `i`, for every model with which it is compared; values: effects of the answer."""
     track, robot = prediction.tracks[i], prediction.replay.body.robot
     lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
-    let_go, end = max(ticks_in(FIRST_S), track.settled), track.ticks - min(lengths.values())
+    let_go, end = max(ticks_in(SHORTEST_S), track.settled), track.ticks - min(lengths.values())
     starts, dense = (np.arange(let_go, end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
     start = start_of(prediction, i, values)
     reckoned = {_name(seconds): pairs(track.fix_t, seconds, SPACING_S) for seconds in HORIZONS_S}
     if robot.own_dynamics or len(track.fix_t) < 2:
         return Windows(starts, dense, lengths, {}, reckoned, start, None)
-    begins = pairs(track.fix_t, min(HORIZONS_S), SPACING_S)[:, 0]
+    begins = pairs(track.fix_t, SPACING_S, SPACING_S)[:, 0]
     begins = begins[track.fix_t[begins] >= let_go * TICK_S]
     fixes = {}
     for seconds in HORIZONS_S:
@@ -107,14 +107,14 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
 def start_of(prediction: Prediction, i: int, values: Values) -> np.ndarray:
     """(3,) the pose from which whole runs of run `i` begin.
 
-    values: effects of the answer. The pose is estimated with them, by dead reckoning over the first second: a model
-        that lacks a latency would begin a moving robot where the camera saw it later.
+    values: effects of the answer. The pose is estimated with them, by dead reckoning over the first second, which
+        every run has: a model that lacks a latency would begin a moving robot where the camera saw it later.
     """
     track = prediction.tracks[i]
     if len(track.fix_t) < 2:
         return prediction.starts[i][:3]
     reckoned = Simulation(prediction.replay, track, prediction.starts[i], values).reckoned
-    first = track.fix_t <= track.fix_t[0] + FIRST_S
+    first = track.fix_t <= track.fix_t[0] + SHORTEST_S
     return aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
 
 

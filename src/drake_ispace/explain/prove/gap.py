@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP, Errors, Measure, rms
+from drake_ispace.explain.prove.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
-_CLEARLY = 3.0  # times sensors and chance, from which a gap can be shown
-_REPLICATES, _FEW_RUNS = 1000, 5
-_DOUBT = 0.001  # share of the draws that may say the contrary, where some thirty channels are looked at
+_FEW_RUNS = 5  # fewer are cut into blocks
+CHANCE = 0.001  # probability that noise is taken for more, where some thirty channels are looked at
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,9 @@ def _row(columns, m, runs, kind, generator):
     if sensors is not None and chance is not None:
         floor = _floor(sensors, chance)
         draws = _draws(before, after, generator)
-        worse = draws is not None and bool(np.quantile(draws[1] - draws[0], _DOUBT) > floor**2)
+        worse = draws is not None and bool(np.quantile(draws[1] - draws[0], CHANCE) > floor**2)
         is_known = m.channel != "position" or floor < columns.size_m
-        if rms(before) >= _CLEARLY * max(sensors, chance) and is_known:
+        if rms(before) >= CERTAIN * max(sensors, chance) and is_known:
             closed = float(_closed(rms(before) ** 2, rms(after) ** 2, floor**2))
             if draws is not None:
                 interval = tuple(float(end) for end in np.quantile(_closed(*draws, floor**2), [0.05, 0.95]))
@@ -129,17 +130,18 @@ def _closed(before, after, floor):
 
 
 def _draws(before, after, generator):
-    """Mean squares (draws,) before and after, over draws of runs, or of tenths of runs where there are few."""
+    """Mean squares (draws,) before and after, over draws of runs, or of blocks of runs where there are few."""
     parts = [
         (np.sum(b**2, axis=1), np.sum(a**2, axis=1)) for b, a in zip(before, after, strict=True) if len(b) == len(a)
     ]
     if len(parts) < _FEW_RUNS:
         parts = [
             tuple(column[rows] for column in run) for run in parts
-            for rows in np.array_split(np.arange(len(run[0])), 10) if len(rows)
+            for rows in np.array_split(np.arange(len(run[0])), BLOCKS) if len(rows)
         ]
     if len(parts) < _FEW_RUNS:
         return None
     sums = np.array([[len(b), b.sum(), a.sum()] for b, a in parts])
-    n, b, a = sums[generator.integers(0, len(sums), size=(_REPLICATES, len(sums)))].sum(axis=1).T
+    draws = round(1.0 / CHANCE)  # of which one is as rare as that
+    n, b, a = sums[generator.integers(0, len(sums), size=(draws, len(sums)))].sum(axis=1).T
     return b / n, a / n

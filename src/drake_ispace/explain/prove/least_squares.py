@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.fit.likelihood import STEP, Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
@@ -17,7 +17,6 @@ from drake_ispace.explain.threads import each
 
 _MOST_TRIALS = 12  # evaluations
 _FAR = 1e3  # times what noise leaves: the error of a model that runs away
-_STEP = 0.05  # of the finite differences, in natural sizes
 
 
 def plain_fit(
@@ -36,7 +35,7 @@ def plain_fit(
     size = np.array([max(sizes[c][i], abs(point[c][i] - c.neutral[i])) for c, i in order])  # only scales
     low, high = (np.array([candidate.bounds[i][end] for candidate, i in order]) / size for end in (0, 1))
     start = np.array([candidate.neutral[i] for candidate, i in order]) / size
-    start = np.clip(start, low + _STEP, high - _STEP)  # least squares wants a start inside of the bounds
+    start = np.clip(start, low + STEP, high - STEP)  # least squares wants a start inside of the bounds
 
     def at(z):
         moved = {candidate: list(values) for candidate, values in point.items()}
@@ -101,6 +100,6 @@ def scaled_errors(
 
 def _slopes(residuals, z, high):
     """(rows, k) slopes of the residuals, by differences that stay within the bounds."""
-    steps = np.where(z + _STEP <= high, _STEP, -_STEP)
+    steps = np.where(z + STEP <= high, STEP, -STEP)
     at, *moved = residuals([z, *(z + np.diag(steps))])
     return np.column_stack([(there - at) / step for there, step in zip(moved, steps, strict=True)])

@@ -11,8 +11,9 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, root_of
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.stretches import equal_parts
+from drake_ispace.explain.prove.free_run import HORIZONS_S
 
-_MOST_BLOCKS, _LEAST_S = 4, 5.0  # of a single run, and how long each is at least
+MOST_BLOCKS = 4  # of a single run
 
 
 def sizes_without(decision: Decision, groups: np.ndarray) -> list[tuple[Point, np.ndarray]]:
@@ -42,8 +43,8 @@ def groups_of(decision: Decision, blocks: int) -> np.ndarray:
 
 
 def blocks_in(prediction: Prediction) -> int:
-    """Into how many blocks a single run is cut."""
-    return max(min(_MOST_BLOCKS, round(prediction.tracks[0].ticks * TICK_S / _LEAST_S)), 1)
+    """Into how many blocks a single run is cut, each about as long as the longest horizon at least."""
+    return max(min(MOST_BLOCKS, round(prediction.tracks[0].ticks * TICK_S / max(HORIZONS_S))), 1)
 
 
 def cut(prediction: Prediction, blocks: int) -> Prediction:

@@ -48,7 +48,7 @@ from drake_ispace.robots.robot import COMMAND
 from drake_ispace.room.localizer import Localizer, camera_of, see
 from drake_ispace.scenario import Scenario
 
-_DRAWS = 4
+DRAWS = 4  # of noise, for each run
 _DRIVE_S = 0.5  # correlation time of a drive that leaves its command
 
 SENSORS = "sensors"
@@ -186,7 +186,7 @@ class Spreads:
         return {source: self._spread(perturbed, source) for source, perturbed in sources.items()}
 
     def _spread(self, perturbed, source):
-        jobs = [(i, draw) for i in range(len(self._windows)) for draw in range(_DRAWS)]
+        jobs = [(i, draw) for i in range(len(self._windows)) for draw in range(DRAWS)]
         key = sum(map(ord, str(source)))
 
         def one(job):

@@ -15,10 +15,9 @@ from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.noise import DRAWS
 from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
-
-_DRAWS = 4
 
 
 def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
@@ -73,7 +72,7 @@ def _noise(
     replay, (absolute, relative) = prediction.replay, after[0]
     changes = [
         errors(replay, pushed(replay, track, [seed, 4, i, draw]), merged(sizes.point), sizes.plant).reshape(-1, 1)
-        - after[i][absolute] for i, track in enumerate(tracks) for draw in range(_DRAWS)
+        - after[i][absolute] for i, track in enumerate(tracks) for draw in range(DRAWS)
     ]
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
     size = rms([after[0][absolute]]) / max(rms([after[0][relative]]), 1e-300)

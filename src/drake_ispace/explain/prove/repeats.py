@@ -6,17 +6,17 @@ import numpy as np
 
 _ALIKE = 0.05  # share of the squared speed by which the same motion may differ
 _SIMILAR = 0.1  # the same where it also begins a little sooner or later
-_BLOCKS, _FEWEST = 10, 4  # of a run, in which errors are independent of each other
+BLOCKS, _FEWEST = 10, 4  # of a run, in which errors are independent of each other
 
 
-def repeated_share(runs: Sequence[tuple[np.ndarray, np.ndarray]], most_blocks: int = _BLOCKS) -> tuple[float, float]:
+def repeated_share(runs: Sequence[tuple[np.ndarray, np.ndarray]], most_blocks: int = BLOCKS) -> tuple[float, float]:
     """Share of the squared errors that runs of the same motion say of each other, and by how many standard errors.
 
     Args:
         runs: (speed (k, c), errors (k, d)) of each run, at the same times; a longer run is cut. most_blocks: into
             which time may be cut; the errors of different blocks are taken as independent.
     """
-    pairs, blocks = [], min(most_blocks, _BLOCKS)
+    pairs, blocks = [], min(most_blocks, BLOCKS)
     for i, (speed, own) in enumerate(runs):
         others = [errors for j, (other, errors) in enumerate(runs) if j != i and _same(speed, other)]
         if others:

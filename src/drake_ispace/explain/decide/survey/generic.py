@@ -16,16 +16,16 @@ from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds, wheel_speeds
+from drake_ispace.explain.predict.stretches import STRETCH_S
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
 _DEGREES = 5  # of the polynomial of the way that a user's own plant went, which makes it local
-_LEAST_TICKS = 200  # spent in a cell over all runs, below which it is left out
-_RIPPLES = (1, 2, 3, 4, 6, 8, 9, 12, 16, 18, 24)  # periods per wheel turn
-_WARM_S = 5.0  # time constant of what wears off
-_RUN_S = 20.0  # after which what grows with time has amplitude one
+BLOCK_TICKS = 200  # about a second, within which noise may still be correlated
+_FINEST_RIPPLE = 24  # periods per wheel turn
+WARM_S = 5.0  # time constant of what wears off
 _LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero
 
 #: (prediction, point, residuals at the point) -> a signature for every amplitude of every generic disagreement.
@@ -154,7 +154,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         [resist(m, (_speed(m) / top_speed) ** 2) for m in motions]
     ]
     yield Generic("resistance_that_wears_off", "force", "time and direction", 2), [
-        [resist(m, np.exp(-m.t / _WARM_S)) for m in motions], [resist(m, m.t / _RUN_S) for m in motions],
+        [resist(m, np.exp(-m.t / WARM_S)) for m in motions], [resist(m, m.t / STRETCH_S) for m in motions],
     ]
     if not body.robot.in_room:
         ways = [m.angles.mean(axis=1) for m in motions]
@@ -174,17 +174,22 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
     """Commands to add to the recorded ones, each array (rows, m), about a tenth of the usual command in size."""
     body, size = prediction.replay.body, _tenth_of_usual_command(motions)
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
-        [0.1 * m.command * np.exp(-m.t / _WARM_S)[:, None] for m in motions]
+        [0.1 * m.command * np.exp(-m.t / WARM_S)[:, None] for m in motions]
     ]
     if body.robot.driven == COMMAND:
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [
         [np.broadcast_to(size * np.eye(body.wheels)[i], m.command.shape) for m in motions] for i in range(body.wheels)
     ]
-    for n in _RIPPLES:
+    for n in _ripples():
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
             [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
+
+
+def _ripples() -> list[int]:
+    """Periods per wheel turn of what poles, spokes and rollers make: numbers that have no primes but two and three."""
+    return [n for n in range(1, _FINEST_RIPPLE + 1) if _FINEST_RIPPLE**n % n == 0]
 
 
 def _losses(motions) -> Iterator[_Shapes]:
@@ -197,7 +202,7 @@ def _losses(motions) -> Iterator[_Shapes]:
         [-0.05 * slip(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
     ]
     yield Generic("slip_of_speed", "motion", "speed", 1), [[-0.1 * slip(m, _speed(m)) for m in motions]]
-    yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / _RUN_S) for m in motions]]
+    yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / STRETCH_S) for m in motions]]
     yield Generic("drift", "motion", "distance", 2), [
         [_travelled(m, 0.0, 0.02 * _speed(m), 0.0) for m in motions],
         [_travelled(m, 0.0, 0.0, 0.05 * _speed(m)) for m in motions],
@@ -220,7 +225,10 @@ def _tenth_of_usual_command(motions):
 
 
 def _cells(motions):
-    """For each cell of the visited area, per run (rows,): 1 inside of it, else 0; hardly visited cells are left out."""
+    """For each cell of the visited area, per run (rows,): 1 inside of it, else 0.
+
+    Cells that all runs together visited for no longer than noise is correlated are left out.
+    """
     places = np.vstack([m.place[:, :2] for m in motions])
     low, high = places.min(axis=0), places.max(axis=0) + 1e-9
 
@@ -229,7 +237,7 @@ def _cells(motions):
         return index[:, 0] * _CELLS + index[:, 1]
 
     numbers = [number(m) for m in motions]
-    visited = [c for c in range(_CELLS**2) if sum((n == c).sum() for n in numbers) > _LEAST_TICKS]
+    visited = [c for c in range(_CELLS**2) if sum((n == c).sum() for n in numbers) > BLOCK_TICKS]
     return [[(n == c).astype(float) for n in numbers] for c in visited]
 
 

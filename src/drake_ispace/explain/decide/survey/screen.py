@@ -12,7 +12,6 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.prediction import Residuals
 
 _LEAST = 1.0  # squared length of a signature below which the runs say nothing about the effect at that size
-_FAR = 500.0  # half a gain, beyond which the tail of chi square is taken by its asymptote
 
 
 class Screen:
@@ -183,10 +182,12 @@ def _share(products, some, others):
 
 
 def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
-    """-log10 of the probability that `parameters` numbers fitted to noise gain as much, even below p = 10^-300.
+    """-log10 of the probability that `parameters` numbers fitted to noise gain as much.
 
-    gain: drop in deviance over the overdispersion.
+    A probability that is too small for a number is taken by its asymptote. gain: drop in deviance over the
+    overdispersion.
     """
-    half, k = np.maximum(np.asarray(gain) / 2.0, _FAR), parameters / 2.0
+    p, least = chi2.sf(gain, parameters), np.finfo(float).tiny
+    half, k = np.maximum(np.asarray(gain) / 2.0, 1.0), parameters / 2.0
     tail = -half + (k - 1.0) * np.log(half) - gammaln(k) + np.log1p((k - 1.0) / half)
-    return -np.where(half > _FAR, tail, chi2.logsf(np.minimum(gain, 2.0 * _FAR), parameters)) / np.log(10.0)
+    return -np.where(p > least, np.log(np.maximum(p, least)), tail) / np.log(10.0)

@@ -5,21 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
+from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS, Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal, directions
-from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
+from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
-_BLOCK_TICKS, _BLOCK_FIXES = 200, 10  # about a second, within which noise may still be correlated
+_BLOCK_FIXES = 10  # as many as come in BLOCK_TICKS
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
-_ASTRAY = 3.0  # standard deviations by which sizes that move in every turn lead nowhere
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ def _survey(point, view, residuals, likelihood) -> Survey:
 def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals) -> np.ndarray:
     """(n,) number of the second, of a stream of a run, that each whitened number is of: noise may be correlated in it.
     """
-    together = {"motion": max(_BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
+    together = {"motion": max(BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
     return whitening.instants(residuals, together)
 
 
@@ -187,7 +186,7 @@ def fit_with_noise(view: View, start: Point) -> tuple[Likelihood, Fit]:
     tried with the noise's memory left in: to remove it hides effects that are far from their best sizes.
     """
     steadiest = _in_turns(view, start, near=True)
-    if not steadiest[0] < _ASTRAY:
+    if not steadiest[0] < CERTAIN:
         steadiest = min(steadiest, _in_turns(view, start, near=False), key=lambda found: found[0])
     return steadiest[1:]
 
