@@ -74,6 +74,15 @@ def test_what_a_third_effect_of_another_size_makes_up_for_is_alike():
     assert screen.alike(camera, track, [camera]) == 0.0
 
 
+def test_how_far_a_third_effect_is_from_linear_makes_up_for_nothing():
+    marker, camera, slip = made("marker", "camera", "slip")
+    found = [Signature(marker, [z], 0, False, None) for z in (1.0, -1.0)]
+    found += [Signature(c, [1.0], 0, False, None) for c in (camera, slip)]
+    changes = np.array([[9.0, 0.0, 0.0], [-9.0, 0.3, 0.0], [0.0, 3.0, 0.3], [0.0, 3.0, 0.0]])
+    screen = Screen(found, changes @ changes.T)
+    assert screen.alike(camera, slip, [marker]) == pytest.approx(1.0, abs=0.01)
+
+
 def test_the_sets_that_explain_most_together_come_first():
     one, two, three = candidates = made("one", "two", "three")
     changes = np.array([[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [4.0, 4.0, 1.0]])

@@ -62,6 +62,16 @@ class Screen:
         """Numbers of those signatures of a candidate that the runs show."""
         return [i for i in self._of[candidate] if self.length[i] >= _LEAST]
 
+    def _firsts(self, candidate):
+        """Numbers of the first signature of every parameter of a candidate that the runs show.
+
+        Sums of several would have a motion of their own, by which the effect is not linear in the parameter.
+        """
+        first_of = {}
+        for i in self._shown(candidate):
+            first_of.setdefault(self.signatures[i].at, i)
+        return list(first_of.values())
+
     def overdispersion_of(self, candidate: Candidate) -> float:
         """The largest overdispersion over the signatures of a candidate; 1 if it has none."""
         return float(self.overdispersion[self._of[candidate]].max()) if candidate in self._of else 1.0
@@ -113,10 +123,7 @@ class Screen:
 
         Each is taken by its first signature that they show.
         """
-        first_of = {}
-        for i in self._shown(candidate):
-            first_of.setdefault(self.signatures[i].at, i)
-        firsts = list(first_of.values())
+        firsts = self._firsts(candidate)
         if len(firsts) > 1:
             g = products[firsts]
             gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
@@ -147,7 +154,7 @@ class Screen:
         Nuisances are marginalised, and so are the candidates of `rest`, which may have any size. All of the other's:
         slip along x and y together looks like a smaller room, and neither alone does.
         """
-        a, b, free = self._shown(one), self._shown(other), [i for c in rest for i in self._shown(c)]
+        a, b, free = self._shown(one), self._shown(other), [i for c in rest for i in self._firsts(c)]
         if not a or not b:
             return 0.0
         both = [*a, *b]
@@ -162,7 +169,7 @@ class Screen:
         Only sets with one candidate more than the best smaller ones are tried, of which as many are kept as there are
         candidates.
         """
-        shown, sets = [self._shown(candidate) for candidate in candidates], [()]
+        shown, sets = [self._firsts(candidate) for candidate in candidates], [()]
         for _ in range(count):
             larger = sorted({tuple(sorted({*some, i})) for some in sets for i in range(len(shown)) if i not in some})
             indices = [[at for i in some for at in shown[i]] for some in larger]
