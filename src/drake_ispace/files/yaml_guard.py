@@ -18,6 +18,7 @@ LARGEST_FILE = 1 << 18  # bytes; at the worst a second of parsing
 DEEPEST_NESTING = 32
 LARGEST_INTEGER = 2**62
 _BYTE_ORDER_MARK = "\ufeff"
+_TOO_DEEP = f"nested more than {DEEPEST_NESTING} deep"
 
 _NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)\Z")
@@ -58,6 +59,8 @@ def load_yaml(text_or_path: str | Path, where: str) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         place = f"{where}: line {mark.line + 1}" if mark else where
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+        if "nesting depth" in problem:  # libyaml reads ahead, and has a limit of its own, beyond ours
+            raise InputError(f"{place}: {_TOO_DEEP}") from None
         raise InputError(f"{place}: expected valid YAML, but {problem}") from None
 
 
@@ -125,7 +128,7 @@ class _Builder:
             is_plain, _ = event.implicit  # neither quoted nor a block
             return self.scalar(event, key) if is_plain else event.value
         if depth > DEEPEST_NESTING:
-            raise InputError(f"{self.where}: line {event.start_mark.line + 1}: nested more than {DEEPEST_NESTING} deep")
+            raise InputError(f"{self.where}: line {event.start_mark.line + 1}: {_TOO_DEEP}")
         if isinstance(event, yaml.SequenceStartEvent):
             values: list[Any] = []
             while not isinstance(event := next(self.events), yaml.SequenceEndEvent):
