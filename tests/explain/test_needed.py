@@ -51,7 +51,8 @@ def with_further(ratios, enough_at=None):
     """What `_with_further` says of decisions that each name one effect more and leave errors of these ratios."""
     chain = SimpleNamespace(further=None, number=len(ratios) - 1)
     for number in range(len(ratios) - 1)[::-1]:
-        chain = SimpleNamespace(further="more", number=number, renamed=lambda decision, point, one=chain: one)
+        named = range(number + 2)
+        chain = SimpleNamespace(further=named, number=number, renamed=lambda decision, point, one=chain: one)
 
     def answered(decision):
         remainders = [SimpleNamespace(ratio=ratio) for ratio in ratios[decision.number]]
@@ -70,3 +71,7 @@ def test_effects_are_added_until_they_suffice():
 def test_effects_that_come_no_nearer_or_never_suffice_are_not_added():
     assert with_further([[4.8], [4.8], []], enough_at=2) == 0
     assert with_further([[4.8], [3.0], [2.0]]) == 0
+
+
+def test_effects_that_take_too_little_to_ever_suffice_are_no_longer_added():
+    assert with_further([[4.8], [4.7], []], enough_at=2) == 0

@@ -40,7 +40,7 @@ from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little, trifles
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
-from drake_ispace.explain.decide.decide import decide
+from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
@@ -132,20 +132,23 @@ def _best_answered(case, decision, answered) -> Explanation:
 def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
     """The decision with traces without which the others do not suffice, and its answer; unchanged if none do.
 
-    Unseen runs must come nearer with each of them.
+    Each is the clearest one, so that the next ones explain less. What is left is divided by the number of effects that
+    may still be named: one that takes less than this share is the last that is tried.
     """
     further, left = decision, answer
     while further.further is not None and left.proof and left.remainders:
-        further, before = further.renamed(further, further.further), left
+        may_follow = MOST_EFFECTS - len(further.further)
+        further, before = further.renamed(further, further.further), _too_large(left)
         left = answered(further)
         if _suffices(left):
             return further, left
-        if not _too_large(left) < _too_large(before):
+        if not before - _too_large(left) >= before / (1 + may_follow):
             break
     return decision, answer
 
 
 def _too_large(answer) -> float:
+    """How much unseen runs leave in the channels that have too much left."""
     return sum(remainder.ratio**2 for remainder in answer.remainders)
 
 

@@ -35,7 +35,7 @@ from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.threads import each
 
-_MOST_EFFECTS = 6
+MOST_EFFECTS = 6
 _BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in other surveys as well
 _NEAR_GAIN, _NEAR_MINUS_LOG10_P = 0.4, 0.25  # shares of the leader's, from which on another effect comes near
 _MOST_NEAR = 2  # effects besides the leader that are followed
@@ -66,7 +66,7 @@ def decide(
         if detection.found and unknown is not None and doubt is None:
             doubt = Doubt(decision, current, unknown, leader)
         is_small = leader is None or ((current.point or doubt is not None) and leader.gain < LEAST_FURTHER)
-        if not detection.found or is_small or len(current.point) == _MOST_EFFECTS:
+        if not detection.found or is_small or len(current.point) == MOST_EFFECTS:
             break
         if doubt is None:
             point = _best_near(current, proposals, leader).point
@@ -113,7 +113,7 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
 
 def _with_further(decision, proposals) -> Decision:
     clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
-    if clearest is not None and len(clearest.fit.point) <= _MOST_EFFECTS:
+    if clearest is not None and len(clearest.fit.point) <= MOST_EFFECTS:
         decision.further = clearest.fit.point
     return decision
 
