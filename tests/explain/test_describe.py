@@ -30,3 +30,20 @@ def test_a_patch_may_reach_up_to_a_wall():
     sizes = {patch: [2.0, 0.0, patch.bounds[2][1], -0.7, 0.4, 0.05]}
     (named,) = with_sizes([NamedEffect("soft_patch", "ground", [], numbers, 1.0, "")], CASE, sizes, sizes)
     assert not any(number.on_bound for number in named.parameters.values())
+
+
+def ends_of(without):
+    """The interval of a mass error of 0.1 whose filter said 0.02 to 0.05, by sizes without each run."""
+    mass = candidate("mass_error")
+    effect = NamedEffect("mass_error", "plant", [], {"share": Estimate(0.03, (0.02, 0.05), "1")}, 1.0, "")
+    (named,) = with_sizes([effect], CASE, {mass: [0.1]}, {mass: [0.1]}, [{mass: [z]} for z in without])
+    return named.parameters["share"].ci90
+
+
+def test_an_interval_holds_the_size_of_least_squares():
+    assert ends_of([]) == (0.02, 0.1)
+
+
+def test_an_interval_reaches_as_far_as_runs_disagree():
+    assert ends_of([0.099, 0.101]) == pytest.approx((0.02, 0.1 + 6.314 * 0.001), abs=1e-6)
+    assert ends_of([0.1, 0.1, 0.1]) == pytest.approx((0.02, 0.1))

@@ -89,10 +89,13 @@ def named_or_set(effects: Sequence[NamedEffect]) -> str:
     return "set" if any(effect.equivalents for effect in effects) else "named"
 
 
-def with_sizes(effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Point) -> list[NamedEffect]:
+def with_sizes(
+    effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Point, without: Sequence[Point] = ()
+) -> list[NamedEffect]:
     """The effects at these sizes, beside those of plain least squares; intervals grow to hold the sizes.
 
-    sizes, plain: effects and their coordinates.
+    sizes, plain: effects and their coordinates. without: the sizes without each run in turn; intervals then also hold
+    Student's interval of the jackknife, which knows how far runs disagree.
     """
     by_name = {candidate.name: candidate for candidate in sizes}
 
@@ -100,15 +103,26 @@ def with_sizes(effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: 
         candidate, parameters = by_name[effect.name], dict(effect.parameters)
         for i, parameter in enumerate(candidate.parameters):
             p = parameters[parameter.name]
-            at, by_plain = (_size(case.replay, candidate, i, point[candidate][i]) for point in (sizes, plain))
-            low, high = p.ci90
+            z, reach = sizes[candidate][i], _jackknife_reach([point[candidate][i] for point in without])
+            at, by_plain, *ends = (
+                _size(case.replay, candidate, i, min(max(one, low), high)) for low, high in [candidate.bounds[i]]
+                for one in (z, plain[candidate][i], z - reach, z + reach)
+            )
             parameters[parameter.name] = replace(
-                p, estimate=at, ci90=(min(low, at), max(high, at)), least_squares=by_plain,
+                p, estimate=at, ci90=(min(*p.ci90, *ends), max(*p.ci90, *ends)), least_squares=by_plain,
                 on_bound=_on_bound(case, sizes, candidate, i),
             )
         return replace(effect, parameters=parameters)
 
     return [changed(effect) for effect in effects]
+
+
+def _jackknife_reach(without: Sequence[float]) -> float:
+    """How far a 90 % interval reaches from a size; without: the size without each run in turn, none: not at all."""
+    n = len(without)
+    if n < 2:
+        return 0.0
+    return float(student_t.ppf(0.95, n - 1) * np.sqrt((n - 1) * np.var(without)))
 
 
 def _besides(left_over: LeftOver, explained: float) -> str:

@@ -18,7 +18,7 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     """Add the gap and what is left of it to the answer, and correct the verdict by them."""
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
     if proof.least_squares is not None:
-        answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares)
+        answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares, proof.without)
     if proof.alone:
         answer.warnings.append(
             f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"

@@ -42,7 +42,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
             left += too_large(columns[1], *noise, [track.name for track in tracks])
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
-    return Proof("held-out runs" if parts else "", rows, worst, None, answer.point, plain.point or None, plant)
+    return Proof("held-out runs" if parts else "", rows, worst, None, answer.point, plain.point or None, plant=plant)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:

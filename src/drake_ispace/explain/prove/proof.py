@@ -1,5 +1,6 @@
 """The result of proving an answer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from drake_ispace.explain.fit.likelihood import Point
@@ -26,9 +27,10 @@ class Proof:
             there are none.
         rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
-            least_squares: those that free-run least squares finds; None where no effect is named. plant: free
-            parameters of a plant of the user's own. alone: names of training runs that alone tell some of the sizes,
-            and are therefore judged by sizes that were fitted to them, too; empty where other runs were held out.
+            least_squares: those that free-run least squares finds; None where no effect is named. without: where these
+            are the answer's, the same without each training run in turn. plant: free parameters of a plant of the
+            user's own. alone: names of training runs that alone tell some of the sizes, and are therefore judged by
+            sizes that were fitted to them, too; empty where other runs were held out.
     """
 
     by: str
@@ -37,5 +39,6 @@ class Proof:
     noise: ProcessNoise | None
     sizes: Point
     least_squares: Point | None
+    without: Sequence[Point] = ()
     plant: list[PlantParameter] = field(default_factory=list)
     alone: list[str] = field(default_factory=list)

@@ -130,7 +130,8 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     after = [errors(training, i, fitted_to.windows[i], merged(chosen.point)) for i in range(n)]
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
-    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain, alone=names)
+    without = chosen.without if chosen.point and chosen.point is plain else ()
+    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain, without, alone=names)
 
 
 def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:
