@@ -53,6 +53,11 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
 
 
+def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():
+    shows = DetectionResult(0.001, 3.0, 0.01, 2.0)
+    assert Explanation("none", [], shows, [], []).title.startswith("Something is detectable")
+
+
 def free_runs(after_m, driven_by="command"):
     """The rows of free runs with such an error, where sensors leave 10 mm and process noise as much as there is."""
     return [

@@ -234,6 +234,8 @@ class Explanation:
         shows = self.detection is None or self.detection.p_value < self.detection.false_alarm_rate
         if self.verdict == "unknown" and self.unknown is None and not shows:
             return _ONLY_LEFT
+        if self.verdict == "none" and self.detection is not None and shows:
+            return _ONLY_TRACES
         *names, last = [effect.name.replace("_", " ") for effect in self.effects] or [""]
         return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
 
@@ -294,6 +296,7 @@ _TITLES = {
     "unknown": "The model lacks something that no effect of the library stands for",
     "data": "The recordings contradict each other, or the model's dimensions",
 }
+_ONLY_TRACES = "Something is detectable, but on unseen runs the model is as good without it"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 
 
