@@ -8,7 +8,7 @@ from passing import passed
 from rail import rail
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.effects.places.transmission import EFFECTS, lead, motor_angle
+from drake_ispace.effects.places.transmission import EFFECTS, lead, motor_angle, remember_bent, rubbed
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 RAIL = rail(3)
@@ -62,3 +62,31 @@ def test_backlash_leads_by_half_a_gap_and_crosses_it_as_the_torque_drives():
         leads.append(after[0])
         xd = after
     assert leads == pytest.approx([0.0, 0.04, 0.05, 0.05, 0.01, -0.03, -0.05])
+
+
+def bristles(rates, size=0.2, reach=0.5):
+    """The torques that presliding friction leaves of none, tick by tick, of a wheel that turns at `rates`."""
+    xd, left = np.zeros(1), []
+    for rate in rates:
+        out, after = np.empty(1), np.empty(1)
+        rubbed(xd, np.zeros(1), np.array([rate]), size, reach, out)
+        remember_bent(xd, np.array([rate]), size, reach, after)
+        left.append(out[0])
+        xd = after
+    return np.array(left)
+
+
+def test_presliding_friction_comes_on_over_an_angle_after_a_reversal():
+    rate = 0.05 / TICK_S
+    there, back = np.split(bristles([rate] * 100 + [-rate] * 100), 2)
+    turned = 0.05 * (np.arange(100) + 0.5)  # the middle of each tick
+    assert there == pytest.approx(-0.2 * (1.0 - np.exp(-turned / 0.5)))
+    assert back == pytest.approx(0.2 * (1.0 - 2.0 * np.exp(-turned / 0.5)), abs=1e-4)
+
+
+def test_presliding_friction_holds_a_wheel_at_rest():
+    assert bristles([0.5 / TICK_S, 0.0, 0.0])[1:] == pytest.approx([-0.2 * (1.0 - math.exp(-1.0))] * 2)
+
+
+def test_presliding_friction_of_a_fast_wheel_is_coulomb_friction():
+    assert bristles([500.0, 500.0, -500.0], reach=0.02) == pytest.approx([-0.2, -0.2, 0.2])

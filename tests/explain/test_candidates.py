@@ -2,6 +2,8 @@
 
 import math
 
+from tried import candidate
+
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.fit.candidates import Candidate, coordinate, probes, value_of
 
@@ -45,3 +47,10 @@ def test_a_probe_stands_on_top_of_a_neutral_value_that_is_not_zero():
     late = Candidate(Cause(), (), (Parameter("gain", "1", 1.0, 0.0, 3.0, (0.25,)),))
     assert late.neutral == [1.0] and probes(late, {}) == [[1.25]]
     assert probes(Candidate(Cause(), (), (Parameter("x", "1", math.inf, 0.0, 9.0, (0.25,)),)), {}) == [[0.25]]
+
+
+def test_presliding_friction_is_coulomb_friction_where_its_reach_is_least():
+    presliding, coulomb = candidate("presliding_friction"), candidate("coulomb_friction")
+    assert presliding.generalises(coulomb) and not coulomb.generalises(presliding)
+    assert presliding.has_become_another([0.01, 0.05]) and not presliding.has_become_another([0.01, 0.06])
+    assert not candidate("stribeck_friction").has_become_another([0.01, 0.05])

@@ -41,6 +41,7 @@ TYPICAL = {
         "viscous_friction": {"coefficient_n_m_s": 0.0015},
         "coulomb_friction": {"torque_n_m": 0.01},
         "stribeck_friction": {"bump_n_m": 0.012, "speed_rad_s": 2.0},
+        "presliding_friction": {"torque_n_m": 0.01, "reach_rad": 0.3},
         "load_dependent_friction": {"share": 0.35},
         "transmission_backlash": {"gap_rad": 0.12},
         "constant_slip": {"ratio_x": 0.08, "ratio_y": 0.05},
@@ -69,6 +70,7 @@ TYPICAL = {
         "viscous_friction": {"coefficient_n_m_s": 0.006},
         "coulomb_friction": {"torque_n_m": 0.02},
         "stribeck_friction": {"bump_n_m": 0.02, "speed_rad_s": 1.0},
+        "presliding_friction": {"torque_n_m": 0.02, "reach_rad": 0.2},
         "load_dependent_friction": {"share": 0.25},
         "transmission_backlash": {"gap_rad": 0.03},
         "constant_slip": {"ratio": 0.08},
@@ -117,7 +119,7 @@ LARGEST_FACTOR = {
 }
 
 _LIMITS = ("limit_n_m", "rate_n_m_s")  # the tighter, the larger the effect
-_KEPT = ("wheel", "speed_rad_s", *EDGES)  # no sizes
+_KEPT = ("wheel", "speed_rad_s", "reach_rad", *EDGES)  # no sizes
 
 
 def effects_of(robot: str) -> tuple[str, ...]:

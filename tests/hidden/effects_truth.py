@@ -40,6 +40,7 @@ _BOTH = {
     "directional_friction": {"torque_n_m": 0.0},
     "wheel_drag": {"coefficient_n_m_s2": 0.0},
     "stribeck_friction": {"bump_n_m": 0.0, "speed_rad_s": 1.0},
+    "presliding_friction": {"torque_n_m": 0.0, "reach_rad": 0.2},
     "load_dependent_friction": {"share": 0.0},
     "transmission_backlash": {"gap_rad": 0.0},
     "turn_scrub": {"moment_n_m": 0.0},
@@ -124,6 +125,8 @@ class Effects(NamedTuple):
     coulomb: float
     bump: float
     bump_rad_s: float
+    bristles_n_m: float
+    bristles_rad: float
     load_share: float
     gap_rad: float
     scrub_n_m: float
@@ -196,6 +199,8 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         coulomb=float(values["coulomb_friction"]["torque_n_m"]),
         bump=float(values["stribeck_friction"]["bump_n_m"]),
         bump_rad_s=float(values["stribeck_friction"]["speed_rad_s"]),
+        bristles_n_m=float(values["presliding_friction"]["torque_n_m"]),
+        bristles_rad=float(values["presliding_friction"]["reach_rad"]),
         load_share=float(values["load_dependent_friction"]["share"]),
         gap_rad=float(values["transmission_backlash"]["gap_rad"]),
         scrub_n_m=float(values["turn_scrub"]["moment_n_m"]),
@@ -266,6 +271,22 @@ def motor_torque(held, time_s, step_s, tick_s, e, lagged, gap, out):
             gap[i] = min(max(free, -half), half)
             if free == gap[i]:  # on its way through the play
                 out[i] = 0.0
+
+
+@njit(cache=True)
+def rub(angle, before, bent, e, torque):
+    """Take off `torque` (n) what bristles hold back that have bent as the wheels turned on to `angle` (n).
+
+    before, bent (n): the angles of the last step, and how far bristles are bent, -1 to 1; both are moved on.
+    """
+    if e.bristles_n_m == 0.0:
+        return
+    for i in range(torque.shape[0]):
+        turned = (angle[i] - before[i]) / e.bristles_rad
+        kept = np.exp(-abs(turned))
+        bent[i] = kept * bent[i] + (1.0 - kept) * np.sign(turned)
+        before[i] = angle[i]
+        torque[i] -= e.bristles_n_m * bent[i]
 
 
 @njit(cache=True)

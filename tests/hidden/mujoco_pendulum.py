@@ -9,7 +9,16 @@ import numpy as np
 
 from hidden import pendulum_truth as truth
 from hidden.control_truth import Camera, Encoder
-from hidden.effects_truth import GRAVITY, Effects, dry_friction, ground_force, motor_torque, soft_sign, steady_torque
+from hidden.effects_truth import (
+    GRAVITY,
+    Effects,
+    dry_friction,
+    ground_force,
+    motor_torque,
+    rub,
+    soft_sign,
+    steady_torque,
+)
 from hidden.motions import TICK_S
 from hidden.noise_truth import between
 
@@ -88,6 +97,7 @@ def run(
             share = (step + 0.5) / SUBSTEPS
             time_s = (tick + share) * TICK_S
             motor_torque(loop.held, time_s, TICK_S / SUBSTEPS, TICK_S, e, loop.lagged, loop.gap, torque)
+            rub(data.qpos[7:9] - wheels, loop.turned, loop.bent, e, torque)
             between(push, tick, share, force)
             _state(data, z)
             _push(data, z, force, mass, e)

@@ -12,7 +12,16 @@ import numpy as np
 from numba import njit
 
 from hidden import omni_truth as truth
-from hidden.effects_truth import GRAVITY, Effects, dry_friction, ground_force, motor_torque, soft_sign, steady_torque
+from hidden.effects_truth import (
+    GRAVITY,
+    Effects,
+    dry_friction,
+    ground_force,
+    motor_torque,
+    rub,
+    soft_sign,
+    steady_torque,
+)
 from hidden.motions import TICK_S
 from hidden.noise_truth import between
 
@@ -64,6 +73,7 @@ def run(ticks, start, told, way_points, push, body, law, encoder, camera, e: Eff
             between(push, tick, share, force)
             time_s = (tick + share) * TICK_S
             motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
+            rub(z[truth.THETA:], loop.turned, loop.bent, e, torque)
             rates(time_s, z, torque, force, body, e, rate)
             half[:] = z + 0.5 * STEP_S * rate
             rates(time_s, half, torque, force, body, e, rate)

@@ -21,6 +21,7 @@ from hidden.effects_truth import (
     drive,
     ground_force,
     motor_torque,
+    rub,
     of_one_wheel,
     soft_sign,
     steady_slip,
@@ -186,6 +187,8 @@ class Loop(NamedTuple):
     slewed: np.ndarray
     lagged: np.ndarray
     gap: np.ndarray
+    turned: np.ndarray
+    bent: np.ndarray
     fix: np.ndarray  # (3,), as the following
     then: np.ndarray
     estimate: np.ndarray
@@ -197,8 +200,8 @@ def fresh(ticks, told, encoder):
     loop = Loop(
         np.zeros((ticks, 4)), np.zeros((ticks, 4)), np.zeros((ticks + 1, 4)), np.zeros((ticks + 1, 3)),
         np.zeros((ticks + 1, 6)), np.zeros((ticks + 1, 3)), np.zeros((ticks // 19 + 1, 5)), np.zeros(1, np.int64),
-        np.floor(encoder.phase), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), told.copy(),
-        told.copy(), np.zeros(3),
+        np.floor(encoder.phase), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4),
+        np.zeros(4), told.copy(), told.copy(), np.zeros(3),
     )
     loop.odometry[0] = told
     return loop
@@ -261,5 +264,6 @@ def run(ticks, start, told, way_points, push, wander, body, law, encoder, camera
             between(push, tick, share, force)
             between(wander, tick, share, slip)
             motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
+            rub(z[THETA:], loop.turned, loop.bent, e, torque)
             advance(time_s, z, torque, force, slip, body, e, work)
     return loop.commanded, loop.angles, loop.fixes[: loop.seen[0]], loop.truth

@@ -21,6 +21,7 @@ from hidden.effects_truth import (
     drive,
     ground_force,
     motor_torque,
+    rub,
     soft_sign,
     steady_slip,
     travelled,
@@ -277,6 +278,8 @@ class Loop(NamedTuple):
     slewed: np.ndarray
     lagged: np.ndarray
     gap: np.ndarray
+    turned: np.ndarray
+    bent: np.ndarray
     fix: np.ndarray  # (3,)
     error: np.ndarray  # (3,)
     then: np.ndarray  # (2,)
@@ -291,7 +294,7 @@ def fresh(ticks, law, encoder):
         np.zeros((ticks, 2)), np.zeros((ticks, 2)), np.zeros((ticks + 1, 2)), np.zeros((ticks + 1, 6)),
         np.zeros((ticks + 1, 3)), np.zeros((ticks + 1, 7)), np.zeros((ticks + 1, 2)), np.zeros((ticks // 19 + 1, 5)),
         np.array([0.0, -1.0, 0.0]), np.floor(encoder.phase), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2),
-        np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(3), np.diag(law.initial),
+        np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(3), np.diag(law.initial),
     )
 
 
@@ -360,6 +363,7 @@ def run(ticks, start, way_points, push, wander, body, law, encoder, imu, camera,
             between(push, tick, share, force)
             between(wander, tick, share, slip)
             motor_torque(loop.held, time_s, STEP_S, TICK_S, e, loop.lagged, loop.gap, torque)
+            rub(z[THETA:], loop.turned, loop.bent, e, torque)
             before[:] = seen_velocity(z, slip, e)
             advance(time_s, z, torque, force, slip, body, e, work)
             velocity[:] = seen_velocity(z, slip, e)

@@ -84,6 +84,17 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
 
 
+@pytest.mark.parametrize(("name", "sizes"), [
+    ("presliding_friction", {"torque_n_m": 0.01, "reach_rad": 0.3}), ("coulomb_friction", {"torque_n_m": 0.01}),
+])
+def test_friction_that_comes_on_over_an_angle_is_told_from_one_that_jumps(name, sizes):
+    runs = [generate("omni", motion, {name: sizes}, 8.0, 80 + i) for i, motion in enumerate(["eight", "square"])]
+    few = some("presliding_friction", "coulomb_friction", "viscous_friction", "transmission_backlash")
+    found = explain("omni_multirate", runs, effects=few)
+    assert [(effect.name, effect.equivalents) for effect in found.effects] == [(name, [])]
+    assert found.effects[0].parameters["torque_n_m"].estimate == pytest.approx(0.01, rel=0.15)
+
+
 @pytest.mark.slow
 def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
     """The filter of the nominal one would let it go."""

@@ -73,6 +73,8 @@ class Effect:
     #: Whether it acts in a part of the room: its parameters are a size, x_min, x_max, y_min, y_max and how soft
     #: these edges are, and `starts` has several parts. As such it can explain slow noise, too.
     is_local = False
+    #: Names of effects that it becomes at a bound of its shape, and of which it is therefore no look-alike.
+    generalises: tuple[str, ...] = ()
     #: Wires and numbers among `Robot.offers` without which it cannot be.
     needs: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.

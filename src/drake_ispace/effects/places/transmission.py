@@ -1,7 +1,7 @@
 """Between motor and wheel: friction of gears and bearings in the wire `torque`, play in the wire `wheel_angle`.
 
 Friction is beyond what the plant has itself, so it may be negative as far as the plant's own goes. Signs are smooth
-(smooth.py).
+(smooth.py), or come on as the wheel turns (presliding).
 """
 
 import math
@@ -183,6 +183,52 @@ class StribeckFriction(TorqueEffect):
 
 
 @kernel
+def bent(before, turned_rad, reach_rad):
+    """How far bristles are bent, -1 to 1, when the wheel has turned on by `turned_rad`; before: until then."""
+    end = 1.0 if turned_rad > 0.0 else -1.0
+    return end + (before - end) * exp(-abs(turned_rad) / reach_rad)
+
+
+@kernel
+def rubbed(xd, torque, wheel_rate, torque_n_m, reach_rad, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i]
+        if torque_n_m != 0.0:  # half a tick after x_d
+            out[i] -= torque_n_m * bent(xd[i], 0.5 * TICK_S * wheel_rate[i], reach_rad)
+
+
+@kernel
+def remember_bent(xd, wheel_rate, torque_n_m, reach_rad, out):
+    for i in range(out.shape[0]):
+        out[i] = bent(xd[i], TICK_S * wheel_rate[i], reach_rad) if torque_n_m != 0.0 else xd[i]
+
+
+class PreslidingFriction(TorqueEffect):
+    """-C z on every wheel; z, -1 to 1, follows the direction of the wheel as it turns on (Dahl); x_d = [z (n)].
+
+    Bristles bend before they slide: a wheel that reverses feels the whole friction only after it has turned by some a.
+    At rest z stays, so that the friction holds the wheel like a spring.
+    """
+
+    generalises = ("coulomb_friction",)
+    card = Card(
+        name="presliding_friction", title="Presliding friction", home="transmission",
+        equation="tau' = tau - C z, dz/dtheta = (sign(w) - z) / a",
+        source="P. R. Dahl, A solid friction model, 1968: bristles, belts, tyres on carpet that wind up before they slip",
+        signature="an unmodelled torque against the wheel's direction, which comes on over an angle after each reversal "
+        "and holds the wheel at rest like a spring",
+        look_alikes=("coulomb_friction", "transmission_backlash", "stribeck_friction"),
+        excitation="many reversals, slow and fast: Coulomb friction jumps at once, whatever the angle; backlash shows "
+        "in the encoder's angle and not in the torque",
+    )
+    parameters = (
+        Parameter("torque_n_m", "N*m", 0.0, 0.0, math.inf, (0.03, 0.15), "torque", tolerance=0.008),
+        Parameter("reach_rad", "rad", 0.2, 0.05, 5.0, (0.1,), shape=True),
+    )
+    output, update = rubbed, remember_bent
+
+
+@kernel
 def load_dependent(torque, wheel_rate, share, least_speed_rad_s, slope_n_m_s, out):
     for i in range(out.shape[0]):
         drag = share * abs(torque[i])
@@ -254,5 +300,5 @@ class TransmissionBacklash(WheelAngleEffect):
 
 EFFECTS = (
     ViscousFriction(), WheelDrag(), CoulombFriction(), SingleWheelFriction(), DirectionalFriction(), StribeckFriction(),
-    LoadDependentFriction(), TransmissionBacklash(),
+    PreslidingFriction(), LoadDependentFriction(), TransmissionBacklash(),
 )

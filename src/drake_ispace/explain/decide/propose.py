@@ -41,13 +41,15 @@ class Proposal:
 
 
 def proposals_of(survey: Survey) -> list[Proposal]:
-    """The effects that could explain most, the clearest score test first."""
+    """The effects that could explain most, the clearest score test first; without those that have become another."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
     clearest = clearest_effects(survey)[:SHORTLIST]
     best = fits_beside(survey.point, [candidate for candidate, _ in clearest], survey, likelihood)
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, best, strict=True):
+        if candidate.has_become_another(fitted.point[candidate]):
+            continue
         drop = max(base - fitted.deviance, 0.0)
         gain = drop / screen.overdispersion_of(candidate)
         clear = minus_log10_p_of_gain(gain, len(candidate.parameters))
@@ -62,12 +64,15 @@ def proposals_of(survey: Survey) -> list[Proposal]:
 def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:
     """(effect of the library, -log10 p of its score test), the largest first.
 
-    An effect that acts in a part of the room comes once: its fit goes on from where it explains most.
+    One that generalises another does not stand beside it. One that acts in a part of the room comes once: its fit goes
+    on from where it explains most.
     """
     found, ranked, names = survey.minus_log10_p, [], set()
     for i in np.argsort(-found):
         candidate = survey.screen.candidates[i]
-        if not isinstance(candidate.effect, Generic) and not (candidate.effect.is_local and candidate.name in names):
+        if isinstance(candidate.effect, Generic) or (candidate.effect.is_local and candidate.name in names):
+            continue
+        if not any(candidate.generalises(other) or other.generalises(candidate) for other in survey.point):
             ranked.append((candidate, found[i]))
             names.add(candidate.name)
     return ranked

@@ -16,7 +16,7 @@ def with_rivals(decision: Decision) -> Decision:
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
     nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none,
-    and of one that does no better with more parameters.
+    of one that does no better with more parameters, and of one that becomes the rival at some value of its shape.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
@@ -24,8 +24,8 @@ def with_rivals(decision: Decision) -> Decision:
         better = [one for one in fits_of if one[0].candidate.makes_sense(one[1].point[one[0].candidate])]
         if effect.makes_sense(decision.named.point[effect]):
             better = [
-                one for one in better
-                if one[0].behind <= 0.0 and len(one[0].candidate.parameters) < len(effect.parameters)
+                one for one in better if effect.generalises(one[0].candidate)
+                or (one[0].behind <= 0.0 and len(one[0].candidate.parameters) < len(effect.parameters))
             ]
         if better:
             best, fitted = min(better, key=lambda one: one[0].behind)
@@ -41,7 +41,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     taken = {c.name for c in named.point}
     others = [
         other for other, _ in clearest_effects(start)
-        if other.name not in taken and screen.knows(effect)
+        if other.name not in taken and screen.knows(effect) and not other.generalises(effect)
         and (_changes_shape(effect, other) or screen.alike(effect, other, list(rest)) >= _LEAST_LIKENESS)
     ]
     likelihood, rivals = decision.end.likelihood, []

@@ -59,6 +59,15 @@ class Candidate:
         """Whether its parameter moves steps in time."""
         return any(parameter.shifts for parameter in self.parameters)
 
+    def generalises(self, other: "Candidate") -> bool:
+        """Whether it becomes the other effect at a bound of its shape."""
+        return other.name in self.effect.generalises
+
+    def has_become_another(self, z) -> bool:
+        """Whether it is at the bound of its shape where it is another effect."""
+        at_bound = any(p.shape and at in ends for p, at, ends in zip(self.parameters, z, self.bounds, strict=True))
+        return at_bound and bool(self.effect.generalises)
+
     def makes_sense(self, z) -> bool:
         """Whether a robot that drives about may have every parameter at the coordinates `z`."""
         return all(p.makes_sense(value_of(p, at)) for p, at in zip(self.parameters, z, strict=True))
