@@ -7,7 +7,8 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.importers.tables import period_of
-from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, conversion, si_unit, validate
+from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, validate
+from drake_ispace.files.units import conversion, si_unit
 from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
 from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source, alike

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError, expected_one_of, shown
 from drake_ispace.files.quantity import quantity
-from drake_ispace.files.recording import CHANNEL_COLUMNS, CHANNELS, PER_WHEEL, conversion, si_unit
+from drake_ispace.files.recording import CHANNEL_COLUMNS, CHANNELS, PER_WHEEL
 from drake_ispace.files.typed_tree import read
+from drake_ispace.files.units import conversion, si_unit
 from drake_ispace.files.yaml_guard import load_yaml
 from drake_ispace.robots.robot_file import STEERED, RobotFile, read_robot, robot_of
 

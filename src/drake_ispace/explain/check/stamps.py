@@ -6,7 +6,8 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock, Evened
-from drake_ispace.files.recording import Channel, Recording, in_si
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.units import in_si
 
 #: Recorded unit of time -> seconds.
 TIMES = {unit: in_si(unit) for unit in ("ms", "us", "ns")}

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS
-from drake_ispace.files.recording import in_si
+from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
 
 #: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.

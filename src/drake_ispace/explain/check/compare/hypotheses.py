@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
-from drake_ispace.files.recording import in_si
+from drake_ispace.files.units import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
