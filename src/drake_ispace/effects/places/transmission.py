@@ -214,7 +214,7 @@ class PreslidingFriction(TorqueEffect):
     card = Card(
         name="presliding_friction", title="Presliding friction", home="transmission",
         equation="tau' = tau - C z, dz/dtheta = (sign(w) - z) / a",
-        source="P. R. Dahl, A solid friction model, 1968: bristles, belts, tyres on carpet that wind up before slipping",
+        source="P. R. Dahl, A solid friction model, 1968: bristles, belts or tyres that wind up before they slip",
         signature="an unmodelled torque against the wheel's direction, which comes on over an angle after each "
         "reversal and holds the wheel at rest like a spring",
         look_alikes=("coulomb_friction", "transmission_backlash", "stribeck_friction"),
