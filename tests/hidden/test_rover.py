@@ -74,6 +74,19 @@ def test_what_hardly_shows_from_fix_to_fix_is_named_if_free_runs_need_it():
     assert effect.name == "marker_offset" and effect.parameters["y_m"].estimate == pytest.approx(-0.046, abs=0.005)
 
 
+def test_fixes_with_heavy_tails_change_no_name_and_hardly_a_size():
+    """Errors of Student's distribution with two degrees of freedom, many of them beyond ten standard deviations."""
+    case = Case({"track_share": 0.03}, 700)
+    runs = case.recordings(12.0)[:3]
+    for i, run in enumerate(runs):
+        kinect, random = run.channels["kinect"], np.random.default_rng(i)
+        errors = random.standard_t(2.0, kinect.values.shape) * [1e-3, 1e-3, 4e-3]
+        runs[i] = replace(run, channels=run.channels | {"kinect": replace(kinect, values=kinect.values + errors)})
+    few = ("track_error", "marker_offset", "wheel_radius_errors", "camera_latency", "constant_slip")
+    (effect,) = di.explain(two_wheels.model(), runs, effects=[di.effects()[name] for name in few]).effects
+    assert effect.name == "track_error" and effect.parameters["share"].estimate == pytest.approx(0.03, abs=0.003)
+
+
 def with_a_spin(seed, seconds, others, before):
     """What explain says of two runs of the same motion, and one that turns on the spot."""
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
