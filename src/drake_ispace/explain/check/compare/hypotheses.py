@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from itertools import combinations, permutations, product
 
 import numpy as np
+from scipy.constants import inch, kilo
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
@@ -11,7 +12,7 @@ from drake_ispace.files.recording import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
-LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": 0.0254, "km": 1e3}
+LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
