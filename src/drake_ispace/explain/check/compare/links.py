@@ -27,7 +27,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
 _DRIVE_LAG_S = 0.6  # by which a drive may follow its command
-UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a parameter may be free
+UNKNOWN_INERTIA = Slack.of_factor(5.0)  # of a plant of one's own, of which a parameter may be free
 FEWEST = 6  # windows, below which a channel is not compared
 _DRIVE_S = 0.2  # windows of torque
 RATE_S = 0.05  # half of the time over which angles are differentiated: no motion is told in more detail
