@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -156,7 +158,8 @@ class _Search:
         odd = {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
         findings = sorted(self.findings, key=lambda finding: (
-            finding.limited, FAULTS[finding.fault].harmless, -(finding.drop_in_deviance or float("inf"))
+            finding.limited, FAULTS[finding.fault].harmless,
+            -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
         ))
         return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
 

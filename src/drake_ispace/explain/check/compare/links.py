@@ -21,6 +21,7 @@ from drake_ispace.explain.check.compare.motion import (
     windows,
 )
 from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
@@ -283,6 +284,6 @@ def moves(link: Link) -> bool:
     )
 
 
-def moving(motion: np.ndarray, noise: np.ndarray, times: float = 3.0) -> bool:
-    """Whether a motion (n, d) is so many times its noise (d,)."""
-    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > times * noise.max())
+def moving(motion: np.ndarray, noise: np.ndarray) -> bool:
+    """Whether a motion (n, d) is more than its noise (d,) makes."""
+    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > CERTAIN * noise.max())
