@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.motion import (
     AS_GIVEN,
     WINDOW_S,
@@ -42,7 +43,7 @@ def lags(most_s: float, step_s: float) -> np.ndarray:
 
 
 #: Latencies [s] that a sound channel may have.
-LATENCIES_S = lags(LATENCY_S, 0.01)
+LATENCIES_S = lags(LATENCY_S, TICK_S)
 
 
 @dataclass(frozen=True)
