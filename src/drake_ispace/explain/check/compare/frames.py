@@ -23,7 +23,7 @@ def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[F
     (given, count), best = _disagreement(kinect, base), None
     for repair in (Evened("kinect"), _grid(kinect.t)):
         even = repair.apply(run).channels["kinect"]
-        (left, _), off_s = _disagreement(even, base), float(np.std(kinect.t - even.t))
+        left, off_s = max(_disagreement(even, base)[0], np.finfo(float).tiny), float(np.std(kinect.t - even.t))
         if 2.0 * left**2 < given**2 and (best is None or left < best[0]):
             best = left, repair, off_s
     if best is not None and count * np.log(given / best[0]) >= SAID:
