@@ -103,6 +103,14 @@ def test_frames_that_are_stamped_when_they_arrive(sound, robot, lost):
     assert found([fewer], robot) == []
 
 
+@pytest.mark.parametrize("gear", [7.0, 1.0 / 34.0])
+def test_any_whole_number_may_be_the_gear_that_was_forgotten(sound, gear):
+    finding = found([changed(run, "encoder", lambda t, v: gear * v) for run in sound["omni"]], "omni")[0]
+    assert finding.fault == "counts_per_turn"
+    (repair,) = finding.repairs
+    assert np.allclose(repair.matrix, np.eye(4) / gear)
+
+
 def test_an_offset_of_a_clock_has_an_interval(sound):
     (finding,) = found([changed(run, "kinect", stamps=lambda t: t - 1.5) for run in sound["pendulum"]], "pendulum")
     low, high = finding.interval

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -15,7 +17,7 @@ from drake_ispace.explain.check.compare.command.setpoints import setpoint_findin
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, links
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, links
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -31,9 +33,8 @@ from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
-_ROUNDS = 4  # mistakes of one kind that are looked for, one after the other
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
-_SHORTEST_S = 3.0  # part of a run that is kept
+_SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,8 @@ class _Search:
         odd = {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
         findings = sorted(self.findings, key=lambda finding: (
-            finding.limited, FAULTS[finding.fault].harmless, -(finding.drop_in_deviance or float("inf"))
+            finding.limited, FAULTS[finding.fault].harmless,
+            -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
         ))
         return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
 
@@ -176,17 +178,20 @@ class _Search:
         self._add(_joined([finding for i, run in enumerate(self.runs) for finding in find(run, i)]))
 
     def _agreed(self, channel, find):
-        """Repair a channel's columns or its clock, whichever explains more, until it agrees with the wheels."""
-        for _ in range(_ROUNDS):
+        """Repair a channel's columns or its clock, whichever explains more, until it agrees with the wheels.
+
+        What is found a second time was not repaired.
+        """
+        known = set()
+        while True:
             columns = find(self.runs, self._bases())
             times = self._clocks(channel)
             late = sum(finding.drop_in_deviance for finding in times)
-            if columns is not None and columns.drop_in_deviance >= late:
-                self._add([columns])
-            elif times:
-                self._add(times)
-            else:
+            found = [columns] if columns is not None and columns.drop_in_deviance >= late else times
+            if not {(finding.fault, finding.runs) for finding in found} - known:
                 return
+            known |= {(finding.fault, finding.runs) for finding in found}
+            self._add(found)
 
     def _encoder_clock(self):
         """The wheels' own clock, where two channels or more are off against it by the same."""

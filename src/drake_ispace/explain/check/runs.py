@@ -13,7 +13,7 @@ from drake_ispace.robots.robot import Robot
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import entry_of
 
-_LARGEST = 1e12  # in any unit
+_LARGEST = np.reciprocal(np.finfo(float).eps)  # in any unit; above it a number no longer counts by ones
 
 UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
 

@@ -5,19 +5,18 @@ from itertools import combinations
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.fit.likelihood import CERTAIN
+from drake_ispace.explain.prove.gap import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
 from drake_ispace.files.recording import Channel, Recording
 
-STUCK_S = 0.4  # rows that repeat for longer have stopped
+STUCK_S = WINDOW_S  # rows that repeat for longer have stopped
 _BLOCK = 20  # rows that come twice
-_LEAP = 8.0  # a step of a counter that starts anew, or after rows that repeat, in steps that are otherwise the largest
-_OFTEN = 3  # steps of a height that no counter is known for
-_ALIKE = 0.05  # by which the heights of such steps differ
-_RARELY = 0.02  # share of rows that are as the one before, of a channel that never rests
-_STEPS = 40.0  # of a range, below which they are coarse
+LEAP = 8.0  # of which no motion is the cause: a step in steps that are otherwise the largest
+_STEPS = 40  # of a range, below which they are coarse
 _FINE = 0.01  # m or rad: a camera's steps below it are fine however little the robot moves
-_CLIPPED = 0.01  # share of samples at the very same extreme value
 _NOISY = ("imu", "torque")  # never the same twice
 
 
@@ -25,24 +24,26 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
     """A counter of the wheels that starts anew: steps of one height against the motion, far above all others."""
     if "encoder" not in run.channels:
         return
-    channel, heights, columns = run.channels["encoder"], [], []
+    channel, heights, columns, off = run.channels["encoder"], [], [], 0.0
     for name in channel.columns:
         steps = np.diff(channel.column(name))
         size = np.abs(steps)
         if len(size) < 2 * _BLOCK or not (size > 0.0).any():
             continue
-        far = size > _LEAP * max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        usual = max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        far = size > LEAP * usual
         if not far.any():
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
         exact = np.abs(steps[far] - motion)
-        alike = np.abs(exact - np.median(exact)) < _ALIKE * np.median(exact)
+        alike = np.abs(exact - np.median(exact)) < usual  # which is how far a wheel moves besides
         if np.mean(alike) > 0.5 and np.mean(np.sign(steps[far][alike]) == np.sign(motion[alike])) < 0.2:
             heights.append(exact[alike])
             columns.append(name)
+            off = max(off, usual)
     if not heights:
         return
-    turn = _known_turn(float(np.median(np.concatenate(heights))), counts_per_turn, len(np.concatenate(heights)))
+    turn = _known_turn(float(np.median(np.concatenate(heights))), off, counts_per_turn, max(map(len, heights)))
     if turn is not None:
         known, fault = turn
         rival = "counter_wrap" if fault == "angle_wrap" else "angle_wrap"
@@ -65,10 +66,10 @@ def sample_findings(run: Recording, number: int, steps: bool = False) -> Iterato
         yield from found or (() if name in _NOISY else _reversed(name, channel, number))
 
 
-def _known_turn(height, counts_per_turn, times):
-    """The turn after which counters start anew that is nearest to a height, and the name of its fault.
+def _known_turn(height, off, counts_per_turn, times):
+    """The turn after which counters start anew that is nearest to a height, no more than `off` away, and its fault.
 
-    Where none is near, the height itself, if it was seen several times.
+    Where none is near, the height itself, if a wheel has it more than once.
     """
     turns = {2.0 * np.pi: "angle_wrap", 360.0: "angle_wrap", 1.0: "angle_wrap", 4.0 * np.pi: "angle_wrap"}
     units = [1.0, 2.0 * np.pi / counts_per_turn, 360.0 / counts_per_turn] if counts_per_turn > 0 else [1.0]
@@ -76,9 +77,9 @@ def _known_turn(height, counts_per_turn, times):
     if counts_per_turn > 0:
         turns[counts_per_turn] = "angle_wrap"
     nearest = min(turns, key=lambda turn: abs(turn - height))
-    if abs(nearest - height) <= 0.01 * height:
+    if abs(nearest - height) <= off:
         return nearest, turns[nearest]
-    return (height, "counter_wrap") if times >= _OFTEN else None
+    return (height, "counter_wrap") if times > 1 else None
 
 
 def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
@@ -126,12 +127,12 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     scaled = values / scale
     size = np.abs(np.diff(scaled, axis=0)).max(axis=1)
     largest = np.sort(np.argsort(-size)[: int(np.sqrt(len(size)))])  # of which there are no more pairs than steps
-    limit = 4.0 * np.quantile(size, 0.99)
+    limit = LEAP * np.quantile(size, 0.99)
     best = None
     for a, b in combinations(largest[size[largest] > limit].tolist(), 2):
         before = np.hypot(size[a], size[b])
         after = np.hypot(np.abs(scaled[a] - scaled[b]).max(), np.abs(scaled[a + 1] - scaled[b + 1]).max())
-        if after < 0.1 * before and (best is None or after < best[0]):
+        if LEAP * after < before and (best is None or after < best[0]):
             best = after, a, b
     if best is not None and best[2] - best[1] > 2:
         since, until = float(channel.t[best[1] + 1]), float(channel.t[best[2]])
@@ -153,9 +154,10 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
     repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
-    long = [(a, b) for a, b in stretches(repeats) if channel.t[b] - channel.t[a] >= STUCK_S]
-    if repeats.sum() - sum(b - a for a, b in long) > _RARELY * len(repeats):
-        return  # a channel that often holds a value
+    long = [
+        (a, b) for a, b in stretches(repeats)
+        if channel.t[b] - channel.t[a] >= STUCK_S and not _holds(repeats, b - a)
+    ]
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
     for first, last in long:
         held = channel.values[first]
@@ -169,6 +171,12 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
                           repairs=(CutOut(since, until),))
 
 
+def _holds(repeats, rows):
+    """Whether a channel repeats itself so often that it does so for so many rows in turn by chance."""
+    others = len(repeats) - rows
+    return others == 0 or len(repeats) * ((np.sum(repeats) - rows) / others) ** rows >= CHANCE
+
+
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     """Rows of the encoder that repeat and then leap to where the wheels have gone meanwhile."""
     size = np.abs(np.diff(channel.values, axis=0)).max(axis=1)
@@ -177,19 +185,21 @@ def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     for first, last in stretches(size == 0.0):
         since, until = float(channel.t[first]), float(channel.t[last])
         others = np.delete(size, last) if last < len(size) else size[:0]
-        if until - since >= STUCK_S and len(others) and size[last] > _LEAP * others.max(initial=0.0):
+        if until - since >= STUCK_S and len(others) and size[last] > LEAP * others.max(initial=0.0):
             yield Finding("channel_frozen", "rows repeat, then leap", "", (number,), "encoder", since, until,
                           repairs=(CutOut(since, float(channel.t[last + 1])),))
 
 
 def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
-    """Columns that stay at one extreme value."""
+    """Columns that stay at one extreme value, more often than chance takes them there than to the value beside it."""
     found = []
     for column in channel.columns:
         values = channel.column(column)
-        for extreme in (values.max(), values.min()):
+        levels = np.unique(values)
+        for extreme, beside in (levels[:-3:-1], levels[:2]) if len(levels) > _STEPS else ():
             at = values == extreme
-            if at.mean() > _CLIPPED and at[1:][at[:-1]].any() and np.unique(values).size > 2 * _BLOCK:
+            next_to_it = np.sum(values == beside)
+            if at.sum() - next_to_it > CERTAIN * np.sqrt(at.sum() + next_to_it) and at[1:][at[:-1]].any():
                 found.append(f"{column} at {extreme:.4g}")
     if found:
         rivals = ("torque_limit",) if name == "torque" else ()
@@ -209,10 +219,10 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
             steps = np.diff(values)
             step = float(steps.min())
             whole = np.abs(steps / step - np.rint(steps / step)).max() < 1e-3
-            fine = max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)
+            is_coarse = step > max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)
             if name == "encoder" and counts_per_turn > 0.0:
-                fine = 1.9 * 2.0 * np.pi / counts_per_turn
-            if whole and step > fine:
+                is_coarse = round(step * counts_per_turn / (2.0 * np.pi)) > 1
+            if whole and is_coarse:
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
             yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)

@@ -4,21 +4,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.links import RATE_S
+from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.samples import LEAP
 from drake_ispace.faults.repair import Clock, Evened
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si
 
 #: Recorded unit of time -> seconds.
-TIMES = {unit: in_si(unit) for unit in ("ms", "us", "ns")}
-_LONGEST_STEP_S = 1.0  # of a sensor of a robot
-_LONGEST_STEADY_S = 0.25  # of wheels, torque and IMU
-_UNIT_RATIO = 1.5  # durations that agree in the right unit
+TIMES = {unit: in_si(unit) for unit in ("s", "ms", "us", "ns")}
 _EPOCH_S = 1e6  # a clock that starts later counts from some year, not from the start of a run
 _SAMPLED = ("encoder", "imu", "torque")  # at a steady rate
-_GAP_S, _GAP_STEPS = 0.1, 10.0
-_UNEVEN, _OFTEN = 0.25, 0.2  # a step that is uneven, as a share of the median; a share of steps that is a habit
-_AT_ONCE = 0.1  # a step of a burst, as a share of the median
+_UNEVEN = 0.25  # a step that is uneven, as a share of the median
 
 
 def stamp_findings(run: Recording, number: int) -> Iterator[Finding]:
@@ -34,23 +32,26 @@ def stamp_findings(run: Recording, number: int) -> Iterator[Finding]:
 
 
 def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
-    """Channels whose steps are those of another unit of time, unless they last as long as one whose steps are not."""
+    """Channels whose steps are those of another unit of time: too long to tell a motion by, as windows tell it.
+
+    Where other channels have steps that are not, the unit is that in which a channel lasts as long as these.
+    """
     measured = {
         name: channel for name, channel in channels.items()
         if name not in ("truth", "reference", "command") and len(channel.t) > 2
     }
     steps = {name: float(np.median(np.diff(channel.t))) for name, channel in measured.items()}
-    longest = {name: _LONGEST_STEADY_S if name in _SAMPLED else _LONGEST_STEP_S for name in measured}
-    lasts = [float(np.ptp(measured[name].t)) for name, step in steps.items() if step <= longest[name]]
+    lasts = [float(np.ptp(measured[name].t)) for name, step in steps.items() if step <= WINDOW_S]
     for name, step in steps.items():
-        own = float(np.ptp(measured[name].t))
-        if step <= longest[name] or any(1.0 / _UNIT_RATIO < own / other < _UNIT_RATIO for other in lasts):
+        if step <= WINDOW_S:
             continue
-        for unit, seconds in TIMES.items():
-            if step * seconds <= _LONGEST_STEP_S:
-                repairs = (Clock(name, seconds, 0.0),)
-                yield Finding("time_unit", f"stamps in {unit}", "", (number,), name, repairs=repairs)
-                break
+        possible = [unit for unit, seconds in TIMES.items() if step * seconds <= WINDOW_S]
+        if lasts:
+            off = np.abs(np.log(np.outer(list(TIMES.values()), np.ptp(measured[name].t) / np.array(lasts)))).min(axis=1)
+            possible = [list(TIMES)[int(np.argmin(off))]]
+        if possible and possible[0] != "s":
+            repairs = (Clock(name, TIMES[possible[0]], 0.0),)
+            yield Finding("time_unit", f"stamps in {possible[0]}", "", (number,), name, repairs=repairs)
 
 
 def _starts(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
@@ -79,12 +80,17 @@ def _steps(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     """Gaps, and steps that are uneven as a habit."""
     steps = np.diff(channel.t)
     usual = float(np.median(steps))
-    if float(np.mean(steps)) > 0.0 and np.mean(steps < _AT_ONCE * np.mean(steps)) > _OFTEN:
+    if _mostly(LEAP * steps < np.mean(steps)):
         yield Finding("bursts", "several samples come at once", "", (number,), name, repairs=(Evened(name),))
         return
-    if np.mean(np.abs(steps - usual) > _UNEVEN * usual) > _OFTEN:
+    if _mostly(np.abs(steps - usual) > _UNEVEN * usual):
         yield Finding("stamp_jitter", "steps are uneven", "", (number,), name, repairs=(Evened(name),))
         return
-    for i in np.flatnonzero(steps > max(_GAP_S, _GAP_STEPS * usual)):
+    for i in np.flatnonzero(steps > max(2.0 * RATE_S, LEAP * usual)):
         yield Finding("rows_missing", f"no samples for {steps[i]:.3g} s", "", (number,), name, float(channel.t[i]),
                       float(channel.t[i + 1]))
+
+
+def _mostly(flags):
+    """Whether they hold as often as not."""
+    return 2 * np.sum(flags) >= len(flags)

@@ -3,25 +3,21 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.stats import chi2
 
-from drake_ispace.explain.check.compare.links import Base, camera_link, inside
-from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, camera_noise, has_motion, seen, windows
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, moving
+from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
+from drake_ispace.explain.prove.gap import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
-_SPIKE_S = 0.35  # after which a step that cancels is an outlier
-_SPIKE_STEPS, _MOST_SPIKES = 5.0, 0.05  # larger than most; share of the fixes
-_STEP_M = 0.12  # of the camera between two fixes that no wheel shows
-_STEP_NOISE = 8.0  # the same, in standard deviations of the camera
-_MOVED_M = 0.08  # by which the robot moved all the same
-_CARRIED_M, _CARRIED_SHARE = 0.15, 0.5  # of a stretch that wheels and camera tell differently; of the larger of the two
-_NEVER_M = 0.5  # way of a wheel, or of the robot, that must show
-_MOST = 0.4  # share of a run, beyond which nothing is a stretch
-_SERIES = 4  # of overlapping windows
+_SPIKE_STEPS = 5.0  # larger than most
+_SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
+_SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
 def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
@@ -39,14 +35,15 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
     radius = min(wheel.radius_m for wheel in base.geometry.wheels)
     whole = windows(kinect)
-    turns = np.abs(seen(kinect, whole) @ base.geometry.inverse.T).sum(axis=0) * radius
-    dead = [c for c, turn in zip(encoder.columns, turns, strict=True)
-            if np.ptp(encoder.column(c)) == 0.0 and turn > _NEVER_M]
+    ways = seen(kinect, whole) @ base.geometry.inverse.T * radius
+    noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * base.geometry.inverse, axis=1) * radius
+    dead = [c for i, c in enumerate(encoder.columns) if np.ptp(encoder.column(c)) == 0.0
+            and moving(ways[:, [i]], noise[[i]]) and np.abs(ways[:, i]).sum() > _SHOWS_M]
     if dead:
         yield Finding("channel_dead", f"{', '.join(dead)} never changes", "", (number,), "encoder",
                       repairs=(Without("encoder"),))
     moved = base.moved(whole.since_s, whole.until_s)
-    if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _NEVER_M:
+    if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _SHOWS_M:
         yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
 
 
@@ -58,7 +55,7 @@ def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
         since, until = float(kinect.t[first]), float(kinect.t[last])
         moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
-        if STUCK_S <= until - since < _MOST * kinect_span(run) and moved > _MOVED_M:
+        if STUCK_S <= until - since and _part(run, since, until) and moved > _SHOWS_M:
             yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 
@@ -69,7 +66,7 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         return
     stopped = list(_frozen(run, base, number))
     yield from stopped
-    ends = [(f.from_s - _SPIKE_S, f.to_s + _SPIKE_S) for f in stopped]
+    ends = [(f.from_s - WINDOW_S, f.to_s + WINDOW_S) for f in stopped]
     steps = [step for step in _camera_steps(run, base, number)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
     yield from steps
@@ -80,19 +77,19 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
 def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     """Fixes that are off and come back soon: the camera alone shows them, in any unit."""
     kinect = run.channels.get("kinect")
-    if kinect is None or len(kinect.t) < FEWEST_FIXES:
+    if kinect is None or len(kinect.t) < 2:
         return
     place, t = kinect.values[:, :2], kinect.t
     steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
     large = np.flatnonzero(steps > _SPIKE_STEPS * np.quantile(steps, 0.9)).tolist()
     done, spikes = -1, []
     for i in large:
-        ends = [j for j in large if j > i and t[j] - t[i + 1] <= _SPIKE_S]
+        ends = [j for j in large if j > i and t[j] - t[i + 1] <= WINDOW_S]
         back = next((j for j in ends if np.linalg.norm(place[j + 1] - place[i]) < 0.5 * steps[i]), None)
         if i > done and back is not None:
             spikes.append((i + 1, back))
             done = back
-    if spikes and len(spikes) < _MOST_SPIKES * len(t):
+    if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
         yield _off(t, spikes, number)
 
 
@@ -111,9 +108,9 @@ def _camera_steps(run, base, number):
     each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
     difference = _unexplained(kinect, base, each)
-    usual = _STEP_NOISE * max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
-    large, spikes = np.flatnonzero(short & (difference > max(_STEP_M, usual))), []
-    for i in large.tolist() if len(large) <= _MOST * len(k) else ():
+    usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
+    large, spikes = np.flatnonzero(short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))), []
+    for i in large.tolist():
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
         spike = _spike(kinect, base, i, difference[i])
         if spike is not None:
@@ -133,7 +130,7 @@ def _unexplained(kinect, base, pairs):
 def _spike(kinect, base, i, step):
     """The first and the last fix that are off, where a step [m] after fix `i` goes or comes back soon; else None."""
     t = kinect.t
-    first, last = np.searchsorted(t, t[i] - _SPIKE_S), np.searchsorted(t, t[i + 1] + _SPIKE_S, side="right")
+    first, last = np.searchsorted(t, t[i] - WINDOW_S), np.searchsorted(t, t[i + 1] + WINDOW_S, side="right")
     spans = [(i, j) for j in range(i + 2, min(last + 1, len(t)))] + [(j, i + 1) for j in range(max(first - 1, 0), i)]
     if not spans:
         return None
@@ -156,7 +153,7 @@ def _frozen(run, base, number):
             turned = base.geometry.inverse @ (seen(kinect, pair) @ usual)[0]
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
-            if missed < _MOVED_M:
+            if missed < _SHOWS_M:
                 continue
             after = np.abs(np.diff(encoder.values[last : last + 2, column], axis=0)).max(initial=0.0) * radius
             jumps = after > 0.5 * missed
@@ -185,10 +182,10 @@ def _as_wheels_say(run, base):
 
 
 def _carried(run, base, number):
-    """Stretches in which camera and wheels tell of different motions."""
+    """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common."""
     link = camera_link(run, base, _SERIES)
     kept = inside(base, link.since_s, link.until_s)
-    if kept.sum() < 4 * _SERIES:
+    if kept.sum() < FEWEST * _SERIES:
         return
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
     x = link.predicted(since, until)
@@ -197,25 +194,34 @@ def _carried(run, base, number):
     for group in map(list, link.groups):
         part, larger = np.linalg.norm(left[:, group], axis=1), np.maximum(*(
             np.linalg.norm(motion[:, group], axis=1) for motion in (x, y)))
-        far |= (part > 6.0 * np.median(part)) & (part > _CARRIED_SHARE * larger) & (part > 0.4 * _CARRIED_M)
+        usual = largest_by_chance(len(part), len(group)) * max(np.median(part), link.noise[group].max())
+        far |= (part > usual) & (part > larger - part)
     for first, last in stretches(far):
         last -= 1
         if last < first:
             continue
         a, b = float(since[first]), float(until[last])
         total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / _SERIES)
-        if max(total, float(size[first : last + 1].max())) < _CARRIED_M or b - a > _MOST * (kinect_span(run)):
+        if max(total, float(size[first : last + 1].max())) < _SHOWS_M or not _part(run, a, b):
             continue
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
-        lifted = moved[1] < 0.3 * moved[0]
+        lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
         what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
         yield Finding(fault, what, "", (number,), "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 
 
-def kinect_span(run: Recording) -> float:
-    """Time [s] from the first fix to the last."""
+def largest_by_chance(count: int, components: int) -> float:
+    """Times their median, beyond which the largest of so many distances lies by chance as rarely as CHANCE.
+
+    Distances of so many normal components.
+    """
+    return float(np.sqrt(chi2.isf(CHANCE / count, components) / chi2.median(components)))
+
+
+def _part(run, since_s, until_s):
+    """Whether a time is a stretch of a run: no more of the camera's time than the rest."""
     t = run.channels["kinect"].t
-    return float(t[-1] - t[0])
+    return until_s - since_s <= (t[-1] - t[0]) - (until_s - since_s)
 

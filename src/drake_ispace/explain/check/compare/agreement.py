@@ -13,14 +13,14 @@ import numpy as np
 from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside
 from drake_ispace.explain.check.compare.regression import PHYSICS, Slack, most, scores
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.prove.gap import CHANCE
 from drake_ispace.faults.repair import Repair
 
-#: A log likelihood ratio above which a fault is said, and one below which two faults cannot be told apart.
-SAID, ALIKE = 6.0, 2.0
+#: A log likelihood ratio above which a fault is said: by chance, data without it reach that no more often than CHANCE.
+SAID = -np.log(CHANCE)
+ALIKE = 2.0  # below which two readings cannot be told apart
 #: Of what exact agreement gains over no relation at all, the share below which a channel does not follow the robot.
 RELATED = 0.3
-#: Of the log likelihood of exact agreement, what a channel must have to gain for the wheels to say anything of it.
-_OPEN = 0.25
 UNRELATED = "no relation"
 
 
@@ -61,7 +61,7 @@ def following(related: float, unrelated: float, exact: float) -> float | None:
 
     All three are logarithms of likelihood.
     """
-    if exact - unrelated < _OPEN * exact:
+    if RELATED * (exact - unrelated) < SAID:  # one that hardly follows would gain too little to be said
         return None
     return (related - unrelated) / (exact - unrelated)
 
@@ -93,7 +93,7 @@ def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:
     found = []
     for one in rows:
         gain = one.scored - one.scored[innocent].max()
-        least = one.scored[unrelated] + max(RELATED * (one.most - one.scored[unrelated]), RELATED * _OPEN * one.most)
+        least = one.scored[unrelated] + max(RELATED * (one.most - one.scored[unrelated]), SAID)
         found.append(np.where(one.scored >= least, gain, np.minimum(gain, 0.0)))
     return np.array(found)
 

@@ -20,14 +20,12 @@ from drake_ispace.explain.check.compare.links import (
     lags,
     moves,
 )
-from drake_ispace.explain.check.compare.regression import most, scores
+from drake_ispace.explain.check.compare.regression import SLACK, most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 
 _LAGS_S = lags(5.0, RATE_S)  # that are looked at
 _FASTEST = 0.05  # rate at which a clock may drift
-_NEAR = 0.2  # a residual that counts as small, as a share of the motion
-_SHARED = 0.9  # of what each run's own clock gains: an offset that all runs share is preferred
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 
 
@@ -202,18 +200,18 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     trials = [_Trial(*one) for one in links if moves(one[1])]
     own = [(trial, *trial.best()) for trial in trials]
     own = [(trial, path, gain) for trial, path, gain in own if gain >= SAID]
-    apart = sum(gain for *_, gain in own)
+    apart = sum(gain - SAID for *_, gain in own)  # each of them must be worth what is said of a fault
     common = _common(trials, [path for _, path, _ in own]) if len(trials) > 1 else None
     if common is not None:
         gains = [trial.gain(common) for trial in trials]
-        if sum(gains) >= max(SAID, _SHARED * apart) and min(gains) > -SAID:
+        if sum(gains) - SAID >= max(0.0, apart) and min(gains) > -SAID:
             finding = trials[int(np.argmax(gains))].finding(common, 2.0 * sum(gains))
             return [replace(finding, runs=tuple(trial.number for trial in trials))]
     drift = _common_drift(trials)
     if drift:
         gains = [trial.gain(path) for trial, path in zip(trials, drift, strict=True)]
         # a steady motion shows no drift but a gain, and runs of the same motion show as little
-        if sum(gains) >= max(SAID * len(trials), _SHARED * apart) and min(gains) > -SAID:
+        if sum(gains) - SAID * len(trials) >= max(0.0, apart) and min(gains) > -SAID:
             return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
     if len(own) < len(trials):  # the other clocks are right, and motion that comes again looks alike a period later
         own = [
@@ -287,5 +285,5 @@ def _near(y, link):
     near = np.empty((*y.shape[:-2], 1, y.shape[-1]))
     for group in map(list, link.groups):
         size = np.sqrt((y[..., group] ** 2).sum(axis=-1).mean(axis=-1))[..., None, None]
-        near[..., group] = np.hypot(_NEAR * size, link.noise[group])
+        near[..., group] = np.hypot(SLACK * size, link.noise[group])
     return near + 1e-12

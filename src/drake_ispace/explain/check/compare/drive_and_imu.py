@@ -15,7 +15,6 @@ from drake_ispace.explain.check.compare.columns import (
     torque_columns,
 )
 from drake_ispace.explain.check.compare.links import (
-    BLOCK,
     FEWEST,
     Base,
     command_link,
@@ -135,7 +134,7 @@ def _imu_parts(run, base, given):
         parts.append(part(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))
     edges, block, predicted = felt(run, base)
     kept = inside(base, *edges.T)
-    if kept.sum() >= 2 * BLOCK:
+    if len(np.unique(block[kept])) > 1:
         since, until = edges[kept].T
         force = integral(imu, _FORCES, since, until) / (until - since)[:, None]
         y = _levelled(np.stack([force @ c.matrix[:3, :3].T for c in given])[:, :, :2], block[kept])

@@ -1,10 +1,11 @@
 """Channels that say nothing of the wheels' motion: of another run, or of a robot of other dimensions."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import RELATED, following
+from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import most, residuals, scores
@@ -12,10 +13,21 @@ from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
 
-_CLEARLY = 6.0  # times its noise, which a motion must be for a channel to be called a stranger
-_AGAINST = 0.05  # how far a channel must go against the wheels that friction, weight or an offset may hide
-_DROP = 100.0  # drop in deviance that is said of a channel without any relation
 Stretches = Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class _Relation:
+    """How well a channel follows the wheels: share, as `following`, and the log likelihood over no relation at all."""
+
+    share: float
+    gain: float
+
+
+def _related(related, unrelated, exact):
+    """The _Relation of one with these logarithms of likelihood; None where nobody can say."""
+    share = following(related, unrelated, exact)
+    return None if share is None else _Relation(share, related - unrelated)
 
 
 def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]) -> list[Finding]:
@@ -28,23 +40,25 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         if base is None:
             continue
         relation = {name: _relation(link, base, spoilt[number]) for name, link in links(run, base).items()}
-        relation = {name: gain for name, gain in relation.items() if gain is not None}
-        strangers = [name for name, gain in relation.items() if gain < (RELATED if name == "kinect" else -_AGAINST)]
-        friends = [name for name, gain in relation.items() if gain > RELATED]
+        relation = {name: one for name, one in relation.items() if one is not None}
+        # friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels
+        strangers = [n for n, one in relation.items() if (one.share < RELATED if n == "kinect" else one.gain < -SAID)]
+        friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
-        free = _free_gain(run, base) if "kinect" in strangers else 0.0
-        if free > 2.0 * RELATED and not friends:
+        free = _free_gain(run, base) if "kinect" in strangers else None
+        if free is not None and free.share > 2.0 * RELATED and not friends:
             found.append(Finding(
                 "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
-                drop_in_deviance=_DROP * free, rivals=("wheel_order", "gear"),
+                drop_in_deviance=2.0 * free.gain, rivals=("wheel_order", "gear"),
             ))
             continue
         for name in strangers if friends or len(strangers) == 1 else ["encoder"]:
-            drop = _DROP * (RELATED - min(relation.get(name, 0.0), 0.0))
+            against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
-                "channel_of_another_run", _owner(runs, bases, number, name), "", (number,), name, drop_in_deviance=drop,
-                rivals=() if friends else ("robot_lifted",), repairs=(Without(name),),
+                "channel_of_another_run", _owner(runs, bases, number, name), "", (number,), name,
+                drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
+                repairs=(Without(name),),
             ))
     return found
 
@@ -56,21 +70,21 @@ def _owner(runs, bases, number, name):
             continue
         camera = name == "encoder"
         link = links(runs[other], bases[number]).get("kinect") if camera else links(runs[number], base).get(name)
-        share = None if link is None else _relation(link, bases[number] if camera else base)
-        if share is not None and share > 2.0 * RELATED:
+        found = None if link is None else _relation(link, bases[number] if camera else base)
+        if found is not None and found.share > 2.0 * RELATED:
             return f"moves with the {'camera' if camera else 'wheels'} of run {other + 1} of these"
     return "does not move with the robot"
 
 
 def _relation(link, base, spoilt=()):
-    """How well a channel follows the wheels, as `following`, at the best of the usual lags, but for spoilt stretches.
+    """How well a channel follows the wheels at the best of the usual lags, but for spoilt stretches.
 
     None: too little motion to tell.
     """
     high = link.usual_s[1]
     lags = [0.0] if high <= LATENCY_S else np.linspace(0.0, high, 4)
-    found = [share for share in (_at_lag(link, base, lag, spoilt) for lag in lags) if share is not None]
-    return max(found, default=None)
+    found = [one for one in (_at_lag(link, base, lag, spoilt) for lag in lags) if one is not None]
+    return max(found, key=lambda one: one.share, default=None)
 
 
 def _at_lag(link, base, lag_s, spoilt):
@@ -88,24 +102,24 @@ def _at_lag(link, base, lag_s, spoilt):
         z = None if besides is None else besides[:, group]
         # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
         own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
-        if all(moving(motion, noise, _CLEARLY) for motion in own):
+        if all(moving(motion, noise) for motion in own):
             both = np.stack([x, 0.0 * x]), np.stack([y, y])
             given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z,
                                       link.slack)
-            found.append(following(float(given), float(unrelated), most(*y.shape)))
-    return min((share for share in found if share is not None), default=None)
+            found.append(_related(float(given), float(unrelated), most(*y.shape)))
+    return min((one for one in found if one is not None), key=lambda one: one.share, default=None)
 
 
 def _free_gain(run, base):
-    """How well the camera follows wheels of any dimensions, from 0 to 1."""
+    """How well the camera follows wheels of any dimensions; None: too little motion to tell."""
     link = camera_link(run, base)
     kept = inside(base, link.since_s, link.until_s)
     if kept.sum() < 2 * FEWEST:
-        return 0.0
+        return None
     angles, y = turned(base.encoder, link.since_s[kept], link.until_s[kept]), link.measured[kept]
     # of every second window the dimensions, on the others the gain
     matrix = np.linalg.lstsq(angles[::2], y[::2], rcond=None)[0]
     x, y = (angles @ matrix)[1::2][None], y[1::2][None]
     noise = link.noise[None]
     free, unrelated = scores(x, y, link.groups, noise)[0], scores(0.0 * x, y, link.groups, noise)[0]
-    return following(float(free), float(unrelated), most(*y.shape[1:])) or 0.0
+    return _related(float(free), float(unrelated), most(*y.shape[1:]))

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
+from drake_ispace.explain.check.compare.agreement import SAID
 from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base
-from drake_ispace.explain.check.compare.motion import FEWEST_FIXES, Windows, has_motion, seen, within
+from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Channel, Recording
@@ -16,19 +17,19 @@ _BINS = 16  # to a step, into which stamps are sorted to find its length
 
 def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
     """Stamps of a camera without which most of what it and the wheels disagree on, from frame to frame, is gone."""
-    if base is None or not has_motion(run) or len(run.channels["kinect"].t) < 2 * FEWEST_FIXES:
+    if base is None or not has_motion(run):
         return
     kinect = run.channels["kinect"]
-    given, best = _disagreement(kinect, base), None
+    (given, count), best = _disagreement(kinect, base), None
     for repair in (Evened("kinect"), _grid(kinect.t)):
         even = repair.apply(run).channels["kinect"]
-        left, off_s = _disagreement(even, base), float(np.std(kinect.t - even.t))
+        left, off_s = max(_disagreement(even, base)[0], np.finfo(float).tiny), float(np.std(kinect.t - even.t))
         if 2.0 * left**2 < given**2 and (best is None or left < best[0]):
             best = left, repair, off_s
-    if best is not None:
+    if best is not None and count * np.log(given / best[0]) >= SAID:
         left, repair, off_s = best
         what = f"stamps are {1e3 * off_s:.2g} ms off the even steps of the frames"
-        gained = len(kinect.t) * float(np.log((given / left) ** 2))
+        gained = count * float(np.log((given / left) ** 2))
         yield Finding("stamp_jitter", what, "", (number,), "kinect", drop_in_deviance=gained, repairs=(repair,))
 
 
@@ -45,16 +46,19 @@ def _grid(t: np.ndarray) -> Gridded:
     return Gridded("kinect", float(step_s), float(since_s))
 
 
-def _disagreement(kinect: Channel, base: Base) -> float:
-    """Median distance [m] between the motions from fix to fix that camera and wheels tell of, at the best latency."""
+def _disagreement(kinect: Channel, base: Base) -> tuple[float, int]:
+    """Median distance [m] between the motions from fix to fix that camera and wheels tell of, and number of these.
+
+    At the best latency.
+    """
     first = np.arange(len(kinect.t) - 1)
     since, until = kinect.t[:-1], kinect.t[1:]
     steps = Windows(since, until, first, first + 1)
     moved = seen(kinect, steps)[:, :2]
     inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
-    if inside.sum() < FEWEST_FIXES:
-        return 0.0
+    if not inside.any():
+        return 0.0, 0
     return min(
         float(np.median(np.linalg.norm((moved - base.moved(since + lag, until + lag)[:, :2])[inside], axis=1)))
         for lag in LATENCIES_S
-    )
+    ), int(inside.sum())

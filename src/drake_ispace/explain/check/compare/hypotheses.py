@@ -1,9 +1,11 @@
 """Mistakes that a whole log may have between wheels and camera, each as a way to read the two."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations, permutations, product
 
 import numpy as np
+from scipy.constants import inch, kilo
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
@@ -11,11 +13,10 @@ from drake_ispace.files.units import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
-LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": 0.0254, "km": 1e3}
+LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
-_GEARS = (3.0, 5.0, 8.0, 9.0, 10.0, 12.0, 16.0, 20.0, 30.0, 50.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class Reading:
     advice: str = ""
 
 
-def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
-    """All readings of a robot with these wheels, that as given first.
+def readings(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = ()) -> list[Reading]:
+    """All readings of a robot with these wheels, that as given first; gears: by which they may turn too little.
 
     Three accuse nobody: as given, no relation at all, and none but of the turns. Without the last one a mistake that
     makes the way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
@@ -49,7 +50,7 @@ def readings(geometry: WheelGeometry, counts_per_turn: float) -> list[Reading]:
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
-        *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn),
+        *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_dimensions(unit), *_views(unit),
     ]
 
@@ -81,14 +82,14 @@ def _exchanged(n, i, j):
     return tuple(order)
 
 
-def _factors(unit, counts_per_turn):
+def _factors(unit, counts_per_turn, gears):
     n = len(unit)
     units = dict(ANGLES)
     if counts_per_turn > 0.0:
         units["counts"] = 2.0 * np.pi / counts_per_turn
     for name, factor in units.items():
         yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
-    for factor in (*_FACTORS, *_GEARS, *(1.0 / gear for gear in _GEARS)):
+    for factor in (*_FACTORS, *(gear for gear in sorted(gears) if gear not in _FACTORS)):
         said = f"turns {1.0 / factor:.3g} times too large"
         yield Reading("counts_per_turn", said, "encoder", factor * unit, rare=factor not in _FACTORS)
     for i in range(n):

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.motion import (
     AS_GIVEN,
     WINDOW_S,
@@ -21,17 +22,16 @@ from drake_ispace.explain.check.compare.motion import (
     windows,
 )
 from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
+from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS
+from drake_ispace.explain.fit.likelihood import CERTAIN
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
-_DRIVE_LAG_S = 0.6  # by which a drive may follow its command
-UNKNOWN_INERTIA = Slack(1.0, -0.8, 4.0)  # of a plant of one's own, of which a parameter may be free
+UNKNOWN_INERTIA = Slack.of_factor(5.0)  # of a plant of one's own, of which a parameter may be free
 FEWEST = 6  # windows, below which a channel is not compared
-_DRIVE_S = 0.2  # windows of torque
 RATE_S = 0.05  # half of the time over which angles are differentiated: no motion is told in more detail
-BLOCK = 20  # windows of the accelerometer, 2 s
 
 
 def lags(most_s: float, step_s: float) -> np.ndarray:
@@ -41,7 +41,7 @@ def lags(most_s: float, step_s: float) -> np.ndarray:
 
 
 #: Latencies [s] that a sound channel may have.
-LATENCIES_S = lags(LATENCY_S, 0.01)
+LATENCIES_S = lags(LATENCY_S, TICK_S)
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
     if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
         return None
     # of a plant of unknown quickness so short that a run has as many windows of torque as count
-    most_s = RATE_S if robot.in_room else RATE_S / _DRIVE_S * (encoder.t[-1] - encoder.t[0]) / MOST_ROWS
+    most_s = RATE_S if robot.in_room else RATE_S / LATENCY_S * (encoder.t[-1] - encoder.t[0]) / MOST_ROWS
     return Base(robot, settings, encoder, float(min(RATE_S, most_s)))
 
 
@@ -166,7 +166,8 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     free = robot.unweighted
     mass, effort = robot.mass_matrix(plant)[free], robot.effort(plant)[free]
     size = np.abs(effort).max(axis=1)  # rows as torques
-    stretches = _grid(torque, base, _DRIVE_S / RATE_S * base.rate_s, starts)
+    # in windows no longer than a latency, a late torque would tell of none of the same motion
+    stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s, starts)
     pitch = run.channels.get("imu") if robot.has_imu else None
 
     def rates(t):
@@ -204,7 +205,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
-        usual_s=(-LATENCY_S, _DRIVE_LAG_S),
+        usual_s=(-LATENCY_S, WINDOW_S),  # a drive may follow its command: later, it does nothing of it in the window
     )
 
 
@@ -212,12 +213,13 @@ def felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[
     """The specific force along x and y that an accelerometer on a body that leans a little should feel.
 
     Returns:
-        edges (n, 2) [s] of windows, whole blocks of BLOCK of them; number of the block (n,) of each; and a function of
-        a matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
+        edges (n, 2) [s] of windows, whole blocks of BLOCK_TICKS; number of the block (n,) of each; and a function of a
+        matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
     """
     imu = run.channels["imu"]
     t = np.arange(imu.t[0] + 3.0 * RATE_S, imu.t[-1] - 3.0 * RATE_S, 2.0 * RATE_S)
-    t = t[: len(t) // BLOCK * BLOCK]
+    block = round(BLOCK_TICKS * TICK_S / (2.0 * RATE_S))
+    t = t[: len(t) // block * block]
     columns = ("wx", "wy", "wz")
     angles = integral(imu, columns, np.full(len(t), imu.t[0]), t)
     rates = [integral(imu, columns, t + k * RATE_S, t + (k + 1) * RATE_S) / RATE_S for k in (-1, 0)]
@@ -230,7 +232,7 @@ def felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[
         along = accelerations[:, 0] - velocity[:, 1] * velocity[:, 2] + arm_m * spin - GRAVITY * lean
         return np.column_stack([along, accelerations[:, 1] + velocity[:, 0] * velocity[:, 2]])
 
-    return np.column_stack([t - RATE_S, t + RATE_S]), np.arange(len(t)) // BLOCK, predicted
+    return np.column_stack([t - RATE_S, t + RATE_S]), np.arange(len(t)) // block, predicted
 
 
 def rates_at(base: Base, t: np.ndarray) -> np.ndarray:
@@ -283,6 +285,6 @@ def moves(link: Link) -> bool:
     )
 
 
-def moving(motion: np.ndarray, noise: np.ndarray, times: float = 3.0) -> bool:
-    """Whether a motion (n, d) is so many times its noise (d,)."""
-    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > times * noise.max())
+def moving(motion: np.ndarray, noise: np.ndarray) -> bool:
+    """Whether a motion (n, d) is more than its noise (d,) makes."""
+    return bool(np.sqrt((motion**2).sum(axis=1).mean()) > CERTAIN * noise.max())

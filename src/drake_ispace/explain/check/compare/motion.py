@@ -7,7 +7,6 @@ import numpy as np
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.wheels import WheelGeometry
 
-FEWEST_FIXES = 20  # to tell anything from
 WINDOW_S = 0.7  # of camera, gyro and command
 _LONGEST = 2.0  # a window with a gap in it may last as many times as long
 

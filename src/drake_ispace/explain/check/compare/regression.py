@@ -14,8 +14,7 @@ SLACK, MOST_SLACK = 0.10, 0.45
 _FREEDOM = 4.0  # of Student's distribution
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
-_EXACT = 1e-3  # share of the motion, below which residuals weigh the same: of a steady motion the prior of S decides
-_FREE = 1e-6  # precision of the prior of f beside that of the data: motions may be the same
+_FREE = np.sqrt(np.finfo(float).eps)  # precision of the prior of f beside that of the data: motions may be the same
 
 
 @dataclass(frozen=True)
@@ -29,6 +28,11 @@ class Slack:
     least: float = -MOST_SLACK
     most: float = MOST_SLACK
     besides: float = np.inf
+
+    @classmethod
+    def of_factor(cls, times: float) -> "Slack":
+        """That of a relation whose factor is known to be right up to so many times, either way, and no better."""
+        return cls(times - 1.0, 1.0 / times - 1.0, times - 1.0)
 
     def stds(self, d: int) -> np.ndarray:
         """(d, d) of S."""
@@ -96,7 +100,7 @@ def _fitted(x, y, z, slack):
     prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
     shares, residual = np.zeros((h, d, d + k)), y - x
-    least = _EXACT * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
+    least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), least)
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2

@@ -33,7 +33,8 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     base = next((base for base in bases if base is not None), None)
     if base is None:
         return None
-    given = readings(base.geometry, float(base.settings.encoder.counts_per_turn))
+    gears = {_gear(run, own) for run, own in zip(runs, bases, strict=True) if own is not None} - {1.0}
+    given = readings(base.geometry, float(base.settings.encoder.counts_per_turn), gears)
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
@@ -44,6 +45,20 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     return disagreement(
         rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting
     )
+
+
+def _gear(run, base):
+    """The whole number, or one over it, that is nearest to how much farther the camera sees a robot go than its wheels.
+    """
+    link = camera_link(run, base)
+    kept = np.zeros(0, bool) if link is None else inside(base, link.since_s, link.until_s)
+    if not kept.any():
+        return 1.0
+    wheels = np.linalg.norm(link.predicted(link.since_s[kept], link.until_s[kept]), axis=1).sum()
+    camera = np.linalg.norm(link.measured[kept], axis=1).sum()
+    if min(wheels, camera) <= 0.0:
+        return 1.0
+    return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
 
 
 def _by_drive(run, base, repairs):

@@ -9,12 +9,11 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import FEWEST, Base
+from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS
 from drake_ispace.files.recording import Channel
 from drake_ispace.plants.wheels import WheelGeometry
 
-FINE_S = 0.5 * TICK_S  # of the time in which commands act
-_RAMPS = 0.5  # share of a command's changes that come right after another, from which on it is no series of steps
-_BLOCK_S = 1.0  # within which what a fit leaves may belong together
+_BLOCK_S = BLOCK_TICKS * TICK_S  # within which what a fit leaves may belong together
 
 
 @dataclass(frozen=True)
@@ -40,9 +39,10 @@ class Drive:
 
     @property
     def ramps(self) -> bool:
-        """Whether the command moves on from sample to sample, rather than now and then."""
+        """Whether a change of the command comes right after another one as often as not: it is no series of steps."""
         changed = self.changes.any(axis=1)
-        return bool(np.sum(changed[1:] & changed[:-1]) >= _RAMPS * np.sum(changed) > 0.0)
+        again = np.sum(changed[1:] & changed[:-1])
+        return bool(again >= np.sum(changed) - again and changed.any())
 
     def held(self, earlier_s: np.ndarray | float = 0.0) -> np.ndarray:
         """(k, n) commanded rates [rad/s] of the wheels if each sample holds until the next; means over each fine time.
@@ -51,17 +51,17 @@ class Drive:
         """
         since = self.command.t - earlier_s
         ways = np.vstack([np.zeros(3), np.cumsum(self.command.values[:-1] * np.diff(since)[:, None], axis=0)])
-        end = max(since[-1], self.t[-1]) + FINE_S
+        end = max(since[-1], self.t[-1]) + TICK_S
         ways, since = np.vstack([ways, ways[-1] + self.command.values[-1] * (end - since[-1])]), np.append(since, end)
-        edges = np.append(self.t, self.t[-1] + FINE_S)
+        edges = np.append(self.t, self.t[-1] + TICK_S)
         way = np.column_stack([np.interp(edges, since, column) for column in ways.T])
-        return np.diff(way, axis=0) / FINE_S @ self.geometry.inverse.T
+        return np.diff(way, axis=0) / TICK_S @ self.geometry.inverse.T
 
     def predicted(self, rates: np.ndarray, late_s: float, lag_s: float) -> np.ndarray:
         """(m - 1, n) turns [rad] of wheels that follow rates (k, n) so late, and then with that time constant."""
-        keep = np.exp(-FINE_S / lag_s) if lag_s > 0.0 else 0.0
+        keep = np.exp(-TICK_S / lag_s) if lag_s > 0.0 else 0.0
         reached = lfilter([1.0 - keep], [1.0, -keep], rates[:-1], axis=0)
-        after = np.cumsum(rates[:-1] * FINE_S, axis=0) - lag_s * reached
+        after = np.cumsum(rates[:-1] * TICK_S, axis=0) - lag_s * reached
         total = np.vstack([np.zeros(after.shape[1]), after])
         at = np.column_stack([np.interp(self.edges - late_s, self.t, column) for column in total.T])
         return np.diff(at, axis=0)
@@ -80,7 +80,7 @@ def drive_of(command: Channel, base: Base) -> Drive | None:
     if len(edges) <= FEWEST:
         return None
     turned = np.diff(base.encoder.values[np.searchsorted(read, edges)], axis=0)
-    return Drive(command, base.geometry, np.arange(command.t[0], command.t[-1], FINE_S), edges, turned, step_s)
+    return Drive(command, base.geometry, np.arange(command.t[0], command.t[-1], TICK_S), edges, turned, step_s)
 
 
 @dataclass(frozen=True)

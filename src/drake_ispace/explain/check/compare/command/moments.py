@@ -10,18 +10,16 @@ import numpy as np
 from scipy.sparse import lil_array
 from scipy.stats import norm, truncnorm
 
-from drake_ispace.explain.check.compare.agreement import SAID
+from drake_ispace.explain.check.compare.agreement import ALIKE, SAID
 from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.prove.gap import CHANCE
 from drake_ispace.faults.repair import Restamped
 from drake_ispace.robots.robot import COMMAND
 
-_ROUNDS = 3  # of finding the moments, and how wheels follow what changes then
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
-_GRID = 1000  # of the constants that are tried
-_UNLIKELY = 1e-3  # probability that a constant is smaller than it may be, or larger
 
 
 def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
@@ -37,13 +35,14 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     sizes = np.abs(np.vstack([drive.changes[samples[i] - 1] for i, drive in drives.items()]))
     ends = np.cumsum([len(samples[i]) for i in drives])[:-1]
     moved = {i: np.zeros(len(drive.command.t)) for i, drive in drives.items()}
-    for _ in range(_ROUNDS):
+    score, gained = 0.0, np.inf
+    while gained > ALIKE:  # until the moments, and how wheels follow what changes then, are as likely as before
         rates = {i: drive.held(moved[i]) for i, drive in drives.items()}
         follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
         found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
         earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
         at_once, half, within, twice = (_log_likelihood(earlier, std, sizes, k * step_s) for k in (0.0, 0.5, 1.0, 2.0))
-        score = within - at_once
+        score, gained = within - at_once, within - at_once - score
         if score < SAID:
             return []
         expected = _within_a_step(earlier, std, step_s, follows.late_s)
@@ -116,11 +115,11 @@ def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: 
     answer at once.
     """
     known = earlier[std < step_s]
-    constants = np.linspace(-known.max(), step_s - known.min(), _GRID)
+    constants = np.linspace(-known.max(), step_s - known.min(), round(1.0 / CHANCE))  # of which one is as rare as that
     low, high = (-(earlier + constants[:, None]) / std, (step_s - earlier - constants[:, None]) / std)
     inside = np.log(np.maximum(norm.cdf(high) - norm.cdf(low), 1e-300)).sum(axis=1)
     weights = np.exp(inside - inside.max())
     weights /= weights.sum()
-    least, most = np.interp((_UNLIKELY, 1.0 - _UNLIKELY), np.cumsum(weights), constants)
+    least, most = np.interp((CHANCE, 1.0 - CHANCE), np.cumsum(weights), constants)
     each = earlier + (-late_s if least <= -late_s <= most else constants @ weights)
     return truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.command.drive import FINE_S, Drive, best_following
+from drake_ispace.explain.check.compare.command.drive import Drive, best_following
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Interpolated
 from drake_ispace.robots.robot import COMMAND
@@ -44,5 +44,5 @@ def setpoint_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
 def _between(drive):
     """(k, n) commanded rates [rad/s] of the wheels along a smooth curve through the samples."""
-    curve = Interpolated(COMMAND, FINE_S).between(drive.command)
+    curve = Interpolated(COMMAND, TICK_S).between(drive.command)
     return curve.values @ drive.geometry.inverse.T
