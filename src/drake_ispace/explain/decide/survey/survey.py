@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.changes import Changes, Marginal, directions
+from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
@@ -137,7 +137,8 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
     tested = likelihood
     if view.by_sizes:
-        tested = likelihood.freed(directions(whitening, residuals, view.by_sizes).everywhere)
+        by_sizes = Changes(whitening, residuals, view.by_sizes)
+        tested = likelihood.freed(np.hstack([by_sizes.of_run(i) for i in range(len(residuals))]))
     marginal = Marginal(changes, tested.offsets, tested.memory, tested.remembered, tested.inner)
     screen, products = Screen(view.signatures, marginal.inner), changes.dot(tested.marginalised(w))
     noise = _unexplained(tested, marginal, screen, w, products)
