@@ -67,21 +67,12 @@ class Noise:
     def transposed(self, z: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows, p) the transpose of `whiten` times `z` (rows - lags, p): its products with any y are those of z with
         y whitened."""
-        rows, p = len(z) + self.lags, z.shape[1]
-        y = np.zeros((rows, p))
-        if not len(z):
-            return y
-        classes = np.zeros(rows, int) if classes is None else classes
-        e = y[self.lags :]
-        e += (z @ self.unit) / self.sizes[classes[self.lags :]]
-        into_past = -e @ self.a.T if len(self.a) else np.empty((len(z), 0))
-        into_lags, into_means = np.split(into_past, [p * self.lags], axis=1)
-        for k in range(self.lags):
-            y[self.lags - 1 - k : rows - 1 - k] += into_lags[:, k * p : (k + 1) * p]
-        for m, rate in enumerate(self.means):
-            later = np.zeros((rows, p))
-            later[self.lags :] = into_means[:, m * p : (m + 1) * p]
-            y += lfilter([0.0, rate], [1.0, rate - 1.0], later[::-1], axis=0)[::-1]
+        rows = len(z) + self.lags
+        y = np.zeros((rows, z.shape[1]))
+        if len(z):
+            classes = np.zeros(rows, int) if classes is None else classes
+            a, rates = np.ascontiguousarray(self.a.T), np.array(self.means)
+            transpose(np.ascontiguousarray(z), classes, a, 1.0 / self.sizes, self.unit, rates, y)
         return y
 
     def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
@@ -133,6 +124,33 @@ def whiten(y, classes, a, shrink, unit, rates, out):
             for j in range(p):
                 total += unit[i, j] * (e[t, j] * shrink[classes[t], j])
             out[(t - lags) * p + i] = total
+
+
+@kernel(nogil=True)
+def transpose(z, classes, a, shrink, unit, rates, y):
+    """Write `Noise.transposed` into `y`.
+
+    z (rows - lags, p), a (p, p (lags + means)), y (rows, p); others as of `whiten`.
+    """
+    rows, p, count = y.shape[0], y.shape[1], rates.shape[0]
+    lags = rows - z.shape[0]
+    e, later = np.zeros((rows, p)), np.zeros(count * p)
+    for t in range(lags, rows):
+        for j in range(p):
+            total = 0.0
+            for i in range(p):
+                total += unit[i, j] * z[t - lags, i]
+            e[t, j] = total * shrink[classes[t], j]
+    into_past = np.dot(e, a)
+    for t in range(rows - 1, -1, -1):
+        for i in range(p):
+            total = e[t, i]
+            for k in range(min(lags, rows - 1 - t)):
+                total -= into_past[t + 1 + k, k * p + i]
+            for m in range(count):
+                total -= rates[m] * later[m * p + i]
+                later[m * p + i] = into_past[t, (lags + m) * p + i] + (1.0 - rates[m]) * later[m * p + i]
+            y[t, i] = total
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
