@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
-from drake_ispace.explain.fit.offsets import Offsets, stacks_of, stacks_of_runs
+from drake_ispace.explain.fit.offsets import Offsets, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.threads import each
@@ -76,8 +76,7 @@ def directions(
 
     offsets: (run, change of its residuals) of each, in the order of the runs. Others: as of Changes.
     """
-    none = np.empty((0, whitening.starts(residuals)[-1]))
-    return Offsets(whitening, residuals, stacks_of(changes, residuals), stacks_of_runs(offsets, residuals), none)
+    return offsets_of(whitening, residuals, stacks_of(changes, residuals), stacks_of_runs(offsets, residuals))
 
 
 def without(

@@ -35,6 +35,13 @@ def _stack(changes, run) -> Stack:
     return {name: np.array([c[name] for c in changes]).reshape(-1, *rows.shape) for name, rows in run.items()}
 
 
+def offsets_of(
+    whitening: Whitening, residuals: Residuals, everywhere: Sequence[Stack], own: Sequence[Stack]
+) -> "Offsets":
+    """The Offsets under a noise, none of them freed."""
+    return Offsets(whitening, residuals, everywhere, own, np.empty((0, whitening.starts(residuals)[-1])))
+
+
 @dataclass(frozen=True)
 class Offsets:
     """Directions, (k + q + f) whitened vectors of n numbers, of which none but `freed` is kept whitened.
