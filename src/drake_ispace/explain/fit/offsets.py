@@ -32,7 +32,7 @@ def members(stack: Stack) -> list[dict[str, np.ndarray]]:
 
 def _stack(changes, run) -> Stack:
     """The Stack of changes of a run."""
-    return {name: np.array([c[name] for c in changes]).reshape(-1, *rows.shape) for name, rows in run.items()}
+    return {name: np.array([c[name] for c in changes]).reshape(len(changes), *rows.shape) for name, rows in run.items()}
 
 
 def offsets_of(
@@ -84,9 +84,9 @@ class Offsets:
         products[:, self.kept] = several @ self.freed.T
         for i in range(len(self.residuals)):
             for places, stack in self._groups(i):
-                for name, rows in stack.items():
+                for name in self.whitening.noise:
                     w = np.array([one[i][name].ravel() for one in turned])
-                    products[:, places] += dot(w, _flat(rows)) if name in self.whitening.noise else 0.0
+                    products[:, places] += dot(w, _flat(stack[name]))
         return products.reshape(*vectors.shape[:-1], len(self))
 
     def combined(self, amounts: np.ndarray) -> np.ndarray:
