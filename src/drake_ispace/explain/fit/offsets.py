@@ -106,9 +106,13 @@ class Offsets:
         """The vectors of the run that is between these two numbers."""
         i = self._starts.index(start)
         groups = self._groups(i)
-        whitened = [self.whitening.several(i, members(stack)) for _, stack in groups if _count(stack)]
+        ends = np.cumsum([0, *(at.stop - at.start for at, _ in groups), len(self.freed)])
+        rows = np.empty((ends[-1], end - start))
+        for (_, stack), first, last in zip(groups, ends[:-2], ends[1:-1], strict=True):
+            if first < last:
+                self.whitening.several(i, members(stack), rows[first:last])
+        rows[ends[-2] :] = self.freed[:, start:end]
         places = np.concatenate([np.arange(at.start, at.stop) for at, _ in groups])
-        rows = np.vstack([*whitened, self.freed[:, start:end]])
         return Part(rows, np.concatenate([places, self.kept]), len(self))
 
     def gram(self) -> np.ndarray:
