@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.explain.fit.changes import directions
 from drake_ispace.explain.fit.directions import Directions
-from drake_ispace.explain.fit.offsets import members, stacks_of_runs
+from drake_ispace.explain.fit.offsets import members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening
 
 RNG = np.random.default_rng(0)
@@ -24,7 +23,8 @@ WHITENING = Whitening(MEASURED, [{"motion": RNG.integers(0, 4, n)} for n in (900
 EVERYWHERE, OWN = [residuals(0.2) for _ in range(3)], [(i, residuals()[i]) for i in (0, 0, 1)]
 STARTS = WHITENING.starts(MEASURED)
 FREED = RNG.standard_normal((2, STARTS[-1]))
-OFFSETS = directions(WHITENING, MEASURED, EVERYWHERE, OWN).with_freed(FREED)
+STACKS = stacks_of(EVERYWHERE, MEASURED), stacks_of_runs(OWN, MEASURED)
+OFFSETS = offsets_of(WHITENING, MEASURED, *STACKS).with_freed(FREED)
 #: The same with whitened vectors that are all kept.
 KEPT = Directions(np.array([WHITENING(change) for change in EVERYWHERE]), [
     *((STARTS[i], WHITENING.several(i, [change])) for i, change in OWN), (0, FREED),
@@ -49,7 +49,7 @@ def test_the_gram_matrix_and_the_amounts_of_a_memory_are_those_of_vectors_that_a
 
 
 def test_members_of_a_stack_share_its_memory():
-    stacks = stacks_of_runs(OWN, MEASURED)
-    assert [len(members(stack)) for stack in stacks] == [2, 1]
-    assert members(stacks[0])[1]["motion"] == pytest.approx(OWN[1][1]["motion"])
-    assert np.shares_memory(members(stacks[0])[1]["motion"], stacks[0]["motion"])
+    _, own = STACKS
+    assert [len(members(stack)) for stack in own] == [2, 1]
+    assert members(own[0])[1]["motion"] == pytest.approx(OWN[1][1]["motion"])
+    assert np.shares_memory(members(own[0])[1]["motion"], own[0]["motion"])

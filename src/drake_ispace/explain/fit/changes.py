@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
-from drake_ispace.explain.fit.offsets import Offsets, offsets_of, stacks_of, stacks_of_runs
+from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.threads import each
@@ -66,17 +66,6 @@ class Changes:
         """(n,) sum of the whitened changes, each times its amount (k,)."""
         nothing = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in self._residuals]
         return self._whitening(without(nothing, -amounts, self._changes))
-
-
-def directions(
-    whitening: Whitening, residuals: Residuals, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
-) -> Offsets:
-    """Changes of all residuals, and changes of one run each, as directions.
-
-    offsets: (run, change of its residuals) of each, in the order of the runs. Others: as of Changes.
-    """
-    return offsets_of(whitening, residuals, stacks_of(changes, residuals), stacks_of_runs(offsets, residuals))
 
 
 def without(
