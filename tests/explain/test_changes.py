@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from drake_ispace.explain.fit.changes import Changes, Marginal, directions
+from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import Likelihood
+from drake_ispace.explain.fit.offsets import offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening
 
 RNG = np.random.default_rng(0)
@@ -25,8 +26,9 @@ MEASURED = residuals()
 CLASSES = [{"motion": RNG.integers(1, 5, n)} for n in ROWS]  # class 1 is not scored
 WHITENING = Whitening(MEASURED, CLASSES)
 FOUND = [residuals(0.1) for _ in range(5)]
-OFFSETS = directions(
-    WHITENING, MEASURED, [residuals(0.2) for _ in range(3)], [(i, residuals()[i]) for i in (0, 0, 1)]
+OFFSETS = offsets_of(
+    WHITENING, MEASURED, stacks_of([residuals(0.2) for _ in range(3)], MEASURED),
+    stacks_of_runs([(i, residuals()[i]) for i in (0, 0, 1)], MEASURED),
 )
 CHANGES = Changes(WHITENING, MEASURED, FOUND)
 X = np.array([WHITENING(change) for change in FOUND])

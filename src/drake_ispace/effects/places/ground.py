@@ -14,7 +14,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.functions import cos, sin, tanh
-from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.effect import PlantEffect
@@ -170,12 +170,14 @@ class TurnScrub(GroundEffect):
 
 @kernel
 def resisted_planar(ground_force, pose, velocity, force_n, scale_m_s, out):
+    copy(ground_force, out)
+    if force_n == 0.0:
+        return
     c, s = cos(pose[2]), sin(pose[2])
     speed = np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + 1e-18)
     brake = dry(force_n, speed, scale_m_s) / speed
     out[0] = ground_force[0] - brake * (c * velocity[0] + s * velocity[1])
     out[1] = ground_force[1] - brake * (-s * velocity[0] + c * velocity[1])
-    out[2] = ground_force[2]
 
 
 @kernel
@@ -270,11 +272,13 @@ class SoftPatch(GroundEffect):
 
 @kernel
 def dragged_planar(ground_force, pose, velocity, coefficient_n_s2_m2, out):
+    copy(ground_force, out)
+    if coefficient_n_s2_m2 == 0.0:
+        return
     c, s = cos(pose[2]), sin(pose[2])
     brake = coefficient_n_s2_m2 * np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
     out[0] = ground_force[0] - brake * (c * velocity[0] + s * velocity[1])
     out[1] = ground_force[1] - brake * (-s * velocity[0] + c * velocity[1])
-    out[2] = ground_force[2]
 
 
 @kernel
@@ -299,6 +303,9 @@ class QuadraticDrag(GroundEffect):
 
 @kernel
 def tilted_planar(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_m, out):
+    copy(ground_force, out)
+    if downhill_m_s2[0] == 0.0 and downhill_m_s2[1] == 0.0:
+        return
     c, s = cos(pose[2]), sin(pose[2])
     fx = mass_kg * (c * downhill_m_s2[0] + s * downhill_m_s2[1])
     fy = mass_kg * (-s * downhill_m_s2[0] + c * downhill_m_s2[1])
@@ -309,6 +316,9 @@ def tilted_planar(ground_force, pose, downhill_m_s2, mass_kg, centre_of_gravity_
 @kernel
 def tilted_balancing(ground_force, pose, balance, downhill_m_s2, mass_kg, lifted_kg_m, out):
     """Minus the gradient of g (m_total slope.p + m_b z sin(theta) slope.(cos phi, sin phi)) along s, phi, theta."""
+    copy(ground_force, out)
+    if downhill_m_s2[0] == 0.0 and downhill_m_s2[1] == 0.0:
+        return
     c, s = cos(pose[2]), sin(pose[2])
     along = c * downhill_m_s2[0] + s * downhill_m_s2[1]
     across = -s * downhill_m_s2[0] + c * downhill_m_s2[1]

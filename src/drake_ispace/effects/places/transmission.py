@@ -7,7 +7,7 @@ Friction is beyond what the plant has itself, so it may be negative as far as th
 import math
 
 from drake_ispace.blocks.functions import exp
-from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.places.shaping import one_wheel
@@ -230,6 +230,9 @@ class PreslidingFriction(TorqueEffect):
 
 @kernel
 def load_dependent(torque, wheel_rate, share, least_speed_rad_s, slope_n_m_s, out):
+    copy(torque, out)
+    if share == 0.0:
+        return
     for i in range(out.shape[0]):
         drag = share * abs(torque[i])
         out[i] = torque[i] - dry(drag, wheel_rate[i], max(least_speed_rad_s, drag / slope_n_m_s))

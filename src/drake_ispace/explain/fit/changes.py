@@ -3,13 +3,13 @@
 There are hundreds of them, each as long as all runs together. Only their scalar products are kept.
 """
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
+from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.threads import each
@@ -48,10 +48,10 @@ class Changes:
         """Numbers of the changes that are whitened in one job, for every job."""
         return [slice(first, min(first + _BATCH, len(self))) for first in range(0, len(self), _BATCH)]
 
-    def of_run(self, i: int, some: slice = slice(None)) -> np.ndarray:
-        """(k, n_i) the changes of run `i`, or some of them, whitened."""
+    def of_run(self, i: int, some: slice = slice(None), out: np.ndarray | None = None) -> np.ndarray:
+        """(k, n_i) the changes of run `i`, or some of them, whitened, in `out` or in a new array."""
         chosen = [change[i] for change in self._changes[some]]
-        return self._whitening.several(i, chosen) if chosen else np.empty((0, self.starts[i + 1] - self.starts[i]))
+        return self._whitening.several(i, chosen, out) if chosen else np.empty((0, self.starts[i + 1] - self.starts[i]))
 
     def dot(self, w: np.ndarray) -> np.ndarray:
         """(k,) scalar products of the whitened changes with `w` (n,)."""
@@ -66,21 +66,6 @@ class Changes:
         """(n,) sum of the whitened changes, each times its amount (k,)."""
         nothing = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in self._residuals]
         return self._whitening(without(nothing, -amounts, self._changes))
-
-
-def directions(
-    whitening: Whitening, residuals: Residuals, changes: Sequence[Residuals],
-    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
-) -> Directions:
-    """Whitened changes of all residuals, kept, and whitened offsets.
-
-    offsets: (run, change of its residuals) of each, in the order of the runs. Others: as of Changes.
-    """
-    whole = Changes(whitening, residuals, changes)
-    everywhere = np.hstack(each(whole.of_run, range(len(residuals))))
-    grouped = [(i, [change for _, change in group]) for i, group in itertools.groupby(offsets, lambda o: o[0])]
-    parts = each(lambda group: whitening.several(*group), grouped)
-    return Directions(everywhere, [(int(whole.starts[i]), part) for (i, _), part in zip(grouped, parts, strict=True)])
 
 
 def without(
@@ -118,13 +103,13 @@ class Marginal:
     """
 
     def __init__(
-        self, changes: Changes, offsets: Directions, memories: Sequence[Memory] = (),
+        self, changes: Changes, offsets: Directions | Offsets, memories: Sequence[Memory] = (),
         of_offsets: Sequence[np.ndarray] = (), inner: np.ndarray | None = None,
     ):
         k, q, self._changes, self._offsets, self._memories = len(changes), len(offsets), changes, offsets, memories
         by_run = [_products(changes, i, offsets, memories) for i in range(len(changes.spans))]
-        plain, with_offsets, *remembered = (sum(parts) for parts in zip(*by_run, strict=True))
-        self.gram = np.block([[plain, with_offsets], [with_offsets.T, offsets.gram()]])
+        plain, with_offsets, of_offsets_alone, *remembered = (sum(parts) for parts in zip(*by_run, strict=True))
+        self.gram = np.block([[plain, with_offsets], [with_offsets.T, of_offsets_alone]])
         for own, other in zip(remembered, of_offsets, strict=True):
             plain -= alike(own, own)
             with_offsets -= alike(own, other)
@@ -175,7 +160,7 @@ class Marginal:
 
 
 def _products(changes, i, offsets, memories) -> list[np.ndarray]:
-    """Products of the whitened changes in run `i`: (k, k) with each other and (k, q) with the offsets.
+    """Products in run `i`: of the whitened changes (k, k), of them with the offsets (k, q), and of the offsets (q, q).
 
     After these come, for every memory, the amounts (k, p, q) of its basis in the changes.
     """
@@ -185,7 +170,7 @@ def _products(changes, i, offsets, memories) -> list[np.ndarray]:
     remembered = [np.empty((k, *memory.shape)) for memory in memories]
 
     def whiten(some):
-        part[some] = changes.of_run(i, some)
+        changes.of_run(i, some, part[some])
 
     def multiply(some):
         plain[some, some.start :] = part[some] @ part[some.start :].T
@@ -195,4 +180,4 @@ def _products(changes, i, offsets, memories) -> list[np.ndarray]:
 
     each(whiten, changes.batches)
     each(multiply, changes.batches)
-    return [np.triu(plain) + np.triu(plain, 1).T, with_offsets, *remembered]
+    return [np.triu(plain) + np.triu(plain, 1).T, with_offsets, own_offsets.gram(), *remembered]

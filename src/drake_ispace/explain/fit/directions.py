@@ -1,10 +1,11 @@
 """Vectors as long as all residuals, a row each; of a vector that is zero but in one run, only that run is stored."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+_BLOCK = 4096  # numbers of each vector that are taken at once
 _LEAST_EIGENVALUE = 1e-9  # as a share of the largest; below it directions coincide
 
 
@@ -25,37 +26,108 @@ class Directions:
 
     def dot(self, vectors: np.ndarray) -> np.ndarray:
         """(k + q,) or (m, k + q) scalar products with (n,) or (m, n) vectors."""
-        parts = [vectors @ self.everywhere.T]
-        parts += [vectors[..., start : start + part.shape[1]] @ part.T for start, part in self.own]
+        parts = [dot(vectors, self.everywhere)]
+        parts += [dot(vectors[..., start : start + part.shape[1]], part) for start, part in self.own]
         return np.concatenate(parts, axis=-1)
 
     def combined(self, amounts: np.ndarray) -> np.ndarray:
         """(n,) or (m, n) sums of the vectors, each times its amount; amounts (k + q,) or (m, k + q)."""
-        at = len(self.everywhere)
-        total = amounts[..., :at] @ self.everywhere
+        at, total = len(self.everywhere), np.zeros((*amounts.shape[:-1], self.everywhere.shape[1]))
+        add(amounts[..., :at], self.everywhere, total)
         for start, part in self.own:
-            total[..., start : start + part.shape[1]] += amounts[..., at : at + len(part)] @ part
+            add(amounts[..., at : at + len(part)], part, total[..., start : start + part.shape[1]])
             at += len(part)
         return total
 
-    def part(self, start: int, end: int) -> "Directions":
-        """The vectors between two numbers, as long as that; vectors of other runs are zero there."""
-        none = lambda part: np.zeros((len(part), 0))  # noqa: E731
-        own = [(a - start, part) if start <= a < end else (0, none(part)) for a, part in self.own]
-        return Directions(self.everywhere[:, start:end], own)
+    def part(self, start: int, end: int) -> "Part":
+        """The vectors between two numbers, less those of other runs, which are zero there."""
+        at, rows, places = len(self.everywhere), [self.everywhere[:, start:end]], [np.arange(len(self.everywhere))]
+        for a, part in self.own:
+            if start <= a < end:
+                rows.append(part)
+                places.append(np.arange(at, at + len(part)))
+            at += len(part)
+        return Part(np.vstack(rows), np.concatenate(places), len(self))
+
+    def with_freed(self, vectors: np.ndarray) -> "Directions":
+        """The Directions with further vectors (f, n)."""
+        return replace(self, everywhere=np.vstack([self.everywhere, vectors]))
+
+    def gram_and_amounts(self, memories: Sequence) -> tuple[np.ndarray, list[np.ndarray]]:
+        """`gram`, and the amounts (k + q, p, q) of the basis of every memory in the vectors."""
+        return self.gram(), [memory.amounts_in(self) for memory in memories]
 
     def gram(self) -> np.ndarray:
         """(k + q, k + q) scalar products of the vectors with each other."""
         at, products = len(self.everywhere), np.zeros((len(self), len(self)))
-        products[:at, :at] = self.everywhere @ self.everywhere.T
+        products[:at, :at] = dot(self.everywhere, self.everywhere)
         k = at
         for start, part in self.own:
             rows = slice(at, at + len(part))
-            products[rows, :k] = part @ self.everywhere[:, start : start + part.shape[1]].T
+            products[rows, :k] = dot(part, self.everywhere[:, start : start + part.shape[1]])
             products[:k, rows] = products[rows, :k].T
-            products[rows, rows] = part @ part.T
+            products[rows, rows] = dot(part, part)
             at += len(part)
         return products
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some of `size` vectors, the others being zero.
+
+    Attributes:
+        rows: (m, n) the vectors. places: (m,) their numbers. size: how many there are.
+    """
+
+    rows: np.ndarray
+    places: np.ndarray
+    size: int
+
+    def __len__(self) -> int:
+        return self.size
+
+    def dot(self, vectors: np.ndarray) -> np.ndarray:
+        """(k, size) scalar products with vectors (k, n)."""
+        products = np.zeros((len(vectors), self.size))
+        products[:, self.places] = vectors @ self.rows.T
+        return products
+
+    def combined(self, amounts: np.ndarray) -> np.ndarray:
+        """(k, n) sums of the vectors, each times its amount (k, size)."""
+        return amounts[:, self.places] @ self.rows
+
+    def gram(self) -> np.ndarray:
+        """(size, size) scalar products of the vectors with each other."""
+        products = np.zeros((self.size, self.size))
+        products[np.ix_(self.places, self.places)] = self.rows @ self.rows.T
+        return products
+
+    def spread(self, numbers: np.ndarray) -> np.ndarray:
+        """(size, ...) what `numbers` (m, ...) has of the vectors, zero for the others."""
+        spread = np.zeros((self.size, *numbers.shape[1:]))
+        spread[self.places] = numbers
+        return spread
+
+
+def _blocks(part):
+    """Slices of the columns of `part` (q, n), and each block in double precision, small enough for a core's memory."""
+    for first in range(0, part.shape[1], _BLOCK):
+        columns = slice(first, first + _BLOCK)
+        yield columns, np.asarray(part[:, columns], float)
+
+
+def dot(vectors, part):
+    """(q,) or (m, q) scalar products of (n,) or (m, n) vectors with those of `part` (q, n), in double precision."""
+    total = np.zeros((*vectors.shape[:-1], len(part)))
+    for columns, block in _blocks(part):
+        total += (block if vectors is part else np.asarray(vectors[..., columns], float)) @ block.T
+    return total
+
+
+def add(amounts, part, total):
+    """Add the vectors of `part` (q, n), each times its amount (q,) or (m, q), to `total` (n,) or (m, n)."""
+    for columns, block in _blocks(part):
+        total[..., columns] += amounts @ block
 
 
 def amounts_of(gram: np.ndarray, products: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.memory import Memory, alike
+from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.threads import each
@@ -50,22 +51,21 @@ class Likelihood:
 
     prediction: Prediction
     whitening: Whitening
-    offsets: Directions
+    offsets: Directions | Offsets
     sizes: Mapping[Candidate, Sequence[float]]
     memory: Sequence[Memory] = ()
     inner: np.ndarray = field(init=False, repr=False)
     remembered: list[np.ndarray] = field(init=False, repr=False)
 
     def __post_init__(self):
-        self.remembered = [memory.amounts_in(self.offsets) for memory in self.memory]
-        products = self.offsets.gram() - sum(alike(amounts, amounts) for amounts in self.remembered)
+        gram, self.remembered = self.offsets.gram_and_amounts(self.memory)
+        products = gram - sum(alike(amounts, amounts) for amounts in self.remembered)
         self.inner = np.linalg.inv(products + np.eye(len(self.offsets)))
 
     def freed(self, changes: np.ndarray) -> "Likelihood":
         """The Likelihood with further offsets, of any size: whitened changes (k, rows) of the residuals."""
         lengths = np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-300)
-        everywhere = np.vstack([self.offsets.everywhere, _ANY_SIZE * changes / lengths])
-        return replace(self, offsets=replace(self.offsets, everywhere=everywhere))
+        return replace(self, offsets=self.offsets.with_freed(_ANY_SIZE * changes / lengths))
 
     def raw(self, point: Point) -> Residuals:
         """The residuals at `point`, not whitened."""

@@ -50,32 +50,29 @@ class Noise:
 
         y: or (k, rows, p), several at once. classes: (rows,) class of motion of each row; None: all rows are alike.
         """
-        several = np.ascontiguousarray(y if y.ndim == 3 else y[None])
-        out = np.empty((len(several), self.rows(several[0]), y.shape[-1]))
-        classes = np.zeros(several.shape[1], int) if classes is None else classes
-        if out.shape[1]:
+        several = y if y.ndim == 3 else y[None]
+        rows, p = self.rows(several[0]), y.shape[-1]
+        out = np.empty((len(several), rows * p))
+        for one, whitened in zip(several, out, strict=True):
+            self.whiten_into(one, classes, whitened)
+        return out.reshape(*y.shape[:-2], rows, p)
+
+    def whiten_into(self, y: np.ndarray, classes: np.ndarray | None, out: np.ndarray) -> None:
+        """Write what `whiten` gives of `y` (rows, p), one row after the other, into `out`."""
+        if len(out):
+            classes = np.zeros(len(y), int) if classes is None else classes
             a, rates = np.ascontiguousarray(self.a), np.array(self.means)
-            whiten(several, classes, a, 1.0 / self.sizes, self.unit, rates, out)
-        return out if y.ndim == 3 else out[0]
+            whiten(np.ascontiguousarray(y), classes, a, 1.0 / self.sizes, self.unit, rates, out)
 
     def transposed(self, z: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows, p) the transpose of `whiten` times `z` (rows - lags, p): its products with any y are those of z with
         y whitened."""
-        rows, p = len(z) + self.lags, z.shape[1]
-        y = np.zeros((rows, p))
-        if not len(z):
-            return y
-        classes = np.zeros(rows, int) if classes is None else classes
-        e = y[self.lags :]
-        e += (z @ self.unit) / self.sizes[classes[self.lags :]]
-        into_past = -e @ self.a.T if len(self.a) else np.empty((len(z), 0))
-        into_lags, into_means = np.split(into_past, [p * self.lags], axis=1)
-        for k in range(self.lags):
-            y[self.lags - 1 - k : rows - 1 - k] += into_lags[:, k * p : (k + 1) * p]
-        for m, rate in enumerate(self.means):
-            later = np.zeros((rows, p))
-            later[self.lags :] = into_means[:, m * p : (m + 1) * p]
-            y += lfilter([0.0, rate], [1.0, rate - 1.0], later[::-1], axis=0)[::-1]
+        rows = len(z) + self.lags
+        y = np.zeros((rows, z.shape[1]))
+        if len(z):
+            classes = np.zeros(rows, int) if classes is None else classes
+            a, rates = np.ascontiguousarray(self.a.T), np.array(self.means)
+            transpose(np.ascontiguousarray(z), classes, a, 1.0 / self.sizes, self.unit, rates, y)
         return y
 
     def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
@@ -88,46 +85,72 @@ class Noise:
 
 @kernel(nogil=True)
 def whiten(y, classes, a, shrink, unit, rates, out):
-    """Write `Noise.whiten` of several residuals into `out`.
+    """Write `Noise.whiten` of residuals into `out`.
 
-    y (k, rows, p), classes (rows,), a (p (lags + means), p), shrink (classes, p): 1 over the size of the noise, unit
-    (p, p), rates (means,), out (k, rows - lags, p).
+    y (rows, p), classes (rows,), a (p (lags + means), p), shrink (classes, p): 1 over the size of the noise, unit
+    (p, p), rates (means,), out ((rows - lags) p,).
     """
-    rows, p, lags, count = y.shape[1], y.shape[2], y.shape[1] - out.shape[1], rates.shape[0]
-    past, mean = np.empty((rows, count * p)), np.empty(count * p)
+    rows, p, count = y.shape[0], y.shape[1], rates.shape[0]
+    lags = rows - out.shape[0] // p
+    own, past, mean = np.empty((rows, p)), np.empty((rows, count * p)), np.zeros(count * p)
     of_lags, e = np.empty((lags * p, p)), np.empty((rows, p))
     # loops, because an assignment of slices takes ten seconds to compile
     for k in range(lags):  # the oldest row first, as in y
         for j in range(p):
             for i in range(p):
                 of_lags[(lags - 1 - k) * p + j, i] = a[k * p + j, i]
-    for n in range(y.shape[0]):
-        mean[:] = 0.0
+    for t in range(rows):
+        for i in range(p):
+            own[t, i] = e[t, i] = y[t, i]
+        for m in range(count):
+            for i in range(p):
+                past[t, m * p + i] = mean[m * p + i]
+                mean[m * p + i] += rates[m] * (own[t, i] - mean[m * p + i])
+    if count:
+        predicted = np.dot(past, a[lags * p :])
         for t in range(rows):
             for i in range(p):
-                e[t, i] = y[n, t, i]
-            for m in range(count):
+                e[t, i] -= predicted[t, i]
+    for first in range(lags):  # every lags-th row, whose last rows lie one after the other
+        windows = (rows - 1 - first) // lags
+        if windows > 0:
+            predicted = np.dot(own[first : first + windows * lags].reshape(windows, lags * p), of_lags)
+            for w in range(windows):
                 for i in range(p):
-                    past[t, m * p + i] = mean[m * p + i]
-                    mean[m * p + i] += rates[m] * (y[n, t, i] - mean[m * p + i])
-        if count:
-            predicted = np.dot(past, a[lags * p :])
-            for t in range(rows):
-                for i in range(p):
-                    e[t, i] -= predicted[t, i]
-        for first in range(lags):  # every lags-th row, whose last rows lie one after the other in y
-            windows = (rows - 1 - first) // lags
-            if windows > 0:
-                predicted = np.dot(y[n, first : first + windows * lags].reshape(windows, lags * p), of_lags)
-                for w in range(windows):
-                    for i in range(p):
-                        e[first + (w + 1) * lags, i] -= predicted[w, i]
-        for t in range(lags, rows):
+                    e[first + (w + 1) * lags, i] -= predicted[w, i]
+    for t in range(lags, rows):
+        for i in range(p):
+            total = 0.0
+            for j in range(p):
+                total += unit[i, j] * (e[t, j] * shrink[classes[t], j])
+            out[(t - lags) * p + i] = total
+
+
+@kernel(nogil=True)
+def transpose(z, classes, a, shrink, unit, rates, y):
+    """Write `Noise.transposed` into `y`.
+
+    z (rows - lags, p), a (p, p (lags + means)), y (rows, p); others as of `whiten`.
+    """
+    rows, p, count = y.shape[0], y.shape[1], rates.shape[0]
+    lags = rows - z.shape[0]
+    e, later = np.zeros((rows, p)), np.zeros(count * p)
+    for t in range(lags, rows):
+        for j in range(p):
+            total = 0.0
             for i in range(p):
-                total = 0.0
-                for j in range(p):
-                    total += unit[i, j] * (e[t, j] * shrink[classes[t], j])
-                out[n, t - lags, i] = total
+                total += unit[i, j] * z[t - lags, i]
+            e[t, j] = total * shrink[classes[t], j]
+    into_past = np.dot(e, a)
+    for t in range(rows - 1, -1, -1):
+        for i in range(p):
+            total = e[t, i]
+            for k in range(min(lags, rows - 1 - t)):
+                total -= into_past[t + 1 + k, k * p + i]
+            for m in range(count):
+                total -= rates[m] * later[m * p + i]
+                later[m * p + i] = into_past[t, (lags + m) * p + i] + (1.0 - rates[m]) * later[m * p + i]
+            y[t, i] = total
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
@@ -246,13 +269,17 @@ class Whitening:
         """(n_i,) the whitened residuals of run `i`, one stream after the other."""
         return self.several(i, [run])[0]
 
-    def several(self, i: int, runs: Sequence[dict[str, np.ndarray]]) -> np.ndarray:
-        """(k, n_i) the same of several residuals of run `i`."""
-        stacked = {name: np.stack([run[name] for run in runs], dtype=float) for name in self.noise}
-        return np.hstack([
-            noise.whiten(stacked[name], self.classes[i].get(name)).reshape(len(runs), -1)
-            for name, noise in self.noise.items()
-        ])
+    def several(
+        self, i: int, runs: Sequence[dict[str, np.ndarray]], out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(k, n_i) the same of several residuals of run `i`, in `out` or in a new array."""
+        sizes = [noise.rows(runs[0][name]) * runs[0][name].shape[1] for name, noise in self.noise.items()]
+        ends = np.cumsum([0, *sizes])
+        out = np.empty((len(runs), ends[-1])) if out is None else out
+        for run, whitened in zip(runs, out, strict=True):
+            for (name, noise), start, end in zip(self.noise.items(), ends[:-1], ends[1:], strict=True):
+                noise.whiten_into(run[name], self.classes[i].get(name), whitened[start:end])
+        return out
 
     def transposed(self, w: np.ndarray, residuals: Residuals) -> Residuals:
         """The transpose of the whitening times `w` (n,); residuals: of all runs, only their sizes are used."""

@@ -59,6 +59,8 @@ class OwnReplay(Replay):
     unknown_torque: float = 0.0
     angle_std: float = 0.0
 
+    may_begin_late = False
+
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, n) innovations of the angles, and (0, 3) for a room: there is none.
 

@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.predict.begun import Begun
 from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
@@ -138,20 +139,26 @@ class Prediction:
             (run, stream -> (rows, channels)) of each, in the order of the runs.
         """
         numbers, share = self.replay.parameters(values), self._dropouts(values)
-        at, jobs = self.residuals(values), []
+        at, jobs, ticks = self.residuals(values), [], []
         for i, track in enumerate(self.tracks):
-            jobs += [(i, lambda t=track, o=o: replace(t, measured=t.measured + o)) for o in self._offsets(track)]
-            jobs += [(i, lambda t=track, f=f: self.replay.pushed(t, f)) for f in self._slow_forces(track)]
+            moved = [(k, lambda t=track, o=o: replace(t, measured=t.measured + o)) for k, o in self._offsets(track)]
+            moved += [(k, lambda t=track, f=f: self.replay.pushed(t, f)) for k, f in self._slow_forces(track)]
+            ticks.append([since for since, _ in moved])
+            jobs += [(i, *job) for job in moved]
+        begun = each(
+            lambda *run: Begun(self.replay, run[0], run[1], numbers, run[2]), self.tracks, self.starts, ticks
+        )
 
         def one(job):
-            i, moved = job
-            moved_rows = self._of_run(i, moved(), numbers, share)
-            return i, change(moved_rows, at[i])
+            i, since, moved = job
+            track = moved()
+            return i, change(self._streams(i, track, *begun[i].run(track, since), share), at[i])
 
         return each(one, jobs)
 
     def _slow_forces(self, track):
-        """Yield unknown forces (rows, 3), each along one axis over a few seconds, one standard deviation large."""
+        """Yield the tick from which on, and an unknown force (rows, 3) along one axis over a few seconds, one standard
+        deviation large."""
         robot = self.replay.body.robot
         if robot.driven == COMMAND or robot.unknown_forces is None or not self.channels["motion"]:
             return
@@ -159,7 +166,7 @@ class Prediction:
             for start in range(0, track.ticks, _SLOW_TICKS):
                 force = np.zeros((len(track.command), 3))
                 force[start : start + _SLOW_TICKS, axis] = _SLOW_SHARE * size
-                yield force
+                yield start, force
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""
@@ -195,7 +202,7 @@ class Prediction:
         return change
 
     def _offsets(self, track):
-        """Yield offsets (rows or 1, p) of `measured`, each one standard deviation large.
+        """Yield the tick from which on, and an offset (rows or 1, p) of `measured`, one standard deviation large.
 
         A wheel is somewhere within its count, and stays there while it rests. An IMU has a bias.
         """
@@ -207,12 +214,12 @@ class Prediction:
                 offset = np.zeros((rows, p))
                 end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
                 offset[start:end, column] = _WITHIN_COUNT * count
-                yield offset
+                yield start, offset
         for column, size in enumerate(IMU_OFFSETS.values() if p > wheels else (), wheels):
             if column in self.columns:
                 offset = np.zeros((1, p))
                 offset[0, column] = size
-                yield offset
+                yield 0, offset
 
     def classes(self, values: Values, speeds: Speeds | None = None) -> list[dict[str, np.ndarray]]:
         """Per run, stream -> (rows,) class of motion by the speed of the slowest wheel; only of the stream "motion".
@@ -262,7 +269,10 @@ class Prediction:
 
     def _of_run(self, i, track, numbers, dropouts):
         """Stream -> residuals of run `i`, in the form `track`, under these run-time numbers."""
-        motion, room = self.replay.run(track, self.starts[i], numbers)
+        return self._streams(i, track, *self.replay.run(track, self.starts[i], numbers), dropouts)
+
+    def _streams(self, i, track, motion, room, dropouts):
+        """Stream -> residuals of run `i` from innovations of the outputs and of the fixes."""
         room = room[:, : len(self.channels["room"])]
         first = room[: int(self.anchored[i])]
         return {

@@ -63,6 +63,11 @@ class Replay:
     settling_ticks: int = 0
     alone: tuple[np.ndarray, np.ndarray] | None = None
 
+    @property
+    def may_begin_late(self) -> bool:
+        """Whether one rollout gives all, and its inputs at a tick are what was recorded until then."""
+        return self.body.robot.driven == TORQUE
+
     def combined(self, values: Values) -> dict[str, dict[str, float]]:
         """Values of these effects and of the known ones; those of a known effect are added to what the model has."""
         together = {name: dict(v) for name, v in self.known.items()}
@@ -134,11 +139,19 @@ class Replay:
             numbers[which] = values
             straight = dataclasses.replace(run, measured=run.turned)
             looks = self._logs(straight, start, numbers, command=self._turned(straight, numbers))
+        return self.shown(run, logs, looks)
+
+    def shown(self, run: Track, logs: Mapping[str, np.ndarray], looks: Mapping[str, np.ndarray]):
+        """As `run`, from the logs of a rollout, and of that which leads to the fixes."""
         return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
 
     def _logs(self, run, start, numbers, **other_inputs):
-        inputs = self.inputs(run, numbers) | {"measured": run.shown} | other_inputs
+        inputs = self.logged_inputs(run, numbers) | other_inputs
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=inputs)
+
+    def logged_inputs(self, run: Track, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """As `inputs`, with what the encoders showed at the ticks at which they were read."""
+        return self.inputs(run, numbers) | {"measured": run.shown}
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
         """The run-time numbers for a run that is a later part of a recording: some effects grow with time."""

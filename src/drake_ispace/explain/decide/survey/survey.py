@@ -10,7 +10,7 @@ from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.changes import Changes, Marginal, directions
+from drake_ispace.explain.fit.changes import Changes, Marginal
 from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
@@ -75,7 +75,8 @@ class Survey:
     def light(self) -> "Survey":
         """The Survey without the changes of the residuals: nothing can be surveyed or moved from it any more."""
         screen = self.screen.light()
-        view = replace(self.view, signatures=screen.signatures, changes=[], by_sizes=[], offsets=[], tolerated=[])
+        none = {"changes": [], "by_sizes": [], "offset_stacks": [], "tolerated_stacks": []}
+        view = replace(self.view, signatures=screen.signatures, **none)
         nothing = np.empty((len(screen.signatures), 0))
         return replace(self, view=view, tested=None, changes=None, screen=screen, by_instant=nothing)
 
@@ -137,7 +138,8 @@ def _survey(point, view, residuals, likelihood) -> Survey:
     changes = Changes(whitening, residuals, [s.change for s in view.signatures])
     tested = likelihood
     if view.by_sizes:
-        tested = likelihood.freed(directions(whitening, residuals, view.by_sizes).everywhere)
+        by_sizes = Changes(whitening, residuals, view.by_sizes)
+        tested = likelihood.freed(np.hstack([by_sizes.of_run(i) for i in range(len(residuals))]))
     marginal = Marginal(changes, tested.offsets, tested.memory, tested.remembered, tested.inner)
     screen, products = Screen(view.signatures, marginal.inner), changes.dot(tested.marginalised(w))
     noise = _unexplained(tested, marginal, screen, w, products)

@@ -8,8 +8,9 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
-from drake_ispace.explain.fit.changes import Changes, Marginal, directions, without
+from drake_ispace.explain.fit.changes import Changes, Marginal, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
+from drake_ispace.explain.fit.offsets import Stack, members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening, is_bounded
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
 
@@ -23,23 +24,33 @@ class View:
 
     Attributes:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
-            are explained away while the noise is learned. offsets: (run, change) of every nuisance of a single run.
-            tolerated: changes by what a sound robot may be off. sizes: natural size of each coordinate of each
-            candidate.
+            are explained away while the noise is learned. offset_stacks: per run, changes by every nuisance of it.
+            tolerated_stacks: per run, changes by what a sound robot may be off. sizes: natural size of each coordinate
+            of each candidate.
     """
 
     prediction: Prediction
     signatures: list[Signature]
     changes: list[Residuals]
     by_sizes: list[Residuals]
-    offsets: list[tuple[int, dict[str, np.ndarray]]]
-    tolerated: list[Residuals]
+    offset_stacks: list[Stack]
+    tolerated_stacks: list[Stack]
     sizes: Mapping[Candidate, Sequence[float]]
+
+    @property
+    def offsets(self) -> list[tuple[int, dict[str, np.ndarray]]]:
+        """(run, change) of every nuisance of a single run."""
+        return [(i, change) for i, stack in enumerate(self.offset_stacks) for change in members(stack)]
+
+    @property
+    def tolerated(self) -> list[Residuals]:
+        """Changes by what a sound robot may be off."""
+        return [list(change) for change in zip(*map(members, self.tolerated_stacks), strict=True)]
 
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
-        changes = Changes(whitening, residuals, self.changes)
-        return Regression(whitening, Marginal(changes, directions(whitening, residuals, [], self.offsets)))
+        changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
+        return Regression(whitening, Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks)))
 
     def likelihood(
         self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
@@ -58,7 +69,8 @@ class View:
         near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
             the memory is marginalised. flaws: further changes to be tolerated, one standard deviation each.
         """
-        offsets = directions(whitening, residuals, [*self.tolerated, *flaws], self.offsets)
+        everywhere = stacks_of([*self.tolerated, *flaws], residuals) if flaws else self.tolerated_stacks
+        offsets = offsets_of(whitening, residuals, everywhere, self.offset_stacks)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, memory)
 
@@ -107,8 +119,9 @@ def view_from(
         [difference(other, base) for other in assumed(merged(point))]
         for assumed in (prediction.under_other_noise, prediction.under_other_timing)
     )
-    by_sizes, offsets = _changes_by_sizes(prediction, point, sizes, base), prediction.nuisances(merged(point))
-    tolerated = _tolerated(tested, scales) + noise + timing
+    by_sizes = _changes_by_sizes(prediction, point, sizes, base)
+    offsets = stacks_of_runs(prediction.nuisances(merged(point)), base)
+    tolerated = stacks_of(_tolerated(tested, scales) + noise + timing, base)
     return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, sizes)
 
 
