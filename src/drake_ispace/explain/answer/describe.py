@@ -29,8 +29,9 @@ from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.candidates import Candidate, value_of
 from drake_ispace.explain.fit.changes import without
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
-from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Point
+from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_intervals
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.prove.repeats import are_one_motion

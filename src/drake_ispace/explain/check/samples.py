@@ -7,8 +7,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.fit.likelihood import CERTAIN
-from drake_ispace.explain.prove.gap import CHANCE
+from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
 from drake_ispace.files.recording import Channel, Recording
 

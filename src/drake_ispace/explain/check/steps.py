@@ -10,7 +10,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
-from drake_ispace.explain.prove.gap import CHANCE
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE

@@ -21,7 +21,6 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.threads import each
 
 Point = dict[Candidate, list[float]]  # effects and their coordinates
-CERTAIN = 3.0  # standard deviations, beyond which nothing is chance
 STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _SHORTENINGS = 6  # of a step that leads to a worse point, or of a start at which the model runs away

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
-from drake_ispace.explain.fit.likelihood import CERTAIN
+from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
@@ -38,7 +38,7 @@ from drake_ispace.explain.prove.free_run import (
     Windows,
     rms,
 )
-from drake_ispace.explain.prove.gap import CHANCE, seconds
+from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors

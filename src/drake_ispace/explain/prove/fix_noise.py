@@ -7,7 +7,7 @@ from scipy.stats import chi2, norm
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.fit.likelihood import CERTAIN
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import HORIZONS_S, RUN

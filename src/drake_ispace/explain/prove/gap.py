@@ -13,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.fit.likelihood import CERTAIN
+from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP, Errors, Measure, rms
 from drake_ispace.explain.prove.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
 _FEW_RUNS = 5  # fewer are cut into blocks
-CHANCE = 0.001  # probability that noise is taken for more, where some thirty channels are looked at
 
 
 @dataclass(frozen=True)

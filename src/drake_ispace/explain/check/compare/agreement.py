@@ -13,7 +13,7 @@ import numpy as np
 from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside
 from drake_ispace.explain.check.compare.regression import PHYSICS, Slack, most, scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.gap import CHANCE
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import Repair
 
 #: A log likelihood ratio above which a fault is said: by chance, data without it reach that no more often than CHANCE.

@@ -22,8 +22,7 @@ from drake_ispace.explain.check.compare.motion import (
     windows,
 )
 from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
-from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS
-from drake_ispace.explain.fit.likelihood import CERTAIN
+from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot

@@ -15,6 +15,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds, wheel_speeds
 from drake_ispace.explain.predict.stretches import STRETCH_S
 from drake_ispace.explain.predict.tracks import Track
@@ -23,7 +24,6 @@ from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
 _DEGREES = 5  # of the polynomial of the way that a user's own plant went, which makes it local
-BLOCK_TICKS = 200  # about a second, within which noise may still be correlated
 _FINEST_RIPPLE = 24  # periods per wheel turn
 WARM_S = 5.0  # time constant of what wears off
 _LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero

@@ -5,15 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS, Generics, generic_signatures
+from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import is_finite
 from drake_ispace.explain.decide.survey.view import View, flaws_of_form, noise_of, view_from
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.changes import Changes, Marginal
-from drake_ispace.explain.fit.likelihood import CERTAIN, Fit, Likelihood, Point, covariance_of, fit, merged
+from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covariance_of, fit, merged
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
+from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
 _BLOCK_FIXES = 10  # as many as come in BLOCK_TICKS

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import FEWEST, Base
-from drake_ispace.explain.decide.survey.generic import BLOCK_TICKS
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.files.recording import Channel
 from drake_ispace.plants.wheels import WheelGeometry
 

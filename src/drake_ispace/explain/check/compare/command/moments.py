@@ -14,7 +14,7 @@ from drake_ispace.explain.check.compare.agreement import ALIKE, SAID
 from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.gap import CHANCE
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import Restamped
 from drake_ispace.robots.robot import COMMAND
 
