@@ -15,4 +15,4 @@ def test_a_number_of_a_module_is_listed_with_its_comment(tmp_path):
 
 def test_the_package_has_some():
     done = subprocess.run([sys.executable, SCRIPT], capture_output=True, text=True, check=True)
-    assert "decide/decision.py: LEAST_FURTHER (1)" in done.stdout
+    assert "levels.py: CHANCE (1)" in done.stdout

@@ -53,7 +53,9 @@ class Linear:
 
     replay = SimpleNamespace(body=SimpleNamespace(wheels=1, robot=SimpleNamespace(driven="torque")))
     row_ticks = 1
-    tracks = (SimpleNamespace(ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None]),)
+    tracks = (SimpleNamespace(
+        ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None], fix_ticks=20 * np.arange(ROWS),
+    ),)
 
     def residuals(self, values):
         explained = sum(parameters["size"] * self.shapes[name] for name, parameters in values.items())

@@ -89,11 +89,17 @@ def test_fixes_on_the_move_show_how_noisy_they_are_at_most(told):
     assert np.all(most > 0.98 * STD) and np.all(most < 1.2 * STD)
 
 
-def test_whole_pixels_on_the_move_say_nothing_nor_do_few_fixes():
+def test_whole_pixels_on_the_move_say_nothing_nor_do_four_fixes():
     assert np.all(np.isinf(on_the_move([recorded(0.0 * STD, 0.01)], WHEELS_OF, STATED)))
     few = recorded(STD)
-    few.seen = few.seen[:8]
+    few.seen = few.seen[:4]
     assert np.all(np.isinf(on_the_move([few], WHEELS_OF, STATED)))
+
+
+def test_few_fixes_on_the_move_say_little():
+    few = recorded(STD)
+    few.seen = few.seen[:8]
+    assert np.all(on_the_move([few], WHEELS_OF, STATED) > 1.2 * STD)
 
 
 def test_a_robot_at_rest_shows_the_noise_of_its_fixes_unless_they_are_whole_pixels():

@@ -37,7 +37,7 @@ from drake_ispace.explain.threads import each
 
 MOST_EFFECTS = 6
 _BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in other surveys as well
-_NEAR_GAIN, _NEAR_MINUS_LOG10_P = 0.4, 0.25  # shares of the leader's, from which on another effect comes near
+_NEAR_GAIN = 0.4  # share of the leader's, from which on another effect comes near
 _MOST_NEAR = 2  # effects besides the leader that are followed
 
 
@@ -157,8 +157,7 @@ def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal)
     """
     near = [
         proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)
-        if proposal.penalised_gain > _NEAR_GAIN * leader.penalised_gain
-        and proposal.minus_log10_p > _NEAR_MINUS_LOG10_P * leader.minus_log10_p and proposal is not leader
+        if proposal.penalised_gain > _NEAR_GAIN * leader.penalised_gain and proposal is not leader
     ]
     followed = [leader, *near[:_MOST_NEAR]]
     settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]

@@ -1,16 +1,18 @@
 """The result of deciding: which effects are named, and what these runs cannot tell from them."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from drake_ispace.explain.decide.detect import Detection
+from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection
 from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.screen import gain_at
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point
 
-MARGIN = 7.0  # lead in deviance from which a rival is ruled out: a wrong name in about 0.4 % then
-LEAST_FURTHER = 24.0  # drop in deviance that a further effect must reach
+MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance from which a rival is ruled out
+LEAST_FURTHER = gain_at(CLEAR_MINUS_LOG10_P)  # drop in deviance that a further effect must reach
 NEXT_TO_NOTHING = 0.01  # share of what effects explain: no model is as good as that
 
 

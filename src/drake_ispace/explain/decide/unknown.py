@@ -14,8 +14,6 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import amounts_of
 from drake_ispace.explain.fit.likelihood import fit
 
-_LEAST_GAIN = 60.0  # of a generic disagreement, its complexity penalty taken off
-_LEAST_LOCAL_GAIN = 120.0  # the same where it has an amplitude for every part of the room
 _RELATIVE_MARGIN = 0.03  # of what the best effect explains
 
 
@@ -41,13 +39,7 @@ class GenericProposal:
 
 def believed(survey: Survey) -> list[GenericProposal]:
     """The generic disagreements that are clear enough to be believed, the largest gain first."""
-    def is_clear(proposal):
-        if survey.point:
-            return proposal.minus_log10_p > CLEAR_MINUS_LOG10_P
-        generic = proposal.generic
-        return proposal.gain - 2.0 * generic.columns > (_LEAST_LOCAL_GAIN if generic.is_local else _LEAST_GAIN)
-
-    return [proposal for proposal in generic_proposals(survey) if is_clear(proposal)]
+    return [proposal for proposal in generic_proposals(survey) if proposal.minus_log10_p > CLEAR_MINUS_LOG10_P]
 
 
 def generic_proposals(survey: Survey) -> list[GenericProposal]:

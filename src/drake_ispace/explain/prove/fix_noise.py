@@ -3,18 +3,17 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.levels import CERTAIN
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.free_run import HORIZONS_S, RUN
 from drake_ispace.explain.prove.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
-_LEAST_FIXES = 10  # from which on they say what the camera's noise is
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
@@ -35,10 +34,11 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
                 poses[:, 2] = np.unwrap(poses[:, 2])
                 parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
     deviations = np.vstack([*parts, np.empty((0, 3))])
-    if len(deviations) < _LEAST_FIXES or not _are_distinct(deviations):
+    free = len(deviations) - len(parts)
+    if free < 1 or not _are_distinct(deviations):
         return None
-    likely, free = np.sqrt(np.mean(deviations**2, axis=0)), len(deviations) - len(parts)
-    return np.array([likely, likely * np.sqrt(free / chi2.ppf(norm.sf(CERTAIN), free))])
+    likely = np.sqrt(np.mean(deviations**2, axis=0))
+    return np.array([likely, likely * _most(free)])
 
 
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
@@ -60,10 +60,15 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
             runs.append((reckoned[apart], track.seen[apart, 1:]))
     places, headings, known = _beside_what_goes_with_motion(runs)
     free = len(places) - known
-    if free < _LEAST_FIXES or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
+    if free < 1 or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
         return np.full(3, np.inf)
     squares = np.column_stack([places, headings]) ** 2 * len(places) / free
-    return np.sqrt((squares.mean(axis=0) + CERTAIN * squares.std(axis=0) / np.sqrt(free)) / 2.0)
+    return np.sqrt(squares.mean(axis=0) / 2.0) * _most(free)
+
+
+def _most(free):
+    """By how much a standard deviation that so many numbers show can be too small by chance."""
+    return np.sqrt(free / chi2.ppf(CHANCE, free))
 
 
 def _beside_what_goes_with_motion(runs):

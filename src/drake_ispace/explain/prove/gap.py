@@ -18,7 +18,6 @@ from drake_ispace.explain.prove.free_run import ATE, PREDICTION, RPE, RUN, STEP,
 from drake_ispace.explain.prove.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
-_FEW_RUNS = 5  # fewer are cut into blocks
 
 
 @dataclass(frozen=True)
@@ -133,12 +132,12 @@ def _draws(before, after, generator):
     parts = [
         (np.sum(b**2, axis=1), np.sum(a**2, axis=1)) for b, a in zip(before, after, strict=True) if len(b) == len(a)
     ]
-    if len(parts) < _FEW_RUNS:
+    if len(parts) < BLOCKS:
         parts = [
             tuple(column[rows] for column in run) for run in parts
             for rows in np.array_split(np.arange(len(run[0])), BLOCKS) if len(rows)
         ]
-    if len(parts) < _FEW_RUNS:
+    if len(parts) < BLOCKS:
         return None
     sums = np.array([[len(b), b.sum(), a.sum()] for b, a in parts])
     draws = round(1.0 / CHANCE)  # of which one is as rare as that

@@ -15,14 +15,13 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, slopes
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.left_out import groups_of, sizes_without
-
-_DRAWS = 99
 
 
 def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, plain: Sizes, seed: int) -> bool:
@@ -49,7 +48,7 @@ def _beats_chance(prediction, filtered, plain, seed) -> bool:
     replay, (track,) = prediction.replay, prediction.tracks
     at, shares = errors_of(replay, [track], filtered), []
     basis = np.linalg.svd(slopes(replay, [track], filtered), full_matrices=False)[2]
-    for draw in range(_DRAWS):
+    for draw in range(round(1.0 / FALSE_ALARM_RATE)):
         change = errors_of(replay, [pushed(replay, track, [seed, 5, draw])], filtered) - at
         shares.append(1.0 - np.sum((basis @ change) ** 2) / np.sum(change**2))
     return error_of(replay, [track], plain) ** 2 < np.median(shares) * np.mean(at**2)

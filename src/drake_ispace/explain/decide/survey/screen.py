@@ -188,6 +188,11 @@ def _share(products, some, others):
     return float(np.max(np.maximum(explained, 0.0) / np.maximum(np.diag(products)[some], _LEAST)))
 
 
+def gain_at(minus_log10_p: float) -> float:
+    """The drop in deviance that one number fitted to noise reaches with this probability, as -log10 p."""
+    return float(chi2.isf(10.0**-minus_log10_p, 1))
+
+
 def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
     """-log10 of the probability that `parameters` numbers fitted to noise gain as much.
 

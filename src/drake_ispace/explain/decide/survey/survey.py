@@ -17,7 +17,6 @@ from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
 
-_BLOCK_FIXES = 10  # as many as come in BLOCK_TICKS
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
 
@@ -157,7 +156,9 @@ def _survey(point, view, residuals, likelihood) -> Survey:
 def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals) -> np.ndarray:
     """(n,) number of the second, of a stream of a run, that each whitened number is of: noise may be correlated in it.
     """
-    together = {"motion": max(BLOCK_TICKS // prediction.row_ticks, 1), "room": _BLOCK_FIXES}
+    apart = np.concatenate([np.diff(track.fix_ticks) for track in prediction.tracks])
+    row_ticks = {"motion": prediction.row_ticks, "room": np.median(apart) if apart.size else BLOCK_TICKS}
+    together = {name: max(int(BLOCK_TICKS // ticks), 1) for name, ticks in row_ticks.items()}
     return whitening.instants(residuals, together)
 
 
