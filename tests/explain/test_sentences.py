@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import answers
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, sentence_of, short
+from drake_ispace.explain.answer.sentences import amount, gap_sentence, p_in_words, sentence_of, short
 from drake_ispace.scenario import load_scenario
 
 ROW = answers.GAP[0]
@@ -16,6 +16,10 @@ ROW = answers.GAP[0]
 ])
 def test_metres_below_one_are_millimetres_and_a_share_has_no_unit(value, unit, said):
     assert amount(value, unit) == said
+
+
+def test_a_probability_is_never_zero():
+    assert [p_in_words(p) for p in (0.0123, 0.0)] == ["p = 0.012", "p < 1e-99"]
 
 
 def test_the_headline_says_how_it_was_proven_and_what_noise_may_be():

@@ -107,6 +107,12 @@ def test_no_percentage_where_the_gap_is_too_small(model, tmp_path, runs):
     assert "too small to show in metres" in text_of(tmp_path / "page") and "% of the gap" not in str(small)
 
 
+def test_a_model_whose_own_path_its_wheels_refuse_has_a_page_all_the_same(tmp_path):
+    rover = load_scenario("velocity_base", ["rover.plant.wheels=differential"])
+    write_explanation(answers.nothing(), rover, [], [], tmp_path / "page")
+    assert "the Diagram could not be drawn: rover.trajectory.heading: expected tangent" in text_of(tmp_path / "page")
+
+
 def test_the_new_model_is_a_few_lines_that_load(written, model):
     file = written["named"] / "model.yaml"
     assert load_scenario(str(file)).omni.effects == FRICTION and len(file.read_text().splitlines()) == 5

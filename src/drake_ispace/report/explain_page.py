@@ -7,10 +7,11 @@ from pathlib import Path
 
 from pydrake.systems.framework import Diagram
 
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over
+from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over, p_in_words
 from drake_ispace.explain.prove.free_run import RUN, STEP
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.files.places import fresh_folder
@@ -108,9 +109,13 @@ def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder:
     """Draw before.svg and, where effects are named, after.svg with the new blocks in colour.
 
     Returns:
-        (file, title) of each picture.
+        (file, title) of each picture; none where the model's own path is none for its wheels or its room.
     """
-    draw(build_diagram(model), folder / "before.svg")
+    try:
+        draw(build_diagram(model), folder / "before.svg")
+    except InputError as refused:
+        explanation.warnings.append(f"the Diagram could not be drawn: {refused}")
+        return []
     pictures = [("before.svg", "The model as given")]
     if explanation.model is not None:
         diagram = build_diagram(explanation.model)
@@ -184,6 +189,7 @@ def page(
         lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),
         residuals=embedded(folder / "residuals.png") if (folder / "residuals.png").is_file() else None,
         path_picture=embedded(folder / "path.png") if path is not None else None, diagram=model.diagram,
+        chance=p_in_words(explanation.detection.p_value) if explanation.detection else "",
     )
 
 

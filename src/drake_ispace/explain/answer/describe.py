@@ -22,6 +22,7 @@ from drake_ispace.explain.answer.explanation import (
 )
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
+from drake_ispace.explain.answer.sentences import p_in_words
 from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.survey.generic import Generic, motion_of
 from drake_ispace.explain.decide.survey.view import FORM_SHARE
@@ -133,7 +134,7 @@ def _besides(left_over: LeftOver, explained: float) -> str:
     what = f"a {effect.link} that goes with {effect.driver}" if is_generic else left_over.candidate.name
     share = 100.0 * left_over.gain / max(left_over.gain + explained, 1e-12)
     perhaps = "" if left_over.is_more else "perhaps "
-    return f"besides, {perhaps}{what} (p = {left_over.p_value:.2g}, {share:.0f} % of what is explained)"
+    return f"besides, {perhaps}{what} ({p_in_words(left_over.p_value)}, {share:.0f} % of what is explained)"
 
 
 def _explained(decision) -> Residuals:

@@ -5,7 +5,14 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drake_ispace.explain.answer.sentences import gap_sentence, is_place, sentence_of, sentence_of_finding, short
+from drake_ispace.explain.answer.sentences import (
+    gap_sentence,
+    is_place,
+    p_in_words,
+    sentence_of,
+    sentence_of_finding,
+    short,
+)
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
@@ -256,7 +263,7 @@ class Explanation:
             beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
-        lines = [self.title + (f" (p = {self.detection.p_value:.2g})" if self.detection else "")]
+        lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if self.detection else "")]
         lines += [f"! {warning}" for warning in [*self.drifts, *self.warnings]]
         if self.verdict == "data":
             lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]

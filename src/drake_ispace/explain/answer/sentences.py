@@ -31,6 +31,11 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}: {share}"
 
 
+def p_in_words(p_value: float) -> str:
+    """A probability as "p = 0.012"; one that is too small for a number is not zero."""
+    return f"p = {p_value:.2g}" if p_value > 1e-99 else "p < 1e-99"
+
+
 def short(row: GapRow) -> str:
     """A row of the gap on one line."""
     kind = f", {row.kind}" if row.kind else ""
