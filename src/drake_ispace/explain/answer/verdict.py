@@ -96,12 +96,17 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     """Say in an answer which effects it does not name were barely detectable; doubted: the answer that named them."""
     kept = {effect.name for effect in answer.effects}
     sizes = ", ".join(
-        f"{effect.name} ({', '.join(f'{name} {p.estimate:.3g} {p.unit}' for name, p in effect.parameters.items())})"
+        f"{effect.name} ({', '.join(_size(name, p) for name, p in effect.parameters.items())})"
         for effect in doubted.effects if effect.name not in kept
     )
     answer.warnings.append(
         f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"
     )
+
+
+def _size(name, parameter):
+    unit = "" if parameter.unit in ("1", "wheel") else f" {parameter.unit}"
+    return f"{name} {parameter.estimate:.3g}{unit}"
 
 
 def made_worse(rows: Sequence[GapRow]) -> list[GapRow]:
