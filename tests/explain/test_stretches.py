@@ -137,6 +137,14 @@ def test_what_grows_with_time_goes_on_in_a_later_stretch():
     assert later[changed] == pytest.approx([4.0]) and replay.since(run, numbers) is numbers
 
 
+def test_a_wheel_at_rest_may_turn_past_the_edge_of_a_count():
+    resting = made(30.0, rests=[(0.0, 1.0)])
+    count = resting.measured[:, 0].std()
+    measured = resting.measured + count * (np.arange(len(resting.measured))[:, None] > 1)
+    assert begun(replace(resting, measured=measured), 2, 500).unscored_ticks == 500
+    assert begun(replace(resting, measured=measured, count_rad=count), 2, 500).unscored_ticks == 0
+
+
 def test_an_effect_is_found_in_stretches_and_proved_on_others():
     runs = di.hide(
         di.load_scenario("omni_multirate"), robots()["omni"].name, {"battery_sag_time": {"rate_per_s": 0.006}},

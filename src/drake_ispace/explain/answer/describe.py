@@ -106,10 +106,8 @@ def with_sizes(
         for i, parameter in enumerate(candidate.parameters):
             p = parameters[parameter.name]
             z, reach = sizes[candidate][i], _jackknife_reach([point[candidate][i] for point in without])
-            at, by_plain, *ends = (
-                _size(case.replay, candidate, i, min(max(one, low), high)) for low, high in [candidate.bounds[i]]
-                for one in (z, plain[candidate][i], z - reach, z + reach)
-            )
+            coordinates = np.clip([z, plain[candidate][i], z - reach, z + reach], *candidate.bounds[i])
+            at, by_plain, *ends = (_size(case.replay, candidate, i, one) for one in coordinates.tolist())
             parameters[parameter.name] = replace(
                 p, estimate=at, ci90=(min(*p.ci90, *ends), max(*p.ci90, *ends)), least_squares=by_plain,
                 on_bound=_on_bound(case, sizes, candidate, i),
