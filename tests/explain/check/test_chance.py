@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from drake_ispace.explain.check.compare.regression import Slack
+from drake_ispace.explain.check.compare.agreement import following
+from drake_ispace.explain.check.compare.regression import Slack, most, scores
 from drake_ispace.explain.check.samples import sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import largest_by_chance
@@ -71,3 +72,15 @@ def test_a_counter_of_unknown_range_starts_anew_more_than_once(range_rad, fault)
 def test_a_relation_that_is_known_up_to_a_factor_is_as_wrong_either_way():
     slack = Slack.of_factor(4.0)
     assert (1.0 + slack.least) * (1.0 + slack.most) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("size", [1.0, 0.2, 0.04])
+def test_a_channel_that_moves_little_beyond_its_noise_follows_as_well_as_one_that_moves_much(size):
+    generator, noise = np.random.default_rng(3), np.array([[0.01]])
+    x = size * generator.standard_normal((1, 60, 1))
+    y = x + 0.01 * generator.standard_normal(x.shape)
+    related, unrelated, exact = (
+        float(one[0]) for one in (scores(x, y, ((0,),), noise), scores(0.0 * x, y, ((0,),), noise),
+                                  most(y, ((0,),), noise))
+    )
+    assert 0.7 < following(related, unrelated, exact) < 1.3

@@ -100,7 +100,7 @@ class _Trial:
         related, unrelated = np.split(scores(x, y, link.groups, noise, besides, link.slack), [len(since)])
         if not must_follow:
             return related - unrelated
-        exact, unrelated = most(*measured.shape), np.broadcast_to(unrelated, related.shape)
+        exact, unrelated = float(most(y[:1], link.groups, noise[:1])[0]), np.broadcast_to(unrelated, related.shape)
         followed = [following(one, other, exact) for one, other in zip(related, unrelated, strict=True)]
         return np.where([f is not None and f >= RELATED for f in followed], related - unrelated, 0.0)
 

@@ -103,10 +103,9 @@ def _at_lag(link, base, lag_s, spoilt):
         # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
         own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
         if all(moving(motion, noise) for motion in own):
-            both = np.stack([x, 0.0 * x]), np.stack([y, y])
-            given, unrelated = scores(*both, (tuple(range(len(group))),), np.stack([noise, noise]), z,
-                                      link.slack)
-            found.append(_related(float(given), float(unrelated), most(*y.shape)))
+            both, every = (np.stack([x, 0.0 * x]), np.stack([y, y])), (tuple(range(len(group))),)
+            given, unrelated = scores(*both, every, np.stack([noise, noise]), z, link.slack)
+            found.append(_related(float(given), float(unrelated), float(most(y[None], every, noise[None])[0])))
     return min((one for one in found if one is not None), key=lambda one: one.share, default=None)
 
 
@@ -122,4 +121,4 @@ def _free_gain(run, base):
     x, y = (angles @ matrix)[1::2][None], y[1::2][None]
     noise = link.noise[None]
     free, unrelated = scores(x, y, link.groups, noise)[0], scores(0.0 * x, y, link.groups, noise)[0]
-    return _related(float(free), float(unrelated), most(*y.shape[1:]))
+    return _related(float(free), float(unrelated), float(most(y, link.groups, noise)[0]))

@@ -59,6 +59,18 @@ def scores(
             hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
     shares, residual, improbable = _fitted(x, y, z, slack)
+    improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
+    return _likelihood(residual, y, groups, noise) - improbable
+
+
+def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
+    """(h,) logarithms of likelihood of hypotheses under which y differs from x by its noise; arguments as of `scores`.
+    """
+    return _likelihood(np.broadcast_to(noise[:, None], y.shape), y, groups, noise)
+
+
+def _likelihood(residual, y, groups, noise):
+    """(h,) logarithms of likelihood of residuals (h, n, d), over those of y unrelated to anything."""
     size = np.empty_like(noise)
     for group in groups:
         size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
@@ -68,14 +80,7 @@ def scores(
     # reading that shrinks a channel is not the likelier for it
     left = (residual**2 + noise[:, None] ** 2) / (ratio * size)[:, None] ** 2
     far = 0.5 * (_FREEDOM + 1.0) * np.log1p(left / _FREEDOM).mean(axis=1)
-    rows = min(x.shape[1], MOST_ROWS)
-    improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
-    return -rows * (np.log(ratio) + far).sum(axis=-1) - improbable
-
-
-def most(rows: int, components: int) -> float:
-    """Logarithm of likelihood of a hypothesis under which y follows x exactly."""
-    return -min(rows, MOST_ROWS) * components * np.log(SLACK)
+    return -min(y.shape[1], MOST_ROWS) * (np.log(ratio) + far).sum(axis=-1)
 
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
