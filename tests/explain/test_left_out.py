@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dense import Dense
 from linear import RUNS, Linear, made, noise, pattern, streams
 
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.prove.left_out import sizes_without
@@ -24,7 +24,7 @@ def found(shapes, shared=()):
     whitening = Whitening(Linear(noise(), shapes).residuals({}), [{}, {}])
     w = whitening(streams(measured))
     everywhere = np.array([whitening(streams(measured + change)) - w for change in shared]).reshape(-1, len(w))
-    likelihood = Likelihood(prediction, whitening, Directions(everywhere), {TILT: [1.0], DRAG: [1.0]})
+    likelihood = Likelihood(prediction, whitening, Dense(everywhere), {TILT: [1.0], DRAG: [1.0]})
     best = fit(likelihood, {TILT: [0.1], DRAG: [0.1]})
     decision = SimpleNamespace(end=SimpleNamespace(likelihood=likelihood), named=best)
     runs = np.repeat(np.arange(RUNS), len(w) // RUNS)

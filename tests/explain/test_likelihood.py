@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dense import Dense
 from linear import Linear, Made, made, noise, pattern
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, covariance_of, fit
 from drake_ispace.explain.fit.whitening import Whitening
 
@@ -18,7 +18,7 @@ TILT, DRAG = made(*SHAPES)
 def likelihood(measured, shapes=SHAPES, sizes=1.0, candidates=(TILT, DRAG), **changes):
     prediction = replace(Linear(measured, shapes), **changes)
     whitening = Whitening(prediction.residuals({}), [{}, {}])
-    none = Directions(np.empty((0, len(whitening(prediction.residuals({}))))))
+    none = Dense(np.empty((0, len(whitening(prediction.residuals({}))))))
     return Likelihood(prediction, whitening, none, {candidate: [sizes] for candidate in candidates})
 
 

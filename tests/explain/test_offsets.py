@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from dense import Dense
 
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.offsets import members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening
 
@@ -25,10 +25,13 @@ STARTS = WHITENING.starts(MEASURED)
 FREED = RNG.standard_normal((2, STARTS[-1]))
 STACKS = stacks_of(EVERYWHERE, MEASURED), stacks_of_runs(OWN, MEASURED)
 OFFSETS = offsets_of(WHITENING, MEASURED, *STACKS).with_freed(FREED)
+NOTHING = [{name: 0.0 * rows for name, rows in run.items()} for run in MEASURED]
 #: The same with whitened vectors that are all kept.
-KEPT = Directions(np.array([WHITENING(change) for change in EVERYWHERE]), [
-    *((STARTS[i], WHITENING.several(i, [change])) for i, change in OWN), (0, FREED),
-])
+KEPT = Dense(np.vstack([
+    *(WHITENING(change) for change in EVERYWHERE),
+    *(WHITENING([change if j == i else none for j, none in enumerate(NOTHING)]) for i, change in OWN),
+    FREED,
+]))
 
 
 def test_products_and_sums_are_those_of_vectors_that_are_kept():
@@ -41,7 +44,7 @@ def test_products_and_sums_are_those_of_vectors_that_are_kept():
 
 
 def test_the_gram_matrix_and_the_amounts_of_a_memory_are_those_of_vectors_that_are_kept():
-    memories, every = WHITENING.memory(MEASURED), KEPT.combined(np.eye(len(KEPT)))
+    memories, every = WHITENING.memory(MEASURED), KEPT.vectors
     gram, amounts = OFFSETS.gram_and_amounts(memories)
     assert gram == pytest.approx(every @ every.T, rel=1e-9, abs=1e-9)
     for memory, found in zip(memories, amounts, strict=True):

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from dense import Dense
 from tried import candidate
 
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
 from drake_ispace.explain.fit.profile import profile_intervals
 
@@ -15,7 +15,7 @@ class Toy(Likelihood):
     """Residuals that are a given function of all coordinates together."""
 
     def __init__(self, candidate, residuals):
-        super().__init__(None, None, Directions(np.empty((0, 3))), {candidate: [1.0] * len(candidate.parameters)})
+        super().__init__(None, None, Dense(np.empty((0, 3))), {candidate: [1.0] * len(candidate.parameters)})
         self.of = residuals
 
     def whitened(self, point):

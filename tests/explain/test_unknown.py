@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from dense import Dense
 from linear import ROWS, Linear, generics_of, made, noise, pattern
 
 from drake_ispace.explain.decide.unknown import Doubt
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
 
 EARLY = np.where(np.arange(ROWS) < ROWS // 2, 1.0, 0.0)
@@ -19,7 +19,7 @@ def likelihood(runs: Linear, early: float, late: float) -> Likelihood:
     """Under noise of so many standard deviations."""
     weights = np.tile(EARLY / early + (1.0 - EARLY) / late, 2)
     whitening = lambda residuals: weights * np.concatenate([run["room"][:, 0] for run in residuals])  # noqa: E731
-    return Likelihood(runs, whitening, Directions(np.empty((0, len(weights)))), {TILT: [1.0]})
+    return Likelihood(runs, whitening, Dense(np.empty((0, len(weights)))), {TILT: [1.0]})
 
 
 @pytest.mark.parametrize("near_late, resolved", [(1.0, True), (20.0, False)])

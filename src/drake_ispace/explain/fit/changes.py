@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.fit.directions import Directions, amounts_of, spent_on
+from drake_ispace.explain.fit.directions import amounts_of, spent_on
 from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
@@ -103,7 +103,7 @@ class Marginal:
     """
 
     def __init__(
-        self, changes: Changes, offsets: Directions | Offsets, memories: Sequence[Memory] = (),
+        self, changes: Changes, offsets: Offsets, memories: Sequence[Memory] = (),
         of_offsets: Sequence[np.ndarray] = (), inner: np.ndarray | None = None,
     ):
         k, q, self._changes, self._offsets, self._memories = len(changes), len(offsets), changes, offsets, memories

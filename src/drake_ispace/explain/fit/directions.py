@@ -1,74 +1,11 @@
-"""Vectors as long as all residuals, a row each; of a vector that is zero but in one run, only that run is stored."""
+"""Vectors as long as the residuals, a row each: sums, scalar products, and least squares where some nearly coincide."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 _BLOCK = 4096  # numbers of each vector that are taken at once
 _LEAST_EIGENVALUE = 1e-9  # as a share of the largest; below it directions coincide
-
-
-@dataclass(frozen=True)
-class Directions:
-    """(k + q) vectors of n numbers.
-
-    Attributes:
-        everywhere: (k, n) vectors over all runs.
-        own: (start, (q_i, n_i)) vectors of each run, zero but in [start, start + n_i); q is the sum of all q_i.
-    """
-
-    everywhere: np.ndarray
-    own: Sequence[tuple[int, np.ndarray]] = ()
-
-    def __len__(self) -> int:
-        return len(self.everywhere) + sum(len(part) for _, part in self.own)
-
-    def dot(self, vectors: np.ndarray) -> np.ndarray:
-        """(k + q,) or (m, k + q) scalar products with (n,) or (m, n) vectors."""
-        parts = [dot(vectors, self.everywhere)]
-        parts += [dot(vectors[..., start : start + part.shape[1]], part) for start, part in self.own]
-        return np.concatenate(parts, axis=-1)
-
-    def combined(self, amounts: np.ndarray) -> np.ndarray:
-        """(n,) or (m, n) sums of the vectors, each times its amount; amounts (k + q,) or (m, k + q)."""
-        at, total = len(self.everywhere), np.zeros((*amounts.shape[:-1], self.everywhere.shape[1]))
-        add(amounts[..., :at], self.everywhere, total)
-        for start, part in self.own:
-            add(amounts[..., at : at + len(part)], part, total[..., start : start + part.shape[1]])
-            at += len(part)
-        return total
-
-    def part(self, start: int, end: int) -> "Part":
-        """The vectors between two numbers, less those of other runs, which are zero there."""
-        at, rows, places = len(self.everywhere), [self.everywhere[:, start:end]], [np.arange(len(self.everywhere))]
-        for a, part in self.own:
-            if start <= a < end:
-                rows.append(part)
-                places.append(np.arange(at, at + len(part)))
-            at += len(part)
-        return Part(np.vstack(rows), np.concatenate(places), len(self))
-
-    def with_freed(self, vectors: np.ndarray) -> "Directions":
-        """The Directions with further vectors (f, n)."""
-        return replace(self, everywhere=np.vstack([self.everywhere, vectors]))
-
-    def gram_and_amounts(self, memories: Sequence) -> tuple[np.ndarray, list[np.ndarray]]:
-        """`gram`, and the amounts (k + q, p, q) of the basis of every memory in the vectors."""
-        return self.gram(), [memory.amounts_in(self) for memory in memories]
-
-    def gram(self) -> np.ndarray:
-        """(k + q, k + q) scalar products of the vectors with each other."""
-        at, products = len(self.everywhere), np.zeros((len(self), len(self)))
-        products[:at, :at] = dot(self.everywhere, self.everywhere)
-        k = at
-        for start, part in self.own:
-            rows = slice(at, at + len(part))
-            products[rows, :k] = dot(part, self.everywhere[:, start : start + part.shape[1]])
-            products[:k, rows] = products[rows, :k].T
-            products[rows, rows] = dot(part, part)
-            at += len(part)
-        return products
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.directions import Directions
 from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
@@ -50,7 +49,7 @@ class Likelihood:
 
     prediction: Prediction
     whitening: Whitening
-    offsets: Directions | Offsets
+    offsets: Offsets
     sizes: Mapping[Candidate, Sequence[float]]
     memory: Sequence[Memory] = ()
     inner: np.ndarray = field(init=False, repr=False)

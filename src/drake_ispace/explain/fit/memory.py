@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.fit.directions import Directions
-
 
 @dataclass(frozen=True)
 class Memory:
@@ -35,11 +33,6 @@ class Memory:
                 part = vectors[:, a - start : b - start].reshape(len(vectors), len(basis), self.channels)
                 total += np.tensordot(part, basis, axes=(1, 0))
         return total
-
-    def amounts_in(self, directions: Directions) -> np.ndarray:
-        """(k + q, p, q) amounts of the basis in directions."""
-        groups = [(0, directions.everywhere), *directions.own]
-        return np.concatenate([self.amounts(part, start) for start, part in groups])
 
     def subtract(self, amounts: np.ndarray, vectors: np.ndarray, start: int = 0) -> None:
         """Subtract amounts (m, p, q) of the basis, in place, from vectors (m, n) that begin at `start`."""

@@ -44,7 +44,7 @@ def offsets_of(
 
 @dataclass(frozen=True)
 class Offsets:
-    """Directions, (k + q + f) whitened vectors of n numbers, of which none but `freed` is kept whitened.
+    """(k + q + f) whitened vectors of n numbers, of which none but `freed` is kept whitened.
 
     Attributes:
         whitening: the noise. residuals: of all runs; only their sizes are used. everywhere: per run, k changes. own:
@@ -115,12 +115,8 @@ class Offsets:
         places = np.concatenate([np.arange(at.start, at.stop) for at, _ in groups])
         return Part(rows, np.concatenate([places, self.kept]), len(self))
 
-    def gram(self) -> np.ndarray:
-        """(len, len) scalar products of the vectors with each other."""
-        return self.gram_and_amounts(())[0]
-
     def gram_and_amounts(self, memories: Sequence[Memory]) -> tuple[np.ndarray, list[np.ndarray]]:
-        """`gram`, and the amounts (len, p, q) of the basis of every memory in the vectors."""
+        """(len, len) scalar products of the vectors, and the amounts (len, p, q) of the basis of every memory in them."""
         def of_run(start, end):
             part = self.part(start, end)
             return part.gram(), [part.spread(memory.amounts(part.rows, start)) for memory in memories]

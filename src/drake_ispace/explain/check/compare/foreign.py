@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
+from drake_ispace.explain.check.compare.agreement import RELATED, following
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import most, residuals, scores
@@ -42,7 +42,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         relation = {name: _relation(link, base, spoilt[number]) for name, link in links(run, base).items()}
         relation = {name: one for name, one in relation.items() if one is not None}
         # friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels
-        strangers = [n for n, one in relation.items() if (one.share < RELATED if n == "kinect" else one.gain < -SAID)]
+        strangers = [n for n, one in relation.items() if one.share < (RELATED if n == "kinect" else -RELATED)]
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
