@@ -116,7 +116,7 @@ class Offsets:
         return Part(rows, np.concatenate([places, self.kept]), len(self))
 
     def gram_and_amounts(self, memories: Sequence[Memory]) -> tuple[np.ndarray, list[np.ndarray]]:
-        """(len, len) scalar products of the vectors, and the amounts (len, p, q) of the basis of every memory in them."""
+        """(len, len) products of the vectors, and the amounts (len, p, q) of the basis of every memory in them."""
         def of_run(start, end):
             part = self.part(start, end)
             return part.gram(), [part.spread(memory.amounts(part.rows, start)) for memory in memories]

@@ -19,7 +19,7 @@ from drake_ispace.faults.repair import Repair
 #: A log likelihood ratio above which a fault is said: by chance, data without it reach that no more often than CHANCE.
 SAID = -np.log(CHANCE)
 ALIKE = 2.0  # below which two readings cannot be told apart
-#: Of what agreement up to noise gains over no relation at all, the share below which a channel follows no robot.
+#: Of what agreement gains over no relation at all, the share below which a channel follows no robot.
 RELATED = 0.3
 UNRELATED = "no relation"
 
@@ -39,7 +39,7 @@ class Hypothesis(Protocol):
 
 @dataclass(frozen=True)
 class Part:
-    """Log likelihoods (hypotheses,) of one comparison in one run, and that of agreement up to noise."""
+    """Log likelihoods (hypotheses,) of one comparison in one run, and that of exact agreement."""
 
     scored: np.ndarray
     most: float
@@ -47,8 +47,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Row:
-    """Log likelihoods (hypotheses,) of all comparisons of a run together, priors included, and of agreement up
-    to noise.
+    """Log likelihoods (hypotheses,) of all comparisons of a run together, priors included, and of exact agreement.
 
     Zeros where nothing was compared.
     """
@@ -81,7 +80,7 @@ def part(
     x: np.ndarray, y: np.ndarray, groups, noise: np.ndarray, z: np.ndarray | None = None, slack: Slack = PHYSICS
 ) -> Part:
     """One comparison; arguments as of regression.scores."""
-    return Part(scores(x, y, groups, noise, z, slack), float(most(y, groups, noise).max()))
+    return Part(scores(x, y, groups, noise, z, slack), float(most(y, groups, np.zeros_like(noise)).max()))
 
 
 def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:

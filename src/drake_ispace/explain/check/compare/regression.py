@@ -64,7 +64,9 @@ def scores(
 
 
 def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
-    """(h,) logarithms of likelihood of hypotheses under which y differs from x by its noise; arguments as of `scores`.
+    """(h,) logarithms of likelihood of hypotheses under which y differs from x by its noise.
+
+    Arguments as of `scores`; a noise of zeros stands for exact agreement.
     """
     return _likelihood(np.broadcast_to(noise[:, None], y.shape), y, groups, noise)
 
