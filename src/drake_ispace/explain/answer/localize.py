@@ -4,6 +4,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from drake_ispace.explain.answer.explanation import Place
+from drake_ispace.explain.decide.decision import NEXT_TO_NOTHING
 from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of
 from drake_ispace.explain.levels import CHANCE
@@ -11,7 +12,6 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.prove.adequacy import since
 from drake_ispace.explain.prove.drivers import drivers_of
 
-_LEAST_SHARE = 0.02
 _LEAST_DRIVEN = 0.3  # share that a variable must explain
 
 
@@ -31,7 +31,7 @@ def localize(prediction: Prediction, start: Survey, explained: Residuals) -> lis
     shares = {label: float(drops[labels == label].sum()) / total for label in dict.fromkeys(labels)}
     significant = [
         Place(label, share, _driver(prediction, start, drivers, label, explained))
-        for label, share in shares.items() if share >= _LEAST_SHARE and chi2.sf(share * total, 1) < CHANCE
+        for label, share in shares.items() if share >= NEXT_TO_NOTHING and chi2.sf(share * total, 1) < CHANCE
     ]
     return sorted(significant, key=lambda place: -place.share)
 
