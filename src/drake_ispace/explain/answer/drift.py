@@ -61,15 +61,18 @@ def _spreads(group, blocks, slopes, marginalised, w):
 
 
 def _spread(estimates, variances, freedom):
-    """Standard deviation of estimates, each weighted by its certainty; 0 where chance makes as much.
+    """Standard deviation of what is estimated, by the method of moments of DerSimonian and Laird; 0 where chance makes
+    as much.
 
-    freedom: degrees of freedom of all their variances together.
+    freedom: degrees of freedom of all variances together.
     """
     known = variances > 0.0
     if known.sum() < 2:
         return 0.0
     weights, estimates = 1.0 / variances[known], estimates[known]
-    squares = weights * (estimates - np.average(estimates, weights=weights)) ** 2
-    more = len(squares) - 1
-    by_chance = f.sf(np.sum(squares) / more, more, freedom)
-    return float(np.sqrt(np.sum(squares) / np.sum(weights))) if by_chance < CHANCE else 0.0
+    by_chance = len(weights) - 1
+    squares = np.sum(weights * (estimates - np.average(estimates, weights=weights)) ** 2)
+    if f.sf(squares / by_chance, by_chance, freedom) >= CHANCE:
+        return 0.0
+    variance = (squares - by_chance) / (np.sum(weights) - np.sum(weights**2) / np.sum(weights))
+    return float(np.sqrt(variance * by_chance / len(weights)))
