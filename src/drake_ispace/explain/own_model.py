@@ -22,7 +22,7 @@ from drake_ispace.plants.friction import Friction, stable_slope
 from drake_ispace.robots.robot import Robot
 from drake_ispace.sensing.encoder import Encoder
 
-_SPEEDS_RAD_S = np.geomspace(1e-3, 1e3, 25)  # at which friction is looked for
+_SPEEDS_RAD_S = np.geomspace(1e-3, 1e3)  # at which friction is looked for
 
 
 @dataclass(frozen=True)

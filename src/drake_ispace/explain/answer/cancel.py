@@ -2,10 +2,10 @@
 
 from itertools import combinations
 
-from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.threads import each
+import numpy as np
 
-_NOTHING = 0.1  # of what either does alone, below which two effects do nothing together
+from drake_ispace.explain.decide.decision import NEXT_TO_NOTHING, Decision
+from drake_ispace.explain.threads import each
 
 
 def cancelling(decision: Decision) -> list[str]:
@@ -20,9 +20,10 @@ def cancelling(decision: Decision) -> list[str]:
         rest = {candidate: z for candidate, z in named.point.items() if candidate not in effects}
         return likelihood.deviance(likelihood.whitened(rest) - named.w)
 
+    size = np.sqrt(NEXT_TO_NOTHING)  # the deviance goes with its square
     done = dict(zip(sets, each(done_by, sets), strict=True))
     return [
-        f"{one.name} and {other.name} undo each other: together they do less than {_NOTHING:.0%} of either"
+        f"{one.name} and {other.name} undo each other: together they do less than {size:.0%} of either"
         for one, other in combinations(named.point, 2)
-        if done[one, other] < _NOTHING**2 * min(done[one,], done[other,])
+        if done[one, other] < NEXT_TO_NOTHING * min(done[one,], done[other,])
     ]

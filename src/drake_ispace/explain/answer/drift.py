@@ -1,13 +1,13 @@
 """Parameters that are not the same in every run, or at every time of a run."""
 
 import numpy as np
+from scipy.stats import f
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.survey import blocks_of
+from drake_ispace.explain.levels import CHANCE
 
-_LEAST_EXCESS = 12.0  # variance of the estimates over what chance makes of it
 _LEAST_SPREAD = 0.2  # of the effect itself
-_MOST_STD = 10.0  # times the least, up to which an estimate counts
 
 
 def drift(decision: Decision) -> list[str]:
@@ -46,7 +46,7 @@ def _spreads(group, blocks, slopes, marginalised, w):
     group, blocks: (rows,) number of each. slopes, marginalised: (k, rows) changes of the whitened residuals `w`, whole
     and without what nuisances explain of them.
     """
-    moves, variances = [], []
+    moves, variances, freedom = [], [], 0
     for number in range(int(group.max()) + 1):
         own = group == number
         slope, change, rest = slopes[:, own], marginalised[:, own], w[own]
@@ -56,16 +56,23 @@ def _spreads(group, blocks, slopes, marginalised, w):
         sums = inverse @ np.add.reduceat(left, np.flatnonzero(np.diff(blocks[own], prepend=-1)), axis=1)
         free = sums.shape[1] - len(sums)  # too few blocks say nothing: no variance
         variances.append(np.sum(sums**2, axis=1) * (sums.shape[1] / free if free > 0 else 0.0))
-    return [_spread(*columns) for columns in zip(np.transpose(moves), np.transpose(variances), strict=True)]
+        freedom += max(free, 0)
+    return [_spread(*columns, freedom) for columns in zip(np.transpose(moves), np.transpose(variances), strict=True)]
 
 
-def _spread(estimates, variances):
-    """Standard deviation of estimates with these variances; 0 where chance makes as much."""
+def _spread(estimates, variances, freedom):
+    """Standard deviation of what is estimated, by the method of moments of DerSimonian and Laird; 0 where chance makes
+    as much.
+
+    freedom: degrees of freedom of all variances together.
+    """
     known = variances > 0.0
-    known &= variances < _MOST_STD**2 * np.min(variances[known], initial=np.inf)
     if known.sum() < 2:
         return 0.0
     weights, estimates = 1.0 / variances[known], estimates[known]
-    mean = np.sum(weights * estimates) / weights.sum()
-    excess = np.sum(weights * (estimates - mean) ** 2) / (known.sum() - 1)
-    return float(np.std(estimates)) if excess > _LEAST_EXCESS else 0.0
+    by_chance = len(weights) - 1
+    squares = np.sum(weights * (estimates - np.average(estimates, weights=weights)) ** 2)
+    if f.sf(squares / by_chance, by_chance, freedom) >= CHANCE:
+        return 0.0
+    variance = (squares - by_chance) / (np.sum(weights) - np.sum(weights**2) / np.sum(weights))
+    return float(np.sqrt(variance * by_chance / len(weights)))

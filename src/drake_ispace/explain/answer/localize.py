@@ -1,18 +1,18 @@
 """Stage 4: which channels show the disagreement, with which variable it goes, and since when."""
 
 import numpy as np
-from scipy.stats import chi2, false_discovery_control
+from scipy.stats import chi2
 
 from drake_ispace.explain.answer.explanation import Place
+from drake_ispace.explain.decide.decision import NEXT_TO_NOTHING
 from drake_ispace.explain.decide.survey.generic import motion_of
-from drake_ispace.explain.decide.survey.survey import Survey
+from drake_ispace.explain.decide.survey.survey import Survey, blocks_of
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
 from drake_ispace.explain.prove.adequacy import since
 from drake_ispace.explain.prove.drivers import drivers_of
 
-_RATE = 0.05  # rate of false discoveries among channels
-_LEAST_SHARE = 0.02
-_LEAST_DRIVEN, _PER_COLUMN = 0.3, 0.01  # share that a variable must explain, and what each of its columns must add
+_LEAST_DRIVEN = 0.3  # share that a variable must explain
 
 
 def localize(prediction: Prediction, start: Survey, explained: Residuals) -> list[Place]:
@@ -29,13 +29,9 @@ def localize(prediction: Prediction, start: Survey, explained: Residuals) -> lis
     motions = [motion_of(prediction, track) for track in prediction.tracks]
     drivers = {"motion": [drivers_of(m, False) for m in motions], "room": [drivers_of(m, True) for m in motions]}
     shares = {label: float(drops[labels == label].sum()) / total for label in dict.fromkeys(labels)}
-    places = [label for label in shares if shares[label] >= _LEAST_SHARE]
-    if not places:
-        return []
-    adjusted = false_discovery_control(chi2.sf([shares[label] * total for label in places], 1))
     significant = [
-        Place(label, shares[label], _driver(prediction, start, drivers, label, explained))
-        for label, q in zip(places, adjusted, strict=True) if q < _RATE
+        Place(label, share, _driver(prediction, start, drivers, label, explained))
+        for label, share in shares.items() if share >= NEXT_TO_NOTHING and chi2.sf(share * total, 1) < CHANCE
     ]
     return sorted(significant, key=lambda place: -place.share)
 
@@ -65,6 +61,8 @@ def onset(start: Survey, explained: Residuals) -> str:
 def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], label, explained):
     """The variable that best predicts what the explanation takes away from the residuals of a channel.
 
+    Of what each explains (adjusted R^2) as many rows count as can be independent.
+
     drivers: stream -> for each run variable -> (rows, k) functions of it.
     """
     stream = "motion" if label.startswith(("encoder", "imu")) else "room"
@@ -84,11 +82,14 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
         for name, x in driven.items():
             regressors.setdefault(name, []).append(x[ticks])
     y = np.concatenate(values)
-    penalised_gains = {}
+    whitening = start.likelihood.whitening
+    blocks = blocks_of(prediction, whitening, start.residuals)[whitening.of_stream(start.residuals, stream)]
+    independent, explained_shares = len(np.unique(blocks)), {}
     for name, parts in regressors.items():
         x = np.vstack(parts)
         x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
         rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        penalised_gains[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) - _PER_COLUMN * x.shape[1]
-    best = max(penalised_gains, key=penalised_gains.get)
-    return best if penalised_gains[best] > _LEAST_DRIVEN else "none of the variables tried"
+        freedom = max(independent - x.shape[1], 1)
+        explained_shares[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) * independent / freedom
+    best = max(explained_shares, key=explained_shares.get)
+    return best if explained_shares[best] > _LEAST_DRIVEN else "none of the variables tried"

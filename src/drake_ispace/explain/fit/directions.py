@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import pinvh
 
 _BLOCK = 4096  # numbers of each vector that are taken at once
 _LEAST_EIGENVALUE = 1e-9  # as a share of the largest; below it directions coincide
@@ -72,8 +73,7 @@ def amounts_of(gram: np.ndarray, products: np.ndarray) -> np.ndarray:
 
     gram: (k, k) scalar products of the vectors with each other. products: (k,) with y.
     """
-    values, vectors, lengths = _distinct(gram)
-    return vectors @ ((vectors.T @ (products / lengths)) / values) / lengths
+    return inverse_of(gram, _LEAST_EIGENVALUE) @ products
 
 
 def spent_on(gram: np.ndarray, columns: np.ndarray) -> float:
@@ -81,14 +81,14 @@ def spent_on(gram: np.ndarray, columns: np.ndarray) -> float:
 
     gram: (k, k) as for `amounts_of`. columns: (k, m) the vectors' entries at these numbers.
     """
-    values, vectors, lengths = _distinct(gram)
-    return float(np.sum((vectors.T @ (columns / lengths[:, None])) ** 2 / values[:, None]))
+    return float(np.vdot(columns, inverse_of(gram, _LEAST_EIGENVALUE) @ columns))
 
 
-def _distinct(gram):
-    """Eigenvalues (r,), eigenvectors (k, r) of the vectors at unit length, without nearly vanishing ones; lengths (k,).
+def inverse_of(gram: np.ndarray, least: float | None = None) -> np.ndarray:
+    """(k, k) the pseudo-inverse of scalar products of vectors with each other, as found for vectors of unit length.
+
+    least: eigenvalue, as a share of the largest, below which directions coincide; None: that of rounding.
     """
-    lengths = np.maximum(np.sqrt(np.diag(gram)), 1e-9)
-    values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
-    kept = values > _LEAST_EIGENVALUE * values[-1]
-    return values[kept], vectors[:, kept], lengths
+    lengths = np.sqrt(np.maximum(np.diag(gram), 1e-18))
+    units = np.outer(lengths, lengths)
+    return pinvh(gram / units, rtol=least) / units

@@ -19,8 +19,6 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 
 _FAR = 1e6  # rad, rad/s: the error of a simulation that runs away
-_STEP = 1e-4  # relative step of the finite differences
-_LEAST_SIZE = 1e-3  # scale of a coordinate whose start is zero
 _LOGGED = {"angle": ("simulated wheel angle", "rad"), "speed": ("simulated wheel speed", "rad/s")}
 
 
@@ -43,28 +41,43 @@ def fitted(replay: OwnReplay, tracks: Sequence[Track], start: Point) -> Sizes:
 
     start: coordinates of the effects to begin with; the plant's free parameters begin with the plant's own values.
     """
-    order = [(candidate, i) for candidate in start for i in range(len(candidate.parameters))]
-    given = np.array([*replay.free.values(), *(start[candidate][i] for candidate, i in order)])
+    begin = Sizes(start, replay.free)
+    order, given = _numbers(begin)
     if not len(given):
-        return Sizes({}, {})
-    sizes = np.where(given == 0.0, _LEAST_SIZE, np.abs(given))
-    bounds = [(0.0, np.inf) if value > 0.0 else (-np.inf, 0.0) for value in replay.free.values()]
+        return begin
+    solution, units = _least_squares(replay, tracks, begin)
+    found = _with(begin, solution.x * units)
+    ends = np.cumsum([errors(replay, track, {}).size for track in tracks])[:-1]
+    stds = (_stds(solution, ends) * units)[len(replay.free) :]
+    return replace(found, stds=dict(zip(order, map(float, stds), strict=True)))
+
+
+def _least_squares(replay, tracks, start, most=None):
+    """The solution of the fit that begins with the Sizes `start`, and the units (k,) of its numbers; most: evaluations.
+    """
+    order, given = _numbers(start)
+    units = np.where(given == 0.0, 1.0, np.abs(given))
+    bounds = [(0.0, np.inf) if value > 0.0 else (-np.inf, 0.0) for value in start.plant.values()]
     bounds += [candidate.bounds[i] for candidate, i in order]
 
-    def at(z):
-        numbers = [float(value) for value in z * sizes]
-        point = {candidate: list(values) for candidate, values in start.items()}
-        for (candidate, i), value in zip(order, numbers[len(replay.free) :], strict=True):
-            point[candidate][i] = value
-        return point, dict(zip(replay.free, numbers, strict=False))
-
     def residuals(z):
-        return errors_of(replay, tracks, Sizes(*at(z)))
+        return errors_of(replay, tracks, _with(start, z * units))
 
-    solution = least_squares(residuals, given / sizes, diff_step=_STEP, bounds=(np.array(bounds) / sizes[:, None]).T)
-    ends = np.cumsum([errors(replay, track, {}).size for track in tracks])[:-1]
-    stds = (_stds(solution, ends) * sizes)[len(replay.free) :]
-    return Sizes(*at(solution.x), dict(zip(order, map(float, stds), strict=True)))
+    low, high = np.transpose(bounds) / units
+    return least_squares(residuals, given / units, bounds=(low, high), x_scale="jac", max_nfev=most), units
+
+
+def _numbers(sizes):
+    """(effect, number of the coordinate) of every coordinate, and (k,) the plant's parameters and then these."""
+    order = [(candidate, i) for candidate, z in sizes.point.items() for i in range(len(z))]
+    return order, np.array([*sizes.plant.values(), *(sizes.point[candidate][i] for candidate, i in order)])
+
+
+def _with(sizes, numbers):
+    """The Sizes with other numbers (k,)."""
+    left = iter(map(float, numbers))
+    plant = {name: next(left) for name in sizes.plant}
+    return Sizes({candidate: [next(left) for _ in z] for candidate, z in sizes.point.items()}, plant)
 
 
 def _stds(solution, ends):
@@ -95,17 +108,8 @@ def errors_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.nd
 
 def slopes(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.ndarray:
     """(k, rows) changes of `errors_of` with each of the numbers that `fitted` moves."""
-    at, found = errors_of(replay, tracks, sizes), []
-    for name, value in sizes.plant.items():
-        moved = replace(sizes, plant={**sizes.plant, name: (1.0 + _STEP) * value})
-        found.append((errors_of(replay, tracks, moved) - at) / (_STEP * value))
-    for candidate, z in sizes.point.items():
-        for i, value in enumerate(z):
-            step = _STEP * max(abs(value), _LEAST_SIZE)
-            step = -step if value + step > candidate.bounds[i][1] else step
-            moved = replace(sizes, point={**sizes.point, candidate: [*z[:i], value + step, *z[i + 1 :]]})
-            found.append((errors_of(replay, tracks, moved) - at) / step)
-    return np.stack(found)
+    solution, units = _least_squares(replay, tracks, sizes, most=1)
+    return solution.jac.T / units[:, None]
 
 
 def error_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> float:

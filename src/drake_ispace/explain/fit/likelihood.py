@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.directions import inverse_of
 from drake_ispace.explain.fit.memory import Memory, alike
 from drake_ispace.explain.fit.offsets import Offsets
 from drake_ispace.explain.fit.whitening import Whitening
@@ -23,7 +24,6 @@ Point = dict[Candidate, list[float]]  # effects and their coordinates
 STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _SHORTENINGS = 6  # of a step that leads to a worse point, or of a start at which the model runs away
-_ANY_SIZE = 1e4  # standard deviation of an offset that may have any size, in those of the whitened residuals
 
 
 def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
@@ -43,7 +43,8 @@ class Likelihood:
         offsets: whitened changes of the residuals by nuisance parameters, one prior standard deviation each.
         sizes: candidate -> a natural size of each of its coordinates.
         memory: of the noise model, to be removed; empty: it is not removed.
-        inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for their priors.
+        free: how many of the offsets, the last ones, may have any size.
+        inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for the prior of each that has one.
         remembered: of each memory, the amounts of its basis in the offsets.
     """
 
@@ -52,18 +53,19 @@ class Likelihood:
     offsets: Offsets
     sizes: Mapping[Candidate, Sequence[float]]
     memory: Sequence[Memory] = ()
+    free: int = 0
     inner: np.ndarray = field(init=False, repr=False)
     remembered: list[np.ndarray] = field(init=False, repr=False)
 
     def __post_init__(self):
         gram, self.remembered = self.offsets.gram_and_amounts(self.memory)
         products = gram - sum(alike(amounts, amounts) for amounts in self.remembered)
-        self.inner = np.linalg.inv(products + np.eye(len(self.offsets)))
+        has_prior = np.arange(len(products)) < len(products) - self.free
+        self.inner = inverse_of(products + np.diag(has_prior.astype(float)))
 
     def freed(self, changes: np.ndarray) -> "Likelihood":
         """The Likelihood with further offsets, of any size: whitened changes (k, rows) of the residuals."""
-        lengths = np.maximum(np.linalg.norm(changes, axis=1, keepdims=True), 1e-300)
-        return replace(self, offsets=self.offsets.with_freed(_ANY_SIZE * changes / lengths))
+        return replace(self, offsets=self.offsets.with_freed(changes), free=self.free + len(changes))
 
     def raw(self, point: Point) -> Residuals:
         """The residuals at `point`, not whitened."""

@@ -14,9 +14,8 @@ from drake_ispace.explain.threads import each
 _LEAST_ROWS = 100  # of a class of motion whose noise has a size of its own
 #: Stream -> lags, in rows, and rates of exponential means, per tick or fix.
 _MEMORY = {"motion": (8, (0.06, 0.02, 0.006)), "room": (4, (0.2, 0.05))}
-#: Least standard deviations of streams whose rows are independent: of placing the robot together with one fix
-#: [m, m, rad], and of the share of missed captures.
-_LEAST_STD = {"start": np.array([0.006, 0.006, 0.026]), "looks": np.array([0.02])}
+#: Least standard deviations of the stream "start", of placing the robot together with one fix [m, m, rad].
+_LEAST_START_STD = (0.006, 0.006, 0.026)
 
 
 @dataclass(frozen=True)
@@ -163,8 +162,8 @@ def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
 
 
 def is_bounded(stream: str) -> bool:
-    """Whether the noise of a stream has a least size that is known."""
-    return stream in _LEAST_STD
+    """Whether the noise of a stream has a least size that is known: rows are independent then."""
+    return stream in ("start", "looks")
 
 
 def fit_noise(
@@ -180,10 +179,11 @@ def fit_noise(
     """
     p = runs[0].shape[1]
     equal, none = np.ones((1, p)), np.empty((0, p))
-    if stream in _LEAST_STD:
+    if is_bounded(stream):
         rows = np.vstack([run for run in runs if len(run)] or [none])
         spread = rows.std(axis=0, ddof=1) if len(rows) > 2 else np.zeros(p)
-        return Noise(0, (), none, np.diag(1.0 / np.maximum(spread, _LEAST_STD[stream][:p])), equal)
+        least = _LEAST_START_STD[:p] if stream == "start" else len(rows) ** -0.5  # as if one of the captures was missed
+        return Noise(0, (), none, np.diag(1.0 / np.maximum(spread, least)), equal)
     lags, means = _MEMORY[stream]
     if stream == "motion" and ticks > 1:
         means = tuple(1.0 - (1.0 - rate) ** ticks for rate in means)

@@ -4,14 +4,13 @@ from collections import deque
 
 import numpy as np
 
-_LEAST_STEP_RAD = 1e-9  # smaller ones are rounding of the numbers themselves
 _ALIKE = 0.01  # steps that differ by less, as a share of the smallest one, are alike
 _WHOLE = 0.1  # how far from a whole number of counts a step may be
 
 
-def smallest_step(steps: np.ndarray, most: float) -> float:
-    """The smallest of these steps [rad] of wheels, any shape, that is one; `most` if none is or all are larger."""
-    return float(np.min(steps, where=steps > _LEAST_STEP_RAD, initial=most))
+def smallest_step(angles: np.ndarray, most: float) -> float:
+    """The smallest step [rad] from sample to sample of angles (k, n); `most` if there is none or all are larger."""
+    return float(np.min(_steps(angles), initial=most))
 
 
 def count_of(angles: np.ndarray) -> float:
@@ -19,14 +18,20 @@ def count_of(angles: np.ndarray) -> float:
 
     It is 0 where there is none: a wheel that never turned, or an exact encoder.
     """
-    steps = np.abs(np.diff(angles, axis=0)).ravel()
-    steps = np.unique(steps[steps > _LEAST_STEP_RAD])
+    steps = np.unique(_steps(angles))
     if not len(steps):
         return 0.0
     apart = np.diff(steps)
     count = float(min(steps[0], np.min(apart[apart > _ALIKE * steps[0]], initial=np.inf)))
     of_count = steps / count
     return count if np.all(np.abs(of_count - np.round(of_count)) < _WHOLE) else 0.0
+
+
+def _steps(angles):
+    """(m,) all changes from sample to sample that are not rounding of the angles themselves."""
+    rounding = np.finfo(float).eps * len(angles) * np.max(np.abs(angles), initial=0.0)
+    steps = np.abs(np.diff(angles, axis=0))
+    return steps[steps > rounding]
 
 
 def straightened(t: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -178,7 +178,7 @@ def _unknown_torque(model, tracks) -> float:
 def _angle_variance(tracks):
     """Variance of one encoder sample [rad^2]: a count's rounding, or the noise from read to read if that is larger."""
     read = [t.measured[: t.ticks] if t.reads is None else t.measured[t.reads[t.reads < t.ticks]] for t in tracks]
-    count = smallest_step(np.abs(np.vstack([np.diff(angles, axis=0) for angles in read])), 1.0)
+    count = min(smallest_step(angles, 1.0) for angles in read)
     thirds = np.vstack([np.diff(angles, n=3, axis=0) for angles in read])
     # a third difference has 20 times a sample's variance; the median of a squared normal deviate is 0.455 variances
     noise = np.median(np.abs(thirds)) ** 2 / 20.0 / 0.455

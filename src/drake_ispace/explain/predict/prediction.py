@@ -23,18 +23,16 @@ from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING
-from drake_ispace.explain.predict.tracks import Track, read_ticks
+from drake_ispace.explain.predict.tracks import SETTLING_TICKS, Track, read_ticks
 from drake_ispace.explain.threads import each
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
 _SPEED_COUNTS, _SPEED_TICKS = 10, 20  # over which the speed of a wheel is averaged
 _CLASS_EDGES = (0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
-_RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
 _COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
 _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, and its share of Robot.unknown_forces
-_WITHIN_COUNT = 0.4  # standard deviation of a wheel's place within a count, in counts
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
 #: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
 IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05} | dict.fromkeys(("wx", "wy", "wz"), 0.004)
@@ -204,7 +202,7 @@ class Prediction:
     def _offsets(self, track):
         """Yield the tick from which on, and an offset (rows or 1, p) of `measured`, one standard deviation large.
 
-        A wheel is somewhere within its count, and stays there while it rests. An IMU has a bias.
+        A wheel is anywhere within its count, and stays there while it rests. An IMU has a bias.
         """
         rows, p = track.measured.shape
         wheels, count = self.replay.body.wheels, track.count_rad
@@ -213,7 +211,7 @@ class Prediction:
             for start in starts:
                 offset = np.zeros((rows, p))
                 end = start + _SEGMENT_TICKS if len(starts) > 1 and start < starts[-1] else rows
-                offset[start:end, column] = _WITHIN_COUNT * count
+                offset[start:end, column] = count / np.sqrt(12.0)
                 yield start, offset
         for column, size in enumerate(IMU_OFFSETS.values() if p > wheels else (), wheels):
             if column in self.columns:
@@ -238,7 +236,8 @@ class Prediction:
             slowest = moving.min(axis=1)
             classes = np.where(slowest < turning, 0, np.searchsorted(edges, slowest))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
-                rests = maximum_filter1d(classes == 0, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
+                # after a rest with dry friction, until the filter has forgotten it
+                rests = maximum_filter1d(classes == 0, SETTLING_TICKS, origin=SETTLING_TICKS // 2 - 1)
                 classes[rests] = 0
             by_run.append({"motion": classes[track.scored_ticks]})
         return by_run
@@ -355,9 +354,9 @@ def past_speeds(angles: np.ndarray) -> np.ndarray:
     Later counts share their noise with the residuals: a force that went with them would go with that noise as well.
     The speed is the mean over as many ticks as ten counts usually take, but over 20 at most.
     """
-    steps = np.abs(np.diff(angles, axis=0))
+    steps = np.diff(angles, axis=0)
     usual = np.sqrt(np.mean(steps**2)) if len(steps) else 0.0
-    ticks = int(min(np.ceil(_SPEED_COUNTS * smallest_step(steps, 0.1) / max(usual, 1e-12)), _SPEED_TICKS))
+    ticks = int(min(np.ceil(_SPEED_COUNTS * smallest_step(angles, 0.1) / max(usual, 1e-12)), _SPEED_TICKS))
     return _mean_speeds(angles, ticks, 0)
 
 

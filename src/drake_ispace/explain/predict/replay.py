@@ -15,10 +15,11 @@ from pydrake.systems.primitives import Multiplexer
 
 from drake_ispace.blocks.block import Spec
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.rates import TICK_S, ticks_in
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.effects.wires import WheelAngleEffect
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.filters import ASSUMED, filters_of
 from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, RoomView
@@ -32,7 +33,6 @@ from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 _WHOLE = 2.0  # tanh(2) = 0.96
-_LAGGING_TICKS = ticks_in(1.0)
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ def replay_of(
     filter = filters_of(scenario, robot, has, ticks, 0.0 if wheels_lead else count_rad)
     nominal = filter(body.plant)
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
-    settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else _LAGGING_TICKS
+    settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else BLOCK_TICKS
     alone = None
     if robot.driven == COMMAND and has >= {COMMAND, "encoder"} and ticks == 1:
         alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))

@@ -13,7 +13,6 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 _LEAST_FIXES = 20  # a run with fewer is left out; without any run the gains stay as they are
-_LEAST_VARIANCE = 1e-12  # m^2, rad^2, of innovations
 
 
 def tuned(replay, tracks, starts):
@@ -70,7 +69,7 @@ def _deviance(replay, tracks, starts):
         driver = np.vstack(runs)
         innovations[:, columns] -= driver @ np.linalg.lstsq(driver, innovations[:, columns], rcond=None)[0]
     covariance = innovations.T @ innovations / len(innovations)
-    return float(np.linalg.slogdet(covariance + _LEAST_VARIANCE * np.eye(3))[1])
+    return float(np.linalg.slogdet(covariance + np.finfo(float).eps * np.eye(3))[1])
 
 
 def _in_body(rows, headings):

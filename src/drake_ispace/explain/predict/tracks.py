@@ -6,20 +6,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.explain.check.runs import check_sizes
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 IMU = len(CHANNEL_COLUMNS["imu"])
-#: Where the velocity is commanded but not recorded, fixes with a median period below the first are thinned to one each
-#: of the second [s]. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle
-#: at which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
-_FAST_FIXES_S, _THINNED_S = 0.08, 1.0
-SHORTEST_S = 1.0  # of a run
-_SETTLING_TICKS = 60  # of the filter, which are not scored
+SHORTEST_S = BLOCK_TICKS * TICK_S  # of a run
+SETTLING_TICKS = 60  # of the filter, which are not scored
 _LONGEST_S = 3600.0
 
 
@@ -75,7 +72,7 @@ class Track:
     @property
     def settled(self) -> int:
         """The first tick that is scored."""
-        return max(_SETTLING_TICKS, self.unscored_ticks)
+        return max(SETTLING_TICKS, self.unscored_ticks)
 
     @property
     def scored_ticks(self) -> np.ndarray:
@@ -155,8 +152,8 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
             straight = _on_ticks(replace(encoder, values=straightened(encoder.t, encoder.values)), rows)
     if robot.has_imu:
         parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    period_s = _THINNED_S if driven == COMMAND and driven not in has else 0.0
-    sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, period_s) if "kinect" in has else (
+    thinned = driven == COMMAND and driven not in has
+    sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, thinned) if "kinect" in has else (
         np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
     )
     seen = np.empty((0, 4))
@@ -256,13 +253,18 @@ def _reads(channel, rows):
     return ticks if len(ticks) > 1 and np.median(np.diff(ticks)) > 1.0 else None
 
 
-def _sightings(channel, rows, period_s):
-    """sightings, fix_ticks, fix_t of a Track; fast fixes are thinned to one each `period_s` [s], 0: all are kept."""
+def _sightings(channel, rows, thinned):
+    """sightings, fix_ticks, fix_t of a Track.
+
+    thinned: where the velocity is commanded but not recorded, fixes faster than the room's camera are thinned to one a
+    second or so. Over a few cycles of the drive, odometry and camera differ mostly by the moment within the cycle at
+    which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
+    """
     ticks = nearest_ticks(channel.t).astype(int)
     keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
-    if period_s > 0.0 and len(t) > 1 and np.median(np.diff(t)) < _FAST_FIXES_S:
-        every = max(int(np.ceil(period_s / np.median(np.diff(t)) - 1e-6)), 1)
+    if thinned and len(t) > 1 and np.median(np.diff(ticks)) < VISION_TICKS:
+        every = int(np.ceil(BLOCK_TICKS * TICK_S / np.median(np.diff(t)) - 1e-6))
         ticks, t, values = ticks[::every], t[::every], values[::every]
     sightings = np.zeros((rows, len(SIGHTING)))
     at = ticks + LEAD_TICKS
