@@ -141,7 +141,12 @@ class _Trial:
         return float(total[lag]), Path(float(_LAGS_S[lag]), rate, self.middle_s)
 
     def drift(self) -> Path | None:
-        """The best path with a clock that is fast or slow; None where a run is too short to see one."""
+        """The best path with a clock that is fast or slow; None where a run is too short to see one.
+
+        None beside motions of any share, too: one that fades looks alike, but not in all runs together.
+        """
+        if self.link.any_share:
+            return None
         paths = [self.along(rate) for rate in _rates(self.lasts_s) if abs(rate) * self.lasts_s >= 2.0 * LATENCY_S]
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
