@@ -105,13 +105,13 @@ def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
     assert effect.parameters["height_m"].estimate == pytest.approx(0.025, rel=0.1)
 
 
-def test_what_a_name_leaves_is_said():
-    """To someone who knows of no patch, one of soft carpet is soft floor, nearly."""
+def test_what_no_name_explains_is_said():
+    """To someone who knows of no patch, one of soft carpet is nearly soft floor, but goes with the place."""
     patch = {"soft_patch": scaled("soft_patch", "omni", 0.72)}
     runs = [generate("omni", m, patch, 14.0, 70 + i) for i, m in enumerate(["square", "eight"])]
     found = explain("omni_multirate", runs, effects=some("soft_floor", "coulomb_friction", "floor_tilt", "mass_error"))
-    assert [effect.name for effect in found.effects] == ["soft_floor"]
-    assert found.verdict == "incomplete" and any(left.driver == "place" for left in found.remainders)
+    assert found.verdict == "unknown" and not found.effects
+    assert found.unknown.driver == "place and direction" and found.unknown.nearest == "soft_floor"
 
 
 def test_a_patch_of_the_floor_is_where_it_is_said_to_be():

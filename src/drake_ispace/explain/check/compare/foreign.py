@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import RELATED, following
+from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import most, residuals, scores
@@ -39,10 +39,10 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
     for number, (run, base) in enumerate(zip(runs, bases, strict=True)):
         if base is None:
             continue
-        relation = {name: _relation(link, base, spoilt[number]) for name, link in links(run, base).items()}
+        linked = links(run, base)
+        relation = {name: _relation(link, base, spoilt[number]) for name, link in linked.items()}
         relation = {name: one for name, one in relation.items() if one is not None}
-        # friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels
-        strangers = [n for n, one in relation.items() if one.share < (RELATED if n == "kinect" else -RELATED)]
+        strangers = [name for name, one in relation.items() if _is_stranger(linked[name], one)]
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
@@ -61,6 +61,17 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
                 repairs=(Without(name),),
             ))
     return found
+
+
+def _is_stranger(link, relation):
+    """Whether a channel moves in another way than the wheels.
+
+    Friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels. What is
+    compared beside motions of any share, such as a torque, must go against them clearly.
+    """
+    if link.channel == "kinect":
+        return relation.share < RELATED
+    return relation.share < -RELATED if link.any_share else relation.gain < -SAID
 
 
 def _owner(runs, bases, number, name):
