@@ -103,7 +103,8 @@ def test_few_fixes_on_the_move_say_little():
 
 
 def test_a_robot_at_rest_shows_the_noise_of_its_fixes_unless_they_are_whole_pixels():
-    likely, most = at_rest([recorded(STD, rests=True)], 2)
+    least, likely, most = at_rest([recorded(STD, rests=True)], 2)
+    assert np.all(least < likely) and np.all(least > 0.7 * STD)
     assert likely == pytest.approx(STD, rel=0.05) and np.all(likely < most) and np.all(most < 1.05 * likely)
     assert at_rest([recorded(0.0 * STD, 0.01, rests=True)], 2) is None
     assert at_rest([recorded(STD)], 2) is None
@@ -113,5 +114,5 @@ def test_a_robot_at_rest_shows_the_noise_of_its_fixes_unless_they_are_whole_pixe
 def test_few_fixes_at_rest_say_less(seed):
     few = recorded(STD, rests=True)
     few.seen = np.column_stack([few.seen[:14, 0], seen(np.zeros((14, 3)), STD, seed)])
-    likely, most = at_rest([few], 2)
-    assert np.all(most > STD) and np.all(likely < 1.9 * STD)
+    least, likely, most = at_rest([few], 2)
+    assert np.all(most > STD) and np.all(likely < 1.9 * STD) and np.all(least < STD)

@@ -19,7 +19,7 @@ def test_metres_below_one_are_millimetres_and_a_share_has_no_unit(value, unit, s
 
 
 def test_a_probability_is_never_zero():
-    assert [p_in_words(p) for p in (0.0123, 0.0)] == ["p = 0.012", "p < 1e-99"]
+    assert [p_in_words(p) for p in (0.0123, 0.0)] == ["p = 0.012", "p < 2e-308"]
 
 
 def test_the_headline_says_how_it_was_proven_and_what_noise_may_be():

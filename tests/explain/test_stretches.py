@@ -138,11 +138,17 @@ def test_what_grows_with_time_goes_on_in_a_later_stretch():
 
 
 def test_a_wheel_at_rest_may_turn_past_the_edge_of_a_count():
-    resting = made(30.0, rests=[(0.0, 1.0)])
-    count = resting.measured[:, 0].std()
+    resting, count = made(30.0, rests=[(0.0, 1.0)]), 0.06
     measured = resting.measured + count * (np.arange(len(resting.measured))[:, None] > 1)
     assert begun(replace(resting, measured=measured), 2, 500).unscored_ticks == 500
     assert begun(replace(resting, measured=measured, count_rad=count), 2, 500).unscored_ticks == 0
+
+
+@pytest.mark.parametrize("count", [0.02, 0.03])
+def test_coarse_counts_do_not_hide_that_a_robot_moves(count):
+    moving = made(30.0)
+    measured = count * np.floor(moving.measured / count)
+    assert begun(replace(moving, measured=measured, count_rad=count), 2, 500).unscored_ticks == 500
 
 
 def test_an_effect_is_found_in_stretches_and_proved_on_others():

@@ -16,6 +16,7 @@ from drake_ispace.explain.decide.survey.generic import Motion, _cells, _is_motio
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.decide.survey.survey import (
+    blocks_of,
     expected_to_stay,
     fit_with_noise,
     survey,
@@ -286,3 +287,10 @@ def test_few_numbers_that_all_effects_together_could_explain_are_tested_all_the_
     detection = detect(found.minus_log10_p.max(), trials(found.screen, found.by_instant, seed=0))
     assert detection.found == (size > 0.0)
     assert 1.2 < detection.threshold < 5.0
+
+
+@pytest.mark.parametrize("every, together", [(19, 10), (3, 66), (300, 1)])
+def test_as_many_fixes_are_a_block_as_come_in_a_second(every, together):
+    prediction = SimpleNamespace(row_ticks=1, tracks=[SimpleNamespace(fix_ticks=every * np.arange(200))])
+    whitening = SimpleNamespace(instants=lambda residuals, together: together)
+    assert blocks_of(prediction, whitening, None) == {"motion": 200, "room": together}

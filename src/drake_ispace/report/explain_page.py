@@ -109,12 +109,14 @@ def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder:
     """Draw before.svg and, where effects are named, after.svg with the new blocks in colour.
 
     Returns:
-        (file, title) of each picture; none where the model's own path is none for its wheels or its room.
+        (file, title) of each picture. None where the model's own path is none for its wheels or its room, which is then
+        a warning of the explanation.
     """
     try:
         draw(build_diagram(model), folder / "before.svg")
     except InputError as refused:
-        explanation.warnings.append(f"the Diagram could not be drawn: {refused}")
+        told = f"the Diagram could not be drawn: {refused}"
+        explanation.warnings += [] if told in explanation.warnings else [told]
         return []
     pictures = [("before.svg", "The model as given")]
     if explanation.model is not None:

@@ -17,6 +17,7 @@ from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 from hidden import two_wheels
 from hidden.generator import generate
+from hidden.outside import cases, runs_of
 
 MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
 
@@ -359,3 +360,19 @@ def test_a_robot_whose_wheels_may_rest_is_not_carried_and_no_wheel_is_stuck(how,
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
     runs = [two_wheels.drive(seed, 40.0, 0.0, 0.0, 0.0, in_step=True, **how) for seed in (2001, 2002)]
     assert check(two_wheels.model(), runs).findings == []
+
+
+@pytest.mark.parametrize("number", [10, 35])
+def test_a_torque_is_no_stranger_and_its_clock_right_beside_ripple_of_encoders_and_friction_that_fades(number):
+    case = cases()[number]
+    assert (case["effect"], case["robot"]) in (("encoder_ripple", "omni"), ("motor_warm_up", "pendulum"))
+    assert check(MODEL[case["robot"]], runs_of(case)).serious == []
+
+
+def test_a_clock_of_torque_that_drifts_alike_in_all_runs_is_told(sound):
+    def drifting(run):
+        torque = run.channels["torque"]
+        return replace(run, channels=run.channels | {"torque": replace(torque, t=torque.t * 1.05)})
+
+    found = check(MODEL["omni"], [drifting(run) for run in sound["omni"]]).serious
+    assert {(f.fault, f.channel) for f in found} == {("clock_drift", "torque")}

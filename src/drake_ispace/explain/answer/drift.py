@@ -46,33 +46,39 @@ def _spreads(group, blocks, slopes, marginalised, w):
     group, blocks: (rows,) number of each. slopes, marginalised: (k, rows) changes of the whitened residuals `w`, whole
     and without what nuisances explain of them.
     """
-    moves, variances, freedom = [], [], 0
+    moves, variances, freedoms = [], [], []
     for number in range(int(group.max()) + 1):
         own = group == number
         slope, change, rest = slopes[:, own], marginalised[:, own], w[own]
         inverse = np.linalg.pinv(slope @ change.T, rcond=1e-9)
         moves.append(-inverse @ (change @ rest))
-        left = change * (rest + moves[-1] @ slope)
-        sums = inverse @ np.add.reduceat(left, np.flatnonzero(np.diff(blocks[own], prepend=-1)), axis=1)
-        free = sums.shape[1] - len(sums)  # too few blocks say nothing: no variance
-        variances.append(np.sum(sums**2, axis=1) * (sums.shape[1] / free if free > 0 else 0.0))
-        freedom += max(free, 0)
-    return [_spread(*columns, freedom) for columns in zip(np.transpose(moves), np.transpose(variances), strict=True)]
+        firsts = np.flatnonzero(np.diff(blocks[own], prepend=-1))
+        sums = inverse @ np.add.reduceat(change * (rest + moves[-1] @ slope), firsts, axis=1)
+        # a parameter that only the camera shows has as many blocks as tell of it
+        telling = np.add.reduceat(change**2, firsts, axis=1)
+        count = telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
+        freedoms.append(np.maximum(count - len(sums), 0.0))
+        with np.errstate(divide="ignore"):
+            variances.append(np.sum(sums**2, axis=1) * count / freedoms[-1])
+    columns = (np.transpose(one) for one in (moves, variances, freedoms))
+    return [_spread(*each) for each in zip(*columns, strict=True)]
 
 
-def _spread(estimates, variances, freedom):
+def _spread(estimates, variances, freedoms):
     """Standard deviation of what is estimated, by the method of moments of DerSimonian and Laird; 0 where chance makes
-    as much.
+    as much, by Welch's analysis of variance.
 
-    freedom: degrees of freedom of all variances together.
+    freedoms: degrees of freedom of each variance; 0: nobody knows it.
     """
-    known = variances > 0.0
+    known = (freedoms > 0.0) & (variances > 0.0)
     if known.sum() < 2:
         return 0.0
-    weights, estimates = 1.0 / variances[known], estimates[known]
-    by_chance = len(weights) - 1
+    weights, estimates, freedoms = 1.0 / variances[known], estimates[known], freedoms[known]
+    groups, by_chance = len(weights), len(weights) - 1
     squares = np.sum(weights * (estimates - np.average(estimates, weights=weights)) ** 2)
-    if f.sf(squares / by_chance, by_chance, freedom) >= CHANCE:
+    doubt = np.sum((1.0 - weights / weights.sum()) ** 2 / freedoms) / (groups**2 - 1.0)
+    ratio = squares / by_chance / (1.0 + 2.0 * (groups - 2.0) * doubt)
+    if f.sf(ratio, by_chance, 1.0 / (3.0 * doubt)) >= CHANCE:
         return 0.0
     variance = (squares - by_chance) / (np.sum(weights) - np.sum(weights**2) / np.sum(weights))
     return float(np.sqrt(variance * by_chance / len(weights)))

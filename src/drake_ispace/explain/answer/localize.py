@@ -69,8 +69,9 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
     if label == "kinect: seen" or label.startswith("start"):
         return "every run alike"
     column = prediction.labels(stream).index(label)
-    values, regressors = [], {}
-    classes_of = start.likelihood.whitening.classes
+    values, of_rows, regressors = [], [], {}
+    whitening = start.likelihood.whitening
+    classes_of = whitening.classes
     for driven, track, classes, run, after in zip(
         drivers[stream], prediction.tracks, classes_of, start.residuals, explained, strict=True
     ):
@@ -79,17 +80,17 @@ def _driver(prediction, start, drivers: dict[str, list[dict[str, np.ndarray]]], 
         scored = classes[stream] > 0 if stream in classes else np.ones(len(y), bool)
         ticks = every[len(every) - len(y) :][scored]
         values.append(y[scored])
+        of_rows.append(scored)
         for name, x in driven.items():
             regressors.setdefault(name, []).append(x[ticks])
     y = np.concatenate(values)
-    whitening = start.likelihood.whitening
     blocks = blocks_of(prediction, whitening, start.residuals)[whitening.of_stream(start.residuals, stream)]
-    independent, explained_shares = len(np.unique(blocks)), {}
+    independent, explained_shares = len(np.unique(blocks)) * np.mean(np.concatenate(of_rows)), {}
     for name, parts in regressors.items():
         x = np.vstack(parts)
         x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-12)
         rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
-        freedom = max(independent - x.shape[1], 1)
+        freedom = max(independent - x.shape[1], 1.0)
         explained_shares[name] = 1.0 - rest @ rest / max(y @ y, 1e-300) * independent / freedom
     best = max(explained_shares, key=explained_shares.get)
     return best if explained_shares[best] > _LEAST_DRIVEN else "none of the variables tried"

@@ -1,6 +1,7 @@
 """The gap and what is left of it, in sentences a user can act on."""
 
 import math
+import sys
 from pathlib import Path
 
 from drake_ispace.explain.check.finding import Finding
@@ -33,7 +34,8 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
 
 def p_in_words(p_value: float) -> str:
     """A probability as "p = 0.012"; one that is too small for a number is not zero."""
-    return f"p = {p_value:.2g}" if p_value > 1e-99 else "p < 1e-99"
+    least = sys.float_info.min
+    return f"p < {least:.0g}" if p_value < least else f"p = {p_value:.2g}"
 
 
 def short(row: GapRow) -> str:

@@ -92,7 +92,7 @@ class Marginal:
     """Products of changes with each other, and of what offsets and the memory of a noise cannot explain of them.
 
     X (k, n) are the whitened changes, N (q, n) the offsets, M removes the memory. What is left of X is
-    (X - U N) M, U = X M N' (N M N' + 1)^-1.
+    (X - U N) M, U = X M N' (N M N' + P)^-1, P as in `Likelihood`.
 
     Args:
         changes: X. offsets: N. memories: of the noise. of_offsets: of each memory, the amounts of its basis in the

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import pinvh
 
 _BLOCK = 4096  # numbers of each vector that are taken at once
 _LEAST_EIGENVALUE = 1e-9  # as a share of the largest; below it directions coincide
@@ -84,11 +83,15 @@ def spent_on(gram: np.ndarray, columns: np.ndarray) -> float:
     return float(np.vdot(columns, inverse_of(gram, _LEAST_EIGENVALUE) @ columns))
 
 
-def inverse_of(gram: np.ndarray, least: float | None = None) -> np.ndarray:
+def inverse_of(gram: np.ndarray, least: float | None = None, squares: np.ndarray | None = None) -> np.ndarray:
     """(k, k) the pseudo-inverse of scalar products of vectors with each other, as found for vectors of unit length.
 
-    least: eigenvalue, as a share of the largest, below which directions coincide; None: that of rounding.
+    least: eigenvalue, as a share of the largest, below which directions coincide; None: that of rounding. squares: (k,)
+    squared lengths by which rounding is judged: those before something was taken from the vectors; default as they are.
     """
-    lengths = np.sqrt(np.maximum(np.diag(gram), 1e-18))
+    squares = np.diag(gram) if squares is None else squares
+    lengths = np.sqrt(np.where(squares > 0.0, squares, 1.0))
     units = np.outer(lengths, lengths)
-    return pinvh(gram / units, rtol=least) / units
+    values, vectors = np.linalg.eigh(gram / units)
+    kept = values > (np.finfo(float).eps * len(values) if least is None else least) * values.max(initial=0.0)
+    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / units

@@ -40,10 +40,11 @@ class Likelihood:
     Attributes:
         prediction: the model and the runs.
         whitening: the noise model of the residuals.
-        offsets: whitened changes of the residuals by nuisance parameters, one prior standard deviation each.
+        offsets: whitened changes of the residuals by nuisance parameters, one prior standard deviation each but for the
+            last ones, which may have any size.
         sizes: candidate -> a natural size of each of its coordinates.
         memory: of the noise model, to be removed; empty: it is not removed.
-        free: how many of the offsets, the last ones, may have any size.
+        free: how many of the offsets these are.
         inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for the prior of each that has one.
         remembered: of each memory, the amounts of its basis in the offsets.
     """
@@ -60,8 +61,8 @@ class Likelihood:
     def __post_init__(self):
         gram, self.remembered = self.offsets.gram_and_amounts(self.memory)
         products = gram - sum(alike(amounts, amounts) for amounts in self.remembered)
-        has_prior = np.arange(len(products)) < len(products) - self.free
-        self.inner = inverse_of(products + np.diag(has_prior.astype(float)))
+        prior = (np.arange(len(gram)) < len(gram) - self.free).astype(float)
+        self.inner = inverse_of(products + np.diag(prior), squares=np.diag(gram) + prior)
 
     def freed(self, changes: np.ndarray) -> "Likelihood":
         """The Likelihood with further offsets, of any size: whitened changes (k, rows) of the residuals."""
@@ -78,7 +79,8 @@ class Likelihood:
     def marginalised(self, vectors: np.ndarray) -> np.ndarray:
         """The part of (rows,) or (k, rows) vectors that neither the noise's memory nor the offsets can explain.
 
-        It is (M - M N (N'MN + 1)^-1 N' M) times each, M being the projection that removes the memory, N the offsets.
+        It is (M - M N (N'MN + P)^-1 N' M) times each, M being the projection that removes the memory, N the offsets, P
+        1 for each of them that has a prior.
         """
         remainder = np.array(vectors, ndmin=2)
         remembered, products = self._seen(remainder)

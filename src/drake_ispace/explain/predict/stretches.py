@@ -108,11 +108,13 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
 def begun(track: Track, wheels: int, settling_ticks: int) -> Track:
     """The track; if it begins while the robot moves, its first `settling_ticks` are not scored, or half of it at most.
 
-    Nor has it fixes in its first LEAD_TICKS then, as a `stretch`. A wheel at rest may stand at the edge of a count.
+    Nor has it fixes in its first LEAD_TICKS then, as a `stretch`. A wheel at rest may stand at the edge of a count:
+    what it turns beyond one is looked at, for as long as the slowest motion takes for it.
     """
-    turned = np.abs(track.measured[_FIRST_TICKS, :wheels] - track.measured[0, :wheels]).max() - track.count_rad
-    usual = np.sqrt(np.mean(np.diff(track.measured[: track.ticks, :wheels], axis=0) ** 2))
-    if turned <= _MOVING * usual * _FIRST_TICKS:
+    slowest = _MOVING * np.sqrt(np.mean(np.diff(track.measured[: track.ticks, :wheels], axis=0) ** 2))
+    first = min(max(_FIRST_TICKS, int(np.ceil(track.count_rad / slowest))), track.ticks) if slowest else _FIRST_TICKS
+    turned = np.abs(track.measured[first, :wheels] - track.measured[0, :wheels]).max() - track.count_rad
+    if turned <= slowest * first:
         return track
     kept, sightings = track.fix_ticks >= LEAD_TICKS, track.sightings.copy()
     sightings[track.fix_rows[~kept]] = 0.0

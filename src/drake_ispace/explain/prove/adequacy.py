@@ -209,11 +209,11 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
     """An error that comes again in runs of the same motion; None as in `_predicted`."""
     names, series = zip(*runs, strict=True)
     lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
-    share, standard_errors = repeated_share(
+    share, deviate = repeated_share(
         [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < _PREDICTED or standard_errors < CERTAIN or size < usual:
+    if share < _PREDICTED or deviate < CERTAIN or size < usual:
         return None
     return Remainder(
         m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),

@@ -18,7 +18,9 @@ _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
 def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
-    """(2, 3) standard deviations [m, m, rad] of the fixes of a robot at rest, and how large these can be at most.
+    """(3, 3) standard deviations [m, m, rad] of the fixes of a robot at rest: the least, the likely and the most.
+
+    The least and the most are those that chance makes of Gaussian errors as rarely as CHANCE.
 
     None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
     """
@@ -38,7 +40,7 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
     if free < 1 or not _are_distinct(deviations):
         return None
     likely = np.sqrt(np.mean(deviations**2, axis=0))
-    return np.array([likely, likely * _most(free)])
+    return np.array([likely * _off(free, chi2.isf), likely, likely * _off(free, chi2.ppf)])
 
 
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
@@ -63,12 +65,12 @@ def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.nda
     if free < 1 or not all(map(_are_distinct, np.vstack([poses for _, poses in runs]).T)):
         return np.full(3, np.inf)
     squares = np.column_stack([places, headings]) ** 2 * len(places) / free
-    return np.sqrt(squares.mean(axis=0) / 2.0) * _most(free)
+    return np.sqrt(squares.mean(axis=0) / 2.0) * _off(free, chi2.ppf)
 
 
-def _most(free):
-    """By how much a standard deviation that so many numbers show can be too small by chance."""
-    return np.sqrt(free / chi2.ppf(CHANCE, free))
+def _off(free, end):
+    """What to multiply a standard deviation with that so many Gaussian numbers show, to be at this end of chance."""
+    return np.sqrt(free / end(CHANCE, free))
 
 
 def _beside_what_goes_with_motion(runs):

@@ -109,17 +109,18 @@ def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
 
 
 def _noise_of_fixes(localizer, prediction):
-    """`of_fixes` of a SensorNoise: as stated, unless fixes at rest show otherwise, or those on the move show less."""
+    """`of_fixes` of a SensorNoise: as stated, unless fixes at rest show otherwise, or those on the move less."""
     body, tracks, stated = prediction.replay.body, prediction.tracks, partial(_pixels, localizer)
     if not any(len(track.seen) for track in tracks):
         return stated
     poses = np.vstack([track.poses for track in tracks])
     by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
-    resting = at_rest(tracks, body.wheels)
+    resting, most = at_rest(tracks, body.wheels), on_the_move(tracks, body.plant.geometry, by_pixels)
+    shown = np.minimum(by_pixels, most)
     if resting is not None:
-        return partial(_independent, np.clip(by_pixels, *resting))
-    most = on_the_move(tracks, body.plant.geometry, by_pixels)
-    return partial(_independent, np.minimum(most, by_pixels)) if (most < by_pixels).any() else stated
+        least, likely, most = resting
+        shown = np.where(least > by_pixels, likely, np.minimum(shown, most))
+    return partial(_independent, shown) if (shown != by_pixels).any() else stated
 
 
 def _pixels(localizer: Localizer, poses: np.ndarray, generator: np.random.Generator) -> np.ndarray:

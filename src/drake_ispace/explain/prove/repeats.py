@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-_ALIKE = 0.1  # share of the squared speed by which the same motion may differ, begun a little sooner or later
+_ALIKE = 0.1  # share of the squared speed by which the same motion may differ, as where it begins a little later
 BLOCKS = 10  # of a run, in which errors are independent of each other
 
 

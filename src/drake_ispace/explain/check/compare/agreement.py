@@ -80,7 +80,7 @@ def part(
     x: np.ndarray, y: np.ndarray, groups, noise: np.ndarray, z: np.ndarray | None = None, slack: Slack = PHYSICS
 ) -> Part:
     """One comparison; arguments as of regression.scores."""
-    return Part(scores(x, y, groups, noise, z, slack), float(most(y, groups, np.zeros_like(noise)).max()))
+    return Part(scores(x, y, groups, noise, z, slack), float(most(y[:1], groups, np.zeros_like(noise[:1]))[0]))
 
 
 def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:

@@ -143,7 +143,8 @@ class _Trial:
     def drift(self) -> Path | None:
         """The best path with a clock that is fast or slow; None where a run is too short to see one.
 
-        None beside motions of any share, too: one that fades looks alike, but not in all runs together.
+        None beside motions of any share, too: a friction that fades looks alike. In several runs together a drift is
+        looked for all the same.
         """
         if self.link.any_share:
             return None
