@@ -23,13 +23,14 @@ from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING
-from drake_ispace.explain.predict.tracks import SETTLING_TICKS, Track, read_ticks
+from drake_ispace.explain.predict.tracks import Track, read_ticks
 from drake_ispace.explain.threads import each
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND
 
 _SPEED_COUNTS, _SPEED_TICKS = 10, 20  # over which the speed of a wheel is averaged
 _CLASS_EDGES = (0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
+_RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
 _COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
 _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, and its share of Robot.unknown_forces
@@ -236,8 +237,7 @@ class Prediction:
             slowest = moving.min(axis=1)
             classes = np.where(slowest < turning, 0, np.searchsorted(edges, slowest))
             if self.replay.body.robot.friction(self.replay.body.plant).coulomb_n_m > 0.0:
-                # after a rest with dry friction, until the filter has forgotten it
-                rests = maximum_filter1d(classes == 0, SETTLING_TICKS, origin=SETTLING_TICKS // 2 - 1)
+                rests = maximum_filter1d(classes == 0, _RECOVERY_TICKS, origin=_RECOVERY_TICKS // 2 - 1)
                 classes[rests] = 0
             by_run.append({"motion": classes[track.scored_ticks]})
         return by_run

@@ -16,7 +16,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 IMU = len(CHANNEL_COLUMNS["imu"])
 SHORTEST_S = BLOCK_TICKS * TICK_S  # of a run
-SETTLING_TICKS = 60  # of the filter, which are not scored
+_SETTLING_TICKS = 60  # of the filter, which are not scored
 _LONGEST_S = 3600.0
 
 
@@ -72,7 +72,7 @@ class Track:
     @property
     def settled(self) -> int:
         """The first tick that is scored."""
-        return max(SETTLING_TICKS, self.unscored_ticks)
+        return max(_SETTLING_TICKS, self.unscored_ticks)
 
     @property
     def scored_ticks(self) -> np.ndarray:
