@@ -57,9 +57,9 @@ def _spreads(group, blocks, slopes, marginalised, w):
         # a parameter that only the camera shows has as many blocks as tell of it
         telling = np.add.reduceat(change**2, firsts, axis=1)
         count = telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
-        freedoms.append(np.maximum(count - len(sums), 0.0))
-        with np.errstate(divide="ignore"):
-            variances.append(np.sum(sums**2, axis=1) * count / freedoms[-1])
+        free = np.maximum(count - len(sums), 0.0)
+        freedoms.append(free)
+        variances.append(np.divide(np.sum(sums**2, axis=1) * count, free, out=np.zeros(len(free)), where=free > 0.0))
     columns = (np.transpose(one) for one in (moves, variances, freedoms))
     return [_spread(*each) for each in zip(*columns, strict=True)]
 
