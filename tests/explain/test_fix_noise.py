@@ -116,3 +116,10 @@ def test_few_fixes_at_rest_say_less(seed):
     few.seen = np.column_stack([few.seen[:14, 0], seen(np.zeros((14, 3)), STD, seed)])
     least, likely, most = at_rest([few], 2)
     assert np.all(most > STD) and np.all(likely < 1.9 * STD) and np.all(least < STD)
+
+
+def test_a_heading_that_comes_again_at_rest_says_nothing():
+    few = recorded(STD, rests=True)
+    few.seen = few.seen[:8].copy()
+    few.seen[:, 3] = 0.5
+    assert at_rest([few], 2) is None

@@ -22,7 +22,8 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
 
     The least and the most are those that chance makes of Gaussian errors as rarely as CHANCE.
 
-    None: there are too few, or a camera's whole pixels repeat themselves, which says nothing of a moving robot.
+    None: there are too few, or a coordinate has values that come again, as whole pixels do: that says nothing of a
+    moving robot.
     """
     parts = []
     for track in tracks:
@@ -37,7 +38,7 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
                 parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
     deviations = np.vstack([*parts, np.empty((0, 3))])
     free = len(deviations) - len(parts)
-    if free < 1 or not _are_distinct(deviations):
+    if free < 1 or not all(map(_are_distinct, deviations.T)):
         return None
     likely = np.sqrt(np.mean(deviations**2, axis=0))
     return np.array([likely * _off(free, chi2.isf), likely, likely * _off(free, chi2.ppf)])
@@ -93,8 +94,8 @@ def _beside_what_goes_with_motion(runs):
 
 
 def _are_distinct(rows):
-    """Whether nearly all rows (k,) or (k, n) differ from each other."""
-    return len(np.unique(np.round(rows, 9), axis=0)) >= 0.9 * len(rows)
+    """Whether nearly all numbers (k,) differ from each other."""
+    return len(np.unique(np.round(rows, 9))) >= 0.9 * len(rows)
 
 
 def _apart(poses, way_m, turn_rad):
