@@ -116,7 +116,8 @@ def draw_diagrams(explanation: Explanation, model: Scenario, robot: str, folder:
         draw(build_diagram(model), folder / "before.svg")
     except InputError as refused:
         told = f"the Diagram could not be drawn: {refused}"
-        explanation.warnings += [] if told in explanation.warnings else [told]
+        if told not in explanation.warnings:
+            explanation.warnings.append(told)
         return []
     pictures = [("before.svg", "The model as given")]
     if explanation.model is not None:
