@@ -191,6 +191,25 @@ class Restamped:
 
 
 @dataclass(frozen=True)
+class Unrepeated:
+    """The samples of a channel that have the same columns as the one before left out."""
+
+    channel: str
+    columns: tuple[str, ...]
+
+    def __str__(self):
+        return f"{self.channel}: samples that repeat the one before left out"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording without these samples."""
+        channel = recording.channels[self.channel]
+        at = [channel.columns.index(name) for name in self.columns]
+        fresh = np.diff(channel.values[:, at], axis=0).any(axis=1)
+        kept = rows(replace(channel, period_s=None), np.concatenate([[True], fresh]))
+        return with_channel(recording, self.channel, kept)
+
+
+@dataclass(frozen=True)
 class Dropped:
     """The samples of a channel from from_s to to_s left out."""
 
@@ -253,7 +272,7 @@ class CutOut:
 
 
 OfStretch = Dropped | Mirrored | CutOut
-Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | Without | OfStretch
+Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | Unrepeated | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

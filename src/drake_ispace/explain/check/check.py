@@ -24,7 +24,7 @@ from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
-from drake_ispace.explain.check.steps import dead_findings, frozen_camera, outlier_findings, step_findings
+from drake_ispace.explain.check.steps import dead_findings, frozen_camera, held_fixes, outlier_findings, step_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
@@ -136,6 +136,7 @@ class _Search:
         self._each(outlier_findings)
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
+        self._each(lambda run, i: held_fixes(run, self._bases()[i], i))
         tell("comparing wheels and camera")
         self._encoder_clock()
         self._agreed("kinect", wheels_or_camera)

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
+from drake_ispace.explain.decide.decision import Decision, least_further
 from drake_ispace.explain.decide.detect import Detection, detect, trials
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
@@ -65,7 +65,8 @@ def decide(
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
             doubt = Doubt(decision, current, unknown, leader)
-        is_small = leader is None or ((current.point or doubt is not None) and leader.gain < LEAST_FURTHER)
+        is_further = bool(current.point) or doubt is not None
+        is_small = leader is None or (is_further and leader.gain < least_further(leader.candidate))
         if not detection.found or is_small or len(current.point) == MOST_EFFECTS:
             break
         if doubt is None:

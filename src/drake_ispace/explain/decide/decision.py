@@ -12,8 +12,16 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point
 
 MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance from which a rival is ruled out
-LEAST_FURTHER = gain_at(CLEAR_MINUS_LOG10_P)  # drop in deviance that a further effect must reach
+LEAST_FURTHER = gain_at(CLEAR_MINUS_LOG10_P)  # drop in deviance that a further effect of one number must reach
 NEXT_TO_NOTHING = 0.01  # share of what effects explain: no model is as good as that
+
+
+def least_further(candidate: Candidate) -> float:
+    """The drop in deviance that this further effect must reach.
+
+    Noise gains as much with the same probability, however many numbers are fitted, and wheels or places tried.
+    """
+    return gain_at(CLEAR_MINUS_LOG10_P + math.log10(candidate.among), len(candidate.parameters))
 
 
 @dataclass(frozen=True)

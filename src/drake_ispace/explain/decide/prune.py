@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
-from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, NEXT_TO_NOTHING, Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, NEXT_TO_NOTHING, Decision, least_further
 from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_of, penalty
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
@@ -32,7 +32,7 @@ def pruned(survey_at: Callable[..., Survey], decision: Decision) -> Decision:
         rises = {effect: rest.deviance - decision.named.deviance for effect, rest in rests.items()}
         needless = [
             effect for effect, rest in rests.items()
-            if rises[effect] <= max(LEAST_FURTHER, MARGIN * scatter(decision.end, decision.named, rest))
+            if rises[effect] <= max(least_further(effect), MARGIN * scatter(decision.end, decision.named, rest))
         ]
         needless = needless or [e for e in _next_to_nothing(decision, rests) if not _is_shown(decision, rests[e], e)]
         if not needless:
@@ -67,7 +67,7 @@ def _is_shown(decision, rest, effect) -> bool:
         return False
     others = {candidate: z for candidate, z in named.point.items() if candidate is not effect}
     flawed = likelihood_with_flaws(end, end.likelihood.raw(named.point), others)
-    return fit(flawed, others).deviance - fit(flawed, named.point).deviance > LEAST_FURTHER
+    return fit(flawed, others).deviance - fit(flawed, named.point).deviance > least_further(effect)
 
 
 def _sums(drops, groups):

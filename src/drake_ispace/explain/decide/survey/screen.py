@@ -188,9 +188,9 @@ def _share(products, some, others):
     return float(np.max(np.maximum(explained, 0.0) / np.maximum(np.diag(products)[some], _LEAST)))
 
 
-def gain_at(minus_log10_p: float) -> float:
-    """The drop in deviance that one number fitted to noise reaches with this probability, as -log10 p."""
-    return float(chi2.isf(10.0**-minus_log10_p, 1))
+def gain_at(minus_log10_p: float, parameters: int = 1) -> float:
+    """The drop in deviance that so many numbers fitted to noise reach with this probability, as -log10 p."""
+    return float(chi2.isf(10.0**-minus_log10_p, parameters))
 
 
 def minus_log10_p_of_gain(gain: np.ndarray, parameters: int) -> np.ndarray:
