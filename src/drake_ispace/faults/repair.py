@@ -191,22 +191,21 @@ class Restamped:
 
 
 @dataclass(frozen=True)
-class Unrepeated:
-    """The samples of a channel that have the same columns as the one before left out."""
+class LeftOut:
+    """Some samples of a channel left out; samples: their numbers."""
 
     channel: str
-    columns: tuple[str, ...]
+    samples: tuple[int, ...]
 
     def __str__(self):
-        return f"{self.channel}: samples that repeat the one before left out"
+        return f"{self.channel}: {len(self.samples)} samples left out"
 
     def apply(self, recording: Recording) -> Recording:
         """A copy of the recording without these samples."""
         channel = recording.channels[self.channel]
-        at = [channel.columns.index(name) for name in self.columns]
-        fresh = np.diff(channel.values[:, at], axis=0).any(axis=1)
-        kept = rows(replace(channel, period_s=None), np.concatenate([[True], fresh]))
-        return with_channel(recording, self.channel, kept)
+        kept = np.ones(len(channel.t), bool)
+        kept[list(self.samples)] = False
+        return with_channel(recording, self.channel, rows(replace(channel, period_s=None), kept))
 
 
 @dataclass(frozen=True)
@@ -272,7 +271,7 @@ class CutOut:
 
 
 OfStretch = Dropped | Mirrored | CutOut
-Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | Unrepeated | Without | OfStretch
+Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | LeftOut | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

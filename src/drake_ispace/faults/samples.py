@@ -25,10 +25,10 @@ FAULTS = (
         same=("rows_missing", "robot_carried"), harmless=True,
     ),
     Fault(
-        "fixes_held", "fixes that are held until the next one",
-        "a fix comes again under later stamps", "a table with a row for every sample of a faster channel",
-        "the wheels turn between two fixes that are the same to the last digit", "leave the later ones out",
-        same=("channel_frozen",), effects=("camera_latency", "clock_offset"), harmless=True,
+        "samples_held", "samples that are held until the next one",
+        "a sample comes again under later stamps", "a table with a row for every sample of a faster channel",
+        "the robot moves between two samples that are the same to the last digit", "leave the later ones out",
+        same=("channel_frozen",), harmless=True,
     ),
     Fault(
         "channel_clipped", "values that end at a limit",

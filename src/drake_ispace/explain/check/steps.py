@@ -11,13 +11,11 @@ from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
 from drake_ispace.explain.levels import CHANCE
-from drake_ispace.faults.repair import CutOut, Dropped, Unrepeated, Without
+from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
 _SPIKE_STEPS = 5.0  # larger than most
-_OFTEN = 0.1  # share of fixes
-_DUST_M = 1e-9  # rounding of numbers
 _SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
@@ -60,27 +58,6 @@ def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         if STUCK_S <= until - since and _part(run, since, until) and moved > _SHOWS_M:
             yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
-
-
-def held_fixes(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
-    """Fixes that come again from row to row although the robot moves by more than the camera's finest step."""
-    if base is None or not has_motion(run):
-        return
-    kinect = run.channels["kinect"]
-    since, until = kinect.t[:-1], kinect.t[1:]
-    shows = inside(base, since, until)
-    moved = np.linalg.norm(base.moved(since[shows], until[shows])[:, :2], axis=1)
-    shows[shows] = moved > np.sqrt(2.0) * _finest_m(kinect)
-    again = ~np.diff(kinect.values[:, :3], axis=0).any(axis=1)
-    if shows.any() and again[shows].mean() > _OFTEN:
-        what = f"{100.0 * again[shows].mean():.0f} % of the fixes on the move repeat the one before"
-        yield Finding("fixes_held", what, "", (number,), "kinect", repairs=(Unrepeated("kinect", kinect.columns[:3]),))
-
-
-def _finest_m(kinect) -> float:
-    """Twice the finest step of the camera's places [m]: where they are the middle of two markers, a step of one."""
-    steps = [np.diff(np.unique(kinect.values[:, axis])) for axis in (0, 1)]
-    return 2.0 * max(min(step[step > _DUST_M], default=0.0) for step in steps)
 
 
 def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:

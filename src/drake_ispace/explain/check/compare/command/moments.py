@@ -76,8 +76,8 @@ def _moments(
     `follows`. moved: (all samples,) [s] by how much earlier they are in the rates (k, n) that the wheels are told.
     """
     sizes, since = drive.changes[samples - 1], drive.command.t[samples] - moved[samples] + follows.late_s
-    first = np.searchsorted(drive.edges, since - drive.step_s)
-    last = np.searchsorted(drive.edges, since + _ANSWERED * follows.lag_s + drive.step_s)
+    first = np.maximum(np.searchsorted(drive.edges, since, side="right") - 1, 0)
+    last = np.searchsorted(drive.edges, since + _ANSWERED * follows.lag_s) + 1  # as an end of a slice
     columns = lil_array((len(samples), drive.turned.size))
     for k, (a, b) in enumerate(zip(first, last, strict=True)):
         after = np.maximum(drive.edges[a:b] - since[k], 0.0)
