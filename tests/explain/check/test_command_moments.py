@@ -70,3 +70,11 @@ def test_samples_at_earlier_times_stay_in_order():
     repair = Restamped("command", (1, 3), (0.04, 0.1))
     again = repair.apply(Recording("mine", "velocity_base", {"command": command}, "")).channels["command"]
     assert again.t == pytest.approx([0.0, 0.06, 0.2]) and again.values[:, 0] == pytest.approx([0.0, 1.0, 2.0])
+
+
+def test_a_log_that_keeps_every_fourth_sample_of_the_command_shows_no_delay():
+    run = two_wheels.drive(5, **SOUND | {"lag_s": 0.0, "in_step": True})
+    command = run.channels["command"]
+    rare = Channel(command.t[::4], command.columns, command.values[::4], {}, None)
+    answer = di.explain(two_wheels.model(), [Recording(run.robot, run.scenario, run.channels | {"command": rare})])
+    assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}

@@ -112,12 +112,14 @@ def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: 
 
     earlier, std: (c,) what wheels say of it, but for a constant, and the standard deviation [s]. late_s: by which the
     wheels answer if that constant is zero. Where the step leaves room for it, the constant is that of wheels that
-    answer at once.
+    answer at once. Of a log that keeps only some of the commanded samples many a change is logged at once: each may as
+    well act at its sample as anywhere in the step.
     """
     known = earlier[std < step_s]
     constants = np.linspace(-known.max(), step_s - known.min(), round(1.0 / CHANCE))  # of which one is as rare as that
     low, high = (-(earlier + constants[:, None]) / std, (step_s - earlier - constants[:, None]) / std)
-    inside = np.log(np.maximum(norm.cdf(high) - norm.cdf(low), 1e-300)).sum(axis=1)
+    anywhere, at_once = norm.cdf(high) - norm.cdf(low), step_s * norm.pdf(low) / std
+    inside = np.log(np.maximum(anywhere + at_once, 1e-300)).sum(axis=1)
     weights = np.exp(inside - inside.max())
     weights /= weights.sum()
     least, most = np.interp((CHANCE, 1.0 - CHANCE), np.cumsum(weights), constants)
