@@ -48,7 +48,7 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         expected = _within_a_step(earlier, std, step_s, follows.late_s)
         for i, one in zip(drives, np.split(expected, ends), strict=True):
             moved[i][samples[i]] = one
-    if max(half, twice) > within:  # the drive's answers scatter, whatever the step of the log
+    if max(half, twice) > within + ALIKE:  # the drive's answers scatter, whatever the step of the log
         return []
     return [
         Finding(
