@@ -7,7 +7,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.held import held_angles
+from drake_ispace.explain.check.held import held_samples
 from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 
@@ -60,7 +60,38 @@ def test_a_wheel_that_turns_slowly_between_counts_is_sound():
     t = 0.005 * np.arange(4000)
     slow = np.floor(np.cumsum(0.3 + 0.2 * np.sin(t)))  # 0.1 to 0.5 counts from row to row
     encoder = Channel(t, ("theta_1", "theta_2"), np.column_stack([slow, slow]))
-    assert list(held_angles(Recording("mine", channels={"encoder": encoder}), 0)) == []
+    assert list(held_samples(Recording("mine", channels={"encoder": encoder}), 0)) == []
+
+
+@pytest.mark.parametrize("read_hz", [60.0, 40.0, 12.0])
+def test_an_encoder_in_a_table_of_any_other_rate_loses_what_is_old(read_hz):
+    t = np.arange(0.0, 20.0, 0.01)
+    read_s = np.floor(t * read_hz + 1e-9) / read_hz
+    angle = np.floor(3000.0 * (read_s + np.sin(0.5 * read_s)))
+    encoder = Channel(t, ("theta_1", "theta_2"), np.column_stack([angle, 1.1 * angle]))
+    (finding,) = held_samples(Recording("mine", channels={"encoder": encoder}), 0)
+    left_out, old = np.array(finding.repairs[0].samples), np.flatnonzero(np.diff(read_s) == 0.0) + 1
+    assert np.isin(left_out, old).all() and len(left_out) > 0.95 * len(old)
+
+
+@pytest.mark.parametrize("rate", [
+    np.where(np.arange(600) % 4 < 3, 3.0, 0.0), np.where(np.arange(600) % 30 < 15, 3.0, 0.0), np.full(600, 0.7),
+], ids=["a row of rest", "stop and go", "slow"])
+def test_a_wheel_that_rests_or_creeps_is_sound(rate):
+    angle = np.floor(20.0 * np.cumsum(rate * 0.1)) / 20.0
+    encoder = Channel(0.1 * np.arange(600), ("theta_1", "theta_2"), np.column_stack([angle, angle]))
+    assert list(held_samples(Recording("mine", channels={"encoder": encoder}), 0)) == []
+
+
+def test_held_samples_are_the_same_rows_whatever_else_is_left_out(run):
+    in_a_table = held(thinned(run, 2), "encoder", 0.02)
+    encoder = in_a_table.channels["encoder"]
+    values = encoder.values.copy()
+    values[400:460] = values[200:260]
+    checked = check(two_wheels.model(), [with_samples(in_a_table, "encoder", encoder.t, values)])
+    assert {"samples_held", "rows_duplicated"} <= {finding.fault for finding in checked.findings}
+    ((masked,),) = checked.masked([with_samples(in_a_table, "encoder", encoder.t, values)])
+    assert masked.channels["encoder"].t == pytest.approx(checked.repaired[0].channels["encoder"].t)
 
 
 def test_a_camera_that_rounds_places_to_more_than_the_robot_moves_is_sound(run):

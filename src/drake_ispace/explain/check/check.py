@@ -21,7 +21,7 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of,
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
-from drake_ispace.explain.check.held import held_angles, held_fixes
+from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
@@ -133,9 +133,8 @@ class _Search:
         counts = float(self.settings.encoder.counts_per_turn)
         self._each(stamp_findings)
         self._each(lambda run, i: wrap_findings(run, i, counts))
+        self._each(held_samples)  # by the numbers of samples, therefore before others are left out
         self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
-        self._each(held_angles)
-        self._each(lambda run, i: held_fixes(run, self._bases()[i], i))
         self._each(outlier_findings)
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))

@@ -61,13 +61,12 @@ def decide(
         proposals, disagreements = proposals_of(current), believed(current)
         detection = _detection(current, [*proposals, *disagreements], largest, seed)
         decision = decision or Decision(detection, current, current)
-        leader = max(proposals, key=lambda proposal: proposal.penalised_gain, default=None)
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
-            doubt = Doubt(decision, current, unknown, leader)
+            doubt = Doubt(decision, current, unknown, _leader(proposals))
         is_further = bool(current.point) or doubt is not None
-        is_small = leader is None or (is_further and leader.gain < least_further(leader.candidate))
-        if not detection.found or is_small or len(current.point) == MOST_EFFECTS:
+        leader = _leader([p for p in proposals if not is_further or p.gain >= least_further(p.candidate)])
+        if not detection.found or leader is None or len(current.point) == MOST_EFFECTS:
             break
         if doubt is None:
             point = _best_near(current, proposals, leader).point
@@ -89,6 +88,11 @@ def decide(
     finished = _finished(decision, survey_at, seed, known)
     finished.otherwise = doubt.decided if doubt.before.named is None else None
     return finished
+
+
+def _leader(proposals) -> Proposal | None:
+    """The proposal that gains most for its complexity."""
+    return max(proposals, key=lambda proposal: proposal.penalised_gain, default=None)
 
 
 def _far(survey_at, point) -> tuple[Survey, Fit]:

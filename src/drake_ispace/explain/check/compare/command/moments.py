@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.sparse import lil_array
+from scipy.special import logsumexp, softmax
 from scipy.stats import norm, truncnorm
 
 from drake_ispace.explain.check.compare.agreement import ALIKE, SAID
@@ -19,6 +20,7 @@ from drake_ispace.faults.repair import Restamped
 from drake_ispace.robots.robot import COMMAND
 
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
+_SHARES = np.linspace(0.0, 1.0, 20, endpoint=False)  # of changes that act at their samples
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 
 
@@ -112,16 +114,24 @@ def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: 
 
     earlier, std: (c,) what wheels say of it, but for a constant, and the standard deviation [s]. late_s: by which the
     wheels answer if that constant is zero. Where the step leaves room for it, the constant is that of wheels that
-    answer at once. Of a log that keeps only some of the commanded samples many a change is logged at once: each may as
-    well act at its sample as anywhere in the step.
+    answer at once. Of a log that keeps only some of the commanded samples a share of the changes acts
+    at its sample, and may be any.
     """
     known = earlier[std < step_s]
     constants = np.linspace(-known.max(), step_s - known.min(), round(1.0 / CHANCE))  # of which one is as rare as that
-    low, high = (-(earlier + constants[:, None]) / std, (step_s - earlier - constants[:, None]) / std)
-    anywhere, at_once = norm.cdf(high) - norm.cdf(low), step_s * norm.pdf(low) / std
-    inside = np.log(np.maximum(anywhere + at_once, 1e-300)).sum(axis=1)
-    weights = np.exp(inside - inside.max())
-    weights /= weights.sum()
+    weights = softmax(logsumexp([_inside(earlier + constants[:, None], std, step_s, q)[0] for q in _SHARES], axis=0))
     least, most = np.interp((CHANCE, 1.0 - CHANCE), np.cumsum(weights), constants)
     each = earlier + (-late_s if least <= -late_s <= most else constants @ weights)
-    return truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)
+    fits, between = zip(*(_inside(each, std, step_s, q) for q in _SHARES), strict=True)
+    return softmax(fits) @ between * truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)
+
+
+def _inside(earlier, std, step_s, share):
+    """(...) log likelihood that of changes (..., c) a share acts at its sample, the rest anywhere in the step before.
+
+    And (..., c) the probability of each that it is one of the rest.
+    """
+    low, high = -earlier / std, (step_s - earlier) / std
+    anywhere, at_once = (1.0 - share) * (norm.cdf(high) - norm.cdf(low)), share * step_s * norm.pdf(low) / std
+    either = np.maximum(anywhere + at_once, np.finfo(float).tiny)
+    return np.log(either).sum(axis=-1), anywhere / either
