@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.counts import count_of
 from drake_ispace.faults.repair import LeftOut
 from drake_ispace.files.recording import Recording
@@ -29,8 +30,7 @@ def held_samples(run: Recording, number: int) -> Iterator[Finding]:
             continue
         again = ~np.diff(channel.values[:, : 3 if name == "kinect" else None], axis=0).any(axis=1)
         values = channel.values[:, :ways]
-        counts = max(map(count_of, values.T)) if name == "encoder" else None
-        held, share = _held(values, again, counts)
+        held, share = _held(values, again, _usual_count(values) if name == "encoder" else None)
         if share <= _OFTEN or len(held) < 1.0 / _OFTEN:
             continue
         old = _brief(channel.t, again) if name == "kinect" else _old_angles(again, held)
@@ -39,13 +39,21 @@ def held_samples(run: Recording, number: int) -> Iterator[Finding]:
         yield Finding("samples_held", what, "", (number,), name, repairs=(LeftOut(name, samples),))
 
 
+def _usual_count(angles) -> float:
+    """The count of angles (n, wheels), or that of most parts of a run: numbers of few digits grow coarser with size."""
+    parts = np.array_split(angles, max(len(angles) // BLOCK_TICKS, 1))
+    of_all, *of_parts = (max(map(count_of, part.T)) for part in [angles, *parts])
+    return max(of_all, float(np.median(of_parts)))
+
+
 def _held(values, again, finest) -> tuple[list[tuple[int, int]], float]:
     """Stretches (first, last sample) that are held, and the share of the larger steps that come after one.
 
     finest: of the steps that values (n, d) may make; None: of those that they make.
     """
     sizes = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    finest = min(sizes[sizes > 0.0], default=0.0) if finest is None else finest
+    if finest is None:
+        finest = min(sizes[sizes > np.sqrt(np.finfo(float).eps) * sizes.max()], default=0.0)  # no rounding of numbers
     large = sizes > _LARGE * finest
     held = []
     for first, last in stretches(again):
