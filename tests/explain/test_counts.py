@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.filters import filters_of
 from drake_ispace.robots.library import robots
 from hidden import two_wheels

@@ -376,3 +376,8 @@ def test_a_clock_of_torque_that_drifts_alike_in_all_runs_is_told(sound):
 
     found = check(MODEL["omni"], [drifting(run) for run in sound["omni"]]).serious
     assert {(f.fault, f.channel) for f in found} == {("clock_drift", "torque")}
+
+
+def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
+    (case,) = [case for case in cases() if case["seed"] == 537]
+    assert case["effect"] == "cogging" and found(runs_of(case), "pendulum") == []

@@ -11,8 +11,8 @@ import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import STUCK_S, stretches
+from drake_ispace.explain.counts import count_of
 from drake_ispace.explain.levels import BLOCK_TICKS
-from drake_ispace.explain.predict.counts import count_of
 from drake_ispace.faults.repair import LeftOut
 from drake_ispace.files.recording import Recording
 

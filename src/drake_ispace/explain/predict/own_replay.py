@@ -9,8 +9,8 @@ from scipy.linalg import solve_continuous_are
 from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.effect import Body, Effect
+from drake_ispace.explain.counts import smallest_step
 from drake_ispace.explain.own_model import OwnModel
-from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.explain.predict.follower import Filter, Follower, design
 from drake_ispace.explain.predict.replay import Replay, Values, applicable

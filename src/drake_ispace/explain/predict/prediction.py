@@ -18,8 +18,8 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.counts import smallest_step
 from drake_ispace.explain.predict.begun import Begun
-from drake_ispace.explain.predict.counts import smallest_step
 from drake_ispace.explain.predict.replay import Replay, Values
 from drake_ispace.explain.predict.room_gain import tuned
 from drake_ispace.explain.predict.room_view import SIGHTING

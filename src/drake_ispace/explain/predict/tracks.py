@@ -8,8 +8,8 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.explain.check.runs import check_sizes
+from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
-from drake_ispace.explain.predict.counts import count_of, straightened
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
