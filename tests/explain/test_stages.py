@@ -10,6 +10,7 @@ from tried import OMNI, candidate
 
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, least_further
 from drake_ispace.explain.decide.detect import detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
@@ -27,6 +28,14 @@ def test_a_choice_of_wheel_makes_a_candidate_of_each():
     every = candidates({"weak_motor": library()["weak_motor"]}, OMNI)
     assert [c.label for c in every] == [f"weak_motor[{i}]" for i in range(1, 5)]
     assert every[1].values([0.2]) == {"wheel": 2, "loss": 0.2}
+
+
+def test_a_further_effect_must_be_as_improbable_however_much_was_tried_for_it():
+    slope, patch = candidate("floor_tilt"), candidates({"soft_patch": library()["soft_patch"]}, OMNI)[0]
+    of_wheel = candidates({"weak_motor": library()["weak_motor"]}, OMNI)[0]
+    for one in (slope, patch, of_wheel):
+        by_chance = one.among * chi2.sf(least_further(one), len(one.parameters))
+        assert by_chance == pytest.approx(chi2.sf(LEAST_FURTHER, 1))
 
 
 def test_probes_stay_within_bounds_and_leave_the_neutral_value():

@@ -27,7 +27,7 @@ FAULTS = (
     Fault(
         "samples_held", "samples that are held until the next one",
         "a sample comes again under later stamps", "a table with a row for every sample of a faster channel",
-        "the robot moves between two samples that are the same to the last digit", "leave the later ones out",
+        "after samples that are the same to the last digit the channel catches up", "leave the later ones out",
         same=("channel_frozen",), harmless=True,
     ),
     Fault(

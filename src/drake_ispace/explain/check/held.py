@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import STUCK_S, stretches
+from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.counts import count_of
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.faults.repair import LeftOut
@@ -24,19 +24,25 @@ _AROUND = 5  # times a stretch of samples, before and after it, in which the cha
 
 def held_samples(run: Recording, number: int) -> Iterator[Finding]:
     """Fixes, or angles of all wheels, that come again and then catch up."""
-    for name, ways in (("kinect", 2), ("encoder", None)):
+    for name in ("kinect", "encoder"):
         channel = run.channels.get(name)
         if channel is None or len(channel.t) < 2:
             continue
-        again = ~np.diff(channel.values[:, : 3 if name == "kinect" else None], axis=0).any(axis=1)
-        values = channel.values[:, :ways]
-        held, share = _held(values, again, _usual_count(values) if name == "encoder" else None)
-        if share <= _OFTEN or len(held) < 1.0 / _OFTEN:
-            continue
-        old = _brief(channel.t, again) if name == "kinect" else _old_angles(again, held)
-        samples = tuple((np.flatnonzero(old) + 1).tolist())
-        what = f"{100.0 * share:.0f} % of the larger steps come after samples that repeat the one before"
-        yield Finding("samples_held", what, "", (number,), name, repairs=(LeftOut(name, samples),))
+        is_camera, values = name == "kinect", channel.values
+        again = repeats(values[:, :3] if is_camera else values)
+        places = values[:, :2] if is_camera else values
+        held, share = _held(places, again, _finest_step(places) if is_camera else _usual_count(places))
+        if share > _OFTEN and len(held) >= 1.0 / _OFTEN:
+            old = _brief(channel.t, again) if is_camera else _old_angles(again, held)
+            what = f"{100.0 * share:.0f} % of the larger steps come after samples that repeat the one before"
+            repair = LeftOut(name, tuple((np.flatnonzero(old) + 1).tolist()))
+            yield Finding("samples_held", what, "", (number,), name, repairs=(repair,))
+
+
+def _finest_step(places) -> float:
+    """The shortest way between two of (n, 2) places in turn that is no rounding of numbers; 0 if there is none."""
+    ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    return float(min(ways[ways > np.sqrt(np.finfo(float).eps) * ways.max()], default=0.0))
 
 
 def _usual_count(angles) -> float:
@@ -49,11 +55,9 @@ def _usual_count(angles) -> float:
 def _held(values, again, finest) -> tuple[list[tuple[int, int]], float]:
     """Stretches (first, last sample) that are held, and the share of the larger steps that come after one.
 
-    finest: of the steps that values (n, d) may make; None: of those that they make.
+    finest: step that values (n, d) may make.
     """
     sizes = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    if finest is None:
-        finest = min(sizes[sizes > np.sqrt(np.finfo(float).eps) * sizes.max()], default=0.0)  # no rounding of numbers
     large = sizes > _LARGE * finest
     held = []
     for first, last in stretches(again):

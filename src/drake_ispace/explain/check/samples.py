@@ -152,10 +152,10 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
         return
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
-    repeats = ~np.any(np.diff(channel.values, axis=0) != 0.0, axis=1)
+    again = repeats(channel.values)
     long = [
-        (a, b) for a, b in stretches(repeats)
-        if channel.t[b] - channel.t[a] >= STUCK_S and not _holds(repeats, b - a)
+        (a, b) for a, b in stretches(again)
+        if channel.t[b] - channel.t[a] >= STUCK_S and not _holds(again, b - a)
     ]
     low, high = channel.values.min(axis=0), channel.values.max(axis=0)
     for first, last in long:
@@ -170,10 +170,10 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
                           repairs=(CutOut(since, until),))
 
 
-def _holds(repeats, rows):
+def _holds(again, rows):
     """Whether a channel repeats itself so often that it does so for so many rows in turn by chance."""
-    others = len(repeats) - rows
-    return others == 0 or len(repeats) * ((np.sum(repeats) - rows) / others) ** rows >= CHANCE
+    others = len(again) - rows
+    return others == 0 or len(again) * ((np.sum(again) - rows) / others) ** rows >= CHANCE
 
 
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
@@ -225,6 +225,11 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
             yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)
+
+
+def repeats(values: np.ndarray) -> np.ndarray:
+    """(n - 1,) whether each row of (n, d) values but the first is the same as the one before."""
+    return ~np.diff(values, axis=0).any(axis=1)
 
 
 def stretches(flags: np.ndarray) -> list[tuple[int, int]]:

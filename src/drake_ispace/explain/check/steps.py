@@ -9,7 +9,7 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, ca
 from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import STUCK_S, stretches
+from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
@@ -52,7 +52,7 @@ def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     if base is None or not has_motion(run):
         return
     kinect = run.channels["kinect"]
-    for first, last in stretches(~np.any(np.diff(kinect.values[:, :3], axis=0) != 0.0, axis=1)):
+    for first, last in stretches(repeats(kinect.values[:, :3])):
         since, until = float(kinect.t[first]), float(kinect.t[last])
         moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
         if STUCK_S <= until - since and _part(run, since, until) and moved > _SHOWS_M:
@@ -144,7 +144,7 @@ def _frozen(run, base, number):
     """Rows of the encoder that repeat while the camera moves."""
     kinect, encoder, usual = run.channels["kinect"], run.channels["encoder"], _as_wheels_say(run, base)
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
-        for first, last in stretches(~np.any(np.diff(encoder.values[:, column], axis=0) != 0.0, axis=1)):
+        for first, last in stretches(repeats(encoder.values[:, column])):
             since, until = float(encoder.t[first]), float(encoder.t[last])
             first_fix, end = np.searchsorted(kinect.t, [since, until])
             if until - since < STUCK_S or end - first_fix < 2:

@@ -114,24 +114,31 @@ def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: 
 
     earlier, std: (c,) what wheels say of it, but for a constant, and the standard deviation [s]. late_s: by which the
     wheels answer if that constant is zero. Where the step leaves room for it, the constant is that of wheels that
-    answer at once. Of a log that keeps only some of the commanded samples a share of the changes acts
-    at its sample, and may be any.
+    answer at once. Of a log that keeps only some of the commanded samples some changes act at their samples; any share
+    of them may.
     """
     known = earlier[std < step_s]
     constants = np.linspace(-known.max(), step_s - known.min(), round(1.0 / CHANCE))  # of which one is as rare as that
-    weights = softmax(logsumexp([_inside(earlier + constants[:, None], std, step_s, q)[0] for q in _SHARES], axis=0))
+    densities = _densities(earlier + constants[:, None], std, step_s)
+    weights = softmax(logsumexp([_mixed(*densities, share)[0] for share in _SHARES], axis=0))
     least, most = np.interp((CHANCE, 1.0 - CHANCE), np.cumsum(weights), constants)
     each = earlier + (-late_s if least <= -late_s <= most else constants @ weights)
-    fits, between = zip(*(_inside(each, std, step_s, q) for q in _SHARES), strict=True)
+    densities = _densities(each, std, step_s)
+    fits, between = zip(*(_mixed(*densities, share) for share in _SHARES), strict=True)
     return softmax(fits) @ between * truncnorm.mean(-each / std, (step_s - each) / std, loc=each, scale=std)
 
 
-def _inside(earlier, std, step_s, share):
-    """(...) log likelihood that of changes (..., c) a share acts at its sample, the rest anywhere in the step before.
-
-    And (..., c) the probability of each that it is one of the rest.
-    """
+def _densities(earlier, std, step_s):
+    """(..., c) of changes that act anywhere in the step before their samples, and of those that act at them."""
     low, high = -earlier / std, (step_s - earlier) / std
-    anywhere, at_once = (1.0 - share) * (norm.cdf(high) - norm.cdf(low)), share * step_s * norm.pdf(low) / std
+    return norm.cdf(high) - norm.cdf(low), step_s * norm.pdf(low) / std
+
+
+def _mixed(anywhere, at_once, share):
+    """(...) log likelihood if a share of the changes acts at its sample, (..., c) probability of each that it does not.
+
+    anywhere, at_once: `_densities`.
+    """
+    anywhere, at_once = (1.0 - share) * anywhere, share * at_once
     either = np.maximum(anywhere + at_once, np.finfo(float).tiny)
     return np.log(either).sum(axis=-1), anywhere / either
