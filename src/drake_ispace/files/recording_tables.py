@@ -141,7 +141,9 @@ def _parse(block: bytes, names: tuple[str, ...], path: Path, line: int) -> np.nd
         try:
             table = pacsv.read_csv(
                 pa.py_buffer(block),
-                read_options=pacsv.ReadOptions(column_names=list(names), block_size=len(block) + 1),
+                read_options=pacsv.ReadOptions(  # a process can abort at its end while Arrow's own threads still wait
+                    use_threads=False, column_names=list(names), block_size=len(block) + 1,
+                ),
                 convert_options=pacsv.ConvertOptions(column_types={n: pa.float64() for n in names}, null_values=[]),
             )
             values = np.column_stack([column.to_numpy() for column in table.columns])
@@ -249,7 +251,7 @@ def _read_parquet(path: Path) -> Table:
             size = path.stat().st_size
             if 8 * rows > _MOST_COMPRESSED * size:  # increasing times cannot be that small
                 raise InputError(f"{path}: {rows} rows in {size} bytes, expected times that increase to take more")
-            table = file.read()
+            table = file.read(use_threads=False)
     except (pa.ArrowException, OSError, UnicodeError) as error:
         raise InputError(f"{path}: expected a Parquet file, but {shown(str(error), 120)}") from None
     columns = []

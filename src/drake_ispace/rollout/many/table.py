@@ -159,7 +159,7 @@ def _found(folder: Path, schema: pa.Schema) -> tuple[set[int], list[Path]]:
 def _read_part(file: Path, schema: pa.Schema | None) -> pa.Table:
     try:
         with parquet.ParquetFile(file, page_checksum_verification=True) as part:
-            table = part.read()
+            table = part.read(use_threads=False)
         if schema is not None and table.schema != schema:
             raise pa.ArrowInvalid("its columns are those of another campaign")
     except (pa.ArrowException, OSError, UnicodeError) as error:
