@@ -246,6 +246,29 @@ class Mirrored:
 
 
 @dataclass(frozen=True)
+class Turned:
+    """Headings of a channel turned by angle_rad, from from_s to to_s."""
+
+    channel: str
+    from_s: float
+    to_s: float
+    angle_rad: float
+
+    def __str__(self):
+        angle = f"{abs(math.degrees(self.angle_rad)):.4g} degrees"
+        sense = "clockwise" if self.angle_rad < 0 else "counterclockwise"
+        return f"{self.channel}: phi from {self.from_s:.6g} s to {self.to_s:.6g} s turned {sense} by {angle}"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with these headings turned."""
+        channel = recording.channels[self.channel]
+        values = channel.values.copy()
+        inside = (channel.t >= self.from_s) & (channel.t <= self.to_s)
+        values[inside, channel.columns.index("phi")] += self.angle_rad
+        return with_channel(recording, self.channel, replace(channel, values=values))
+
+
+@dataclass(frozen=True)
 class Without:
     """The channel left out."""
 
@@ -271,7 +294,8 @@ class CutOut:
 
 
 OfStretch = Dropped | Mirrored | CutOut
-Repair = Mixed | Unwrapped | Clock | Evened | Gridded | Interpolated | Restamped | LeftOut | Without | OfStretch
+OfStamps = Clock | Evened | Gridded | Restamped
+Repair = Mixed | Unwrapped | Turned | OfStamps | Interpolated | LeftOut | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

@@ -21,8 +21,8 @@ FAULTS = (
     ),
     Fault(
         "heading_offset", "headings off by a quarter or a half turn",
-        "phi is off by 90 or 180 degrees, or the axes of the room are turned by as much",
-        "the marker is fitted turned, or x points elsewhere in the camera's software",
+        "phi is off by 90 or 180 degrees, always or for a while, or the axes of the room are turned by as much",
+        "the marker is fitted turned or looks the same turned, or x points elsewhere in the camera's software",
         "the robot seems to move across or against its heading", "add the angle",
         same=("camera_turned", "wheels_swapped", "wheel_order", "encoder_sign"),
     ),
@@ -40,7 +40,7 @@ FAULTS = (
     ),
     Fault(
         "camera_outliers", "fixes that are off",
-        "single fixes lie far from their neighbours", "a reflection, or another marker",
-        "the place jumps away and back", "leave the fixes out", harmless=True,
+        "places or headings of single fixes are far from their neighbours'", "a reflection, or another marker",
+        "the place or the heading jumps away and back", "leave the fixes out", harmless=True,
     ),
 )

@@ -181,6 +181,12 @@ def hardly_spiked(t, v):
     return v
 
 
+def turned_over(t, v):
+    """Headings of single fixes that are off, one of them the first of all."""
+    v[[0, 40, 44, 45], 2] += np.pi
+    return v
+
+
 def jumped(t, v):
     v[t > 6.0, 0] += 0.3
     return v
@@ -205,6 +211,39 @@ def test_a_single_fix_of_a_slow_camera_that_is_off_is_an_outlier(sound):
     slow.values[12, 1] += 0.3
     (finding,) = found([replace(first, channels=first.channels | {"kinect": slow}), second], "omni")
     assert finding.fault == "camera_outliers" and finding.from_s == finding.to_s == slow.t[12]
+
+
+def test_headings_of_single_fixes_that_are_off_are_left_out(sound):
+    first, second = sound["omni"]
+    checked = check(MODEL["omni"], [changed(first, "kinect", turned_over), second])
+    (finding,) = checked.findings
+    assert finding.fault == "camera_outliers" and finding.runs == (0,) and finding.what.startswith("4 fixes")
+    left = np.delete(first.channels["kinect"].t, [0, 40, 44, 45])
+    assert np.array_equal(checked.repaired[0].channels["kinect"].t, left)
+
+
+@pytest.mark.parametrize("angle_rad", [0.5 * np.pi, -0.5 * np.pi, np.pi])
+def test_headings_that_are_turned_for_a_while_are_turned_back(sound, angle_rad):
+    def turned(t, v):
+        v[(t > 3.0) & (t < 5.0) | (t > 11.0), 2] += angle_rad
+        return v
+
+    first, second = sound["omni"]
+    checked = check(MODEL["omni"], [changed(first, "kinect", turned), second])
+    (finding,) = checked.findings
+    assert finding.fault == "heading_offset" and finding.limited and finding.runs == (0,)
+    off = checked.repaired[0].channels["kinect"].column("phi") - first.channels["kinect"].column("phi")
+    assert np.allclose(np.sin(off), 0.0, atol=1e-12) and np.allclose(np.cos(off), 1.0)
+
+
+def test_headings_of_every_third_fix_are_turned_back(sound):
+    def turned(t, v):
+        v[1::3, 2] += np.pi
+        return v
+
+    first, second = sound["omni"]
+    (finding,) = found([changed(first, "kinect", turned), second], "omni")
+    assert finding.fault == "heading_offset" and finding.limited
 
 
 def test_a_hand_between_outliers_is_found_as_well(sound):

@@ -21,11 +21,12 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of,
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
+from drake_ispace.explain.check.fixes import outlier_findings, turned_findings
 from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
-from drake_ispace.explain.check.steps import dead_findings, frozen_camera, outlier_findings, step_findings
+from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
@@ -136,6 +137,7 @@ class _Search:
         self._each(held_samples)  # by the numbers of samples, therefore before others are left out
         self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
         self._each(outlier_findings)
+        self._each(lambda run, i: turned_findings(run, self._bases()[i], i))
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
         tell("comparing wheels and camera")

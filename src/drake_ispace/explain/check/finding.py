@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from drake_ispace.faults.repair import OfStretch, Repair
+from drake_ispace.faults.repair import OfStretch, Repair, Turned
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,13 @@ class Finding:
 
     @property
     def stretches(self) -> list[tuple[float, float]]:
-        """Begin and end [s] of every stretch that is repaired, or else that is at fault; of a limited finding."""
+        """Begin and end [s] of every stretch that is repaired, or else that is at fault; of a limited finding.
+
+        Headings that are turned are sound again but at the ends of their stretch.
+        """
         repaired = [(one.from_s, one.to_s) for one in self.repairs if isinstance(one, OfStretch)]
-        return repaired or [(self.from_s, self.to_s)]
+        ends = [(end, end) for one in self.repairs if isinstance(one, Turned) for end in (one.from_s, one.to_s)]
+        return repaired + ends or [(self.from_s, self.to_s)]
 
     @property
     def repair(self) -> str:

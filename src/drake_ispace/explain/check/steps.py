@@ -1,4 +1,4 @@
-"""What camera and wheels show of each other over short times: outliers, jumps, a channel that stops, hands."""
+"""What camera and wheels show of each other over short times: jumps, a channel that stops, hands."""
 
 from collections.abc import Iterator
 
@@ -9,13 +9,13 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, ca
 from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.fixes import off
 from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE
 
-_SPIKE_STEPS = 5.0  # larger than most
 _SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
@@ -74,33 +74,6 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         yield from _carried(run, base, number)
 
 
-def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
-    """Fixes that are off and come back soon: the camera alone shows them, in any unit."""
-    kinect = run.channels.get("kinect")
-    if kinect is None or len(kinect.t) < 2:
-        return
-    place, t = kinect.values[:, :2], kinect.t
-    steps = np.linalg.norm(np.diff(place, axis=0), axis=1)
-    large = np.flatnonzero(steps > _SPIKE_STEPS * np.quantile(steps, 0.9)).tolist()
-    done, spikes = -1, []
-    for i in large:
-        ends = [j for j in large if j > i and t[j] - t[i + 1] <= WINDOW_S]
-        back = next((j for j in ends if np.linalg.norm(place[j + 1] - place[i]) < 0.5 * steps[i]), None)
-        if i > done and back is not None:
-            spikes.append((i + 1, back))
-            done = back
-    if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
-        yield _off(t, spikes, number)
-
-
-def _off(t, spikes, number):
-    """The Finding that fixes are off; spikes: the first and the last of them, of each group."""
-    repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
-    what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
-    return Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
-                   repairs=repairs)
-
-
 def _camera_steps(run, base, number):
     """Places that change from one fix to the next without the wheels, and fixes that are off where they change back."""
     kinect = run.channels["kinect"]
@@ -119,7 +92,7 @@ def _camera_steps(run, base, number):
         what = f"the place jumps by {difference[i]:.3g} m"
         yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
     if spikes:
-        yield _off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
+        yield off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
 
 
 def _unexplained(kinect, base, pairs):

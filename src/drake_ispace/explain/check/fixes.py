@@ -1,0 +1,97 @@
+"""What the fixes of a camera show from one to the next: places and headings that are off, headings that are turned."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.links import Base
+from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.repair import Dropped, Turned
+from drake_ispace.files.recording import Recording
+
+_SPIKE_STEPS = 5.0  # larger than most
+_QUARTER = 0.5 * np.pi
+
+
+def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
+    """Fixes whose place or heading is off and comes back soon: the camera alone shows them, in any unit.
+
+    A heading that is off by less than an eighth of a turn may be a motion.
+    """
+    kinect = run.channels.get("kinect")
+    if kinect is None or len(kinect.t) < 2:
+        return
+    place, phi = kinect.values[:, :2], kinect.column("phi")
+    spikes = _spikes(kinect.t, lambda i, j: np.linalg.norm(place[j] - place[i], axis=-1))
+    if np.ptp(phi) <= 6.0 * _QUARTER:  # a turn to wrap by and half a turn; beyond, headings may be in degrees
+        spikes += _spikes(kinect.t, lambda i, j: _angle(phi[j] - phi[i]), 0.5 * _QUARTER)
+    if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
+        yield off(kinect.t, sorted(set(spikes)), number)
+
+
+def _spikes(t, distance, no_motion=None):
+    """The first and the last fix of each group that is off, the shortest groups first.
+
+    distance: between fixes i and j. no_motion: what no motion makes from one fix to the next; after such a step near
+    the run's begin, or before one near its end, fixes are right, and those beyond it are off. None: not known.
+    """
+    k = np.arange(len(t) - 1)
+    steps = distance(k, k + 1)
+    large = np.flatnonzero(steps > max(no_motion or 0.0, _SPIKE_STEPS * np.quantile(steps, 0.9)))
+    ends = np.searchsorted(t[large], t[large + 1] + WINDOW_S, side="right")
+    pairs = [(int(large[m]), int(j)) for m, end in enumerate(ends) for j in large[m + 1 : end]]
+    spikes, used = [], set()
+    for i, j in sorted(pairs, key=lambda pair: (pair[1] - pair[0], pair)):
+        if not used & {i, j} and distance(i, j + 1) < 0.5 * steps[i]:
+            spikes.append((i + 1, j))
+            used |= {i, j}
+    left = [i for i in large.tolist() if i not in used and no_motion]
+    if left and t[left[0]] - t[0] <= WINDOW_S:
+        spikes.append((0, left.pop(0)))
+    if left and t[-1] - t[left[-1] + 1] <= WINDOW_S:
+        spikes.append((left[-1] + 1, len(t) - 1))
+    return spikes
+
+
+def _angle(difference):
+    """Sizes of differences of headings, whole turns left out, whether they are in radians or in degrees."""
+    return np.minimum(*(np.abs(difference - turn * np.round(difference / turn)) for turn in (2.0 * np.pi, 360.0)))
+
+
+def off(t, spikes, number):
+    """The Finding that fixes are off; spikes: the first and the last of them, of each group."""
+    repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
+    what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
+    return Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+                   repairs=repairs)
+
+
+def turned_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Headings that are off by a quarter or a half turn for a while, as those of a marker that looks the same turned.
+
+    The heading changes and the place does not, nor do the wheels turn the robot. What most fixes say counts as right.
+    """
+    if base is None or not has_motion(run):
+        return
+    kinect = run.channels["kinect"]
+    t, place, phi = kinect.t, kinect.values[:, :2], kinect.column("phi")
+    wheels = base.moved(t[:-1], t[1:])[:, 2]
+    if np.ptp(phi) > 6.0 * _QUARTER + 2.0 * np.ptp(np.cumsum(wheels)):  # not in radians
+        return
+    turned = np.diff(phi) - wheels
+    quarters, ways = np.rint(turned / _QUARTER), np.linalg.norm(np.diff(place, axis=0), axis=1)
+    beside = np.abs(turned - _QUARTER * quarters)
+    usual, far = (_SPIKE_STEPS * np.quantile(sizes, 0.9) for sizes in (beside, ways))
+    if usual > 0.5 * _QUARTER or np.mean(quarters % 4 != 0) > 0.5:  # at random, at most half of the steps are jumps
+        return
+    quarters[(np.diff(t) > WINDOW_S) | (beside > usual) | (ways > far)] = 0
+    sides = np.append(0, np.cumsum(quarters)).astype(int) % 4
+    off_by = (sides - np.bincount(sides).argmax() + 1) % 4 - 1  # from a quarter turn back to half a turn
+    same = [part for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(sides)) + 1) if off_by[part[0]]]
+    if same:
+        repairs = tuple(Turned("kinect", float(t[part[0]]), float(t[part[-1]]), float(-_QUARTER * off_by[part[0]]))
+                        for part in same)
+        what = f"phi of {sum(map(len, same))} fixes is off by a quarter or a half turn"
+        yield Finding("heading_offset", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+                      repairs=repairs)
