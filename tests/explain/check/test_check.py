@@ -236,9 +236,9 @@ def test_headings_that_are_turned_for_a_while_are_turned_back(sound, angle_rad):
     assert np.allclose(np.sin(off), 0.0, atol=1e-12) and np.allclose(np.cos(off), 1.0)
 
 
-def test_headings_of_every_third_fix_are_turned_back(sound):
+def test_headings_of_every_fifth_fix_are_turned_back(sound):
     def turned(t, v):
-        v[1::3, 2] += np.pi
+        v[1::5, 2] += np.pi
         return v
 
     first, second = sound["omni"]
