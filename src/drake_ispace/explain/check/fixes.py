@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from drake_ispace.blocks.frames import wrap
 from drake_ispace.explain.check.compare.links import Base
 from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion
 from drake_ispace.explain.check.finding import Finding
@@ -25,7 +26,7 @@ def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     place, phi = kinect.values[:, :2], kinect.column("phi")
     spikes = _spikes(kinect.t, lambda i, j: np.linalg.norm(place[j] - place[i], axis=-1))
     if np.ptp(phi) <= 6.0 * _QUARTER:  # a turn to wrap by and half a turn; beyond, headings may be in degrees
-        spikes += _spikes(kinect.t, lambda i, j: _angle(phi[j] - phi[i]), 0.5 * _QUARTER)
+        spikes += _spikes(kinect.t, lambda i, j: np.abs(wrap(phi[j] - phi[i])), 0.5 * _QUARTER)
     if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
         yield off(kinect.t, sorted(set(spikes)), number)
 
@@ -52,11 +53,6 @@ def _spikes(t, distance, no_motion=None):
     if left and t[-1] - t[left[-1] + 1] <= WINDOW_S:
         spikes.append((left[-1] + 1, len(t) - 1))
     return spikes
-
-
-def _angle(difference):
-    """Sizes of differences of headings, whole turns left out, whether they are in radians or in degrees."""
-    return np.minimum(*(np.abs(difference - turn * np.round(difference / turn)) for turn in (2.0 * np.pi, 360.0)))
 
 
 def off(t, spikes, number):
