@@ -217,6 +217,14 @@ class Replay:
         turned = np.diff(run.measured, axis=0, append=run.measured[-1:]) / numbers[self._scales].prod(axis=0)
         return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
+    def ways(self, run: Track, numbers: np.ndarray) -> np.ndarray:
+        """(rows, 3) the way [m, m, rad] along the axes of B since t = 0 of a robot that is driven by velocity.
+
+        As its wheels turned, or as commanded where they were not recorded; numbers: the rollout's run-time numbers.
+        """
+        turned = self._turned(run, numbers) if "encoder" in self.feeds else run.command
+        return np.cumsum(turned, axis=0) * TICK_S
+
     def _set(self, numbers, block, parameters):
         """Write these parameters of a block into run-time numbers."""
         spec = Spec(parameters=parameters)

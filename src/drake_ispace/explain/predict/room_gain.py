@@ -50,7 +50,7 @@ def _deviance(replay, tracks, starts):
 
     Errors that go with the motion itself (a share of the way, of the turning, a drift) are no noise, and are regressed
     out first, for each axis of the body. At a small gain innovations show them for many fixes, and the regressors decay
-    as slowly.
+    as slowly. The motion is that of the wheels: a motion from fix to fix would have their noise in it.
     """
     numbers = replay.parameters({})
     gains = [replay.rollout.parameters[_place_of_gain(replay, i)] for i in (0, 1)]
@@ -58,10 +58,9 @@ def _deviance(replay, tracks, starts):
     for track, start in zip(tracks, starts, strict=True):
         if len(track.fix_t) < _LEAST_FIXES:
             continue
-        pose = track.poses
-        pose[:, 2] = np.unwrap(pose[:, 2])
-        rows.append(_in_body(replay.run(track, start, numbers)[1][1:], pose[:-1, 2]))
-        steps = np.column_stack([_in_body(np.diff(pose, axis=0), pose[:-1, 2]), np.diff(track.fix_t)])
+        rows.append(_in_body(replay.run(track, start, numbers)[1][1:], track.poses[:-1, 2]))
+        ways = replay.ways(track, numbers)[track.fix_ticks]
+        steps = np.column_stack([np.diff(ways, axis=0), np.diff(track.fix_t)])
         for gain, decaying in zip(gains, drivers, strict=True):
             decaying.append(lfilter([1.0], [1.0, gain - 1.0], steps, axis=0))
     innovations = np.vstack(rows)
