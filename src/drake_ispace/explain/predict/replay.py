@@ -222,8 +222,10 @@ class Replay:
 
         As its wheels turned, or as commanded where they were not recorded; numbers: the rollout's run-time numbers.
         """
-        turned = self._turned(run, numbers) if "encoder" in self.feeds else run.command
-        return np.cumsum(turned, axis=0) * TICK_S
+        if "encoder" not in self.feeds:
+            return np.cumsum(run.command, axis=0) * TICK_S
+        straight = dataclasses.replace(run, measured=run.turned)
+        return np.cumsum(self._turned(straight, numbers), axis=0) * TICK_S
 
     def _set(self, numbers, block, parameters):
         """Write these parameters of a block into run-time numbers."""
