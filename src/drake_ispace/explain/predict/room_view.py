@@ -24,15 +24,15 @@ _RING = 2 * LEAD_TICKS + 2
 _GAIN = (0.25, 0.15)  # shares of the innovation that the estimate takes over, of place and of heading
 _ESTIMATE = len(POSE) * _RING
 _MODEL = _ESTIMATE + len(POSE)
-_SEEN = _MODEL + len(POSE)
-_INNOVATION = _SEEN + 1
+_STARTED = _MODEL + len(POSE)
+_INNOVATION = _STARTED + 1
 
 
 @kernel
 def look(tick, xd, pose, sighting, gain, offset_s, out):
     """Store the pose; where there is a fix, compare it.
 
-    x_d = [ring of modelled poses (3 each), estimate at the last fix (3), modelled pose at that fix (3), number of fixes,
+    x_d = [ring of modelled poses (3 each), estimate at the last fix (3), modelled pose at that fix (3), started,
     innovation (3)].
     """
     copy(xd, out)
@@ -50,7 +50,7 @@ def look(tick, xd, pose, sighting, gain, offset_s, out):
     y = out[late + POSE.y] + share * (out[early + POSE.y] - out[late + POSE.y])
     phi = out[late + POSE.phi] + share * (out[early + POSE.phi] - out[late + POSE.phi])
     px, py, pphi = x, y, phi
-    if xd[_SEEN] > 0.0:
+    if xd[_STARTED] > 0.0:
         turn = xd[_ESTIMATE + POSE.phi] - xd[_MODEL + POSE.phi]
         c, s = cos(turn), sin(turn)
         dx, dy = x - xd[_MODEL + POSE.x], y - xd[_MODEL + POSE.y]
@@ -58,12 +58,13 @@ def look(tick, xd, pose, sighting, gain, offset_s, out):
         py = xd[_ESTIMATE + POSE.y] + s * dx + c * dy
         pphi = xd[_ESTIMATE + POSE.phi] + phi - xd[_MODEL + POSE.phi]
     nx, ny, nphi = sighting[SIGHTING.x] - px, sighting[SIGHTING.y] - py, wrap(sighting[SIGHTING.phi] - pphi)
-    seen = xd[_SEEN]  # fixes until now
-    kp, kphi = max(gain[0], 1.0 / (seen + 1.0)), max(gain[1], 1.0 / (seen + 1.0))
+    kp, kphi = gain[0], gain[1]
+    if xd[_STARTED] == 0.0:
+        kp, kphi = 1.0, 1.0
     out[_ESTIMATE + POSE.x], out[_ESTIMATE + POSE.y] = px + kp * nx, py + kp * ny
     out[_ESTIMATE + POSE.phi] = pphi + kphi * nphi
     out[_MODEL + POSE.x], out[_MODEL + POSE.y], out[_MODEL + POSE.phi] = x, y, phi
-    out[_SEEN] = seen + 1.0
+    out[_STARTED] = 1.0
     out[_INNOVATION + POSE.x], out[_INNOVATION + POSE.y], out[_INNOVATION + POSE.phi] = nx, ny, nphi
 
 
