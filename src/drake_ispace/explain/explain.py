@@ -37,15 +37,16 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_trace, lacks_little, trifles
+from drake_ispace.explain.answer.verdict import add_proof, add_runs_apart, add_trace, lacks_little, trifles
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
 from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
-from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.predict.case import joined, prepare
 from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own_gap import prove_own
 from drake_ispace.explain.prove.prove import prove
@@ -98,7 +99,10 @@ def explain(
         else:
             decision = validated_choice(case.prediction, tried, tell)
 
-        answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
+        decision, answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
+        if case.is_filtered and answer.verdict != "incomplete":
+            tell("looking at each run by itself")
+            add_runs_apart(answer, case, _runs_apart(case, decision, tried, seed))
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)
@@ -111,11 +115,20 @@ def explain(
     return answer
 
 
-def _best_answered(case, decision, answered) -> Explanation:
-    """What a decision comes to, or another one that unseen runs prefer; answered: gives what a decision comes to."""
+def _runs_apart(case, decision, tried, seed) -> list[OfOneRun]:
+    """What single runs show beside the effects of the decision, held-out ones as well."""
+    every = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
+    return shown_by_one(every, decision.named.point if decision.named else {}, tried, seed)
+
+
+def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
+    """A decision, or another one that unseen runs prefer, and what it comes to.
+
+    answered: gives what a decision comes to.
+    """
     answer = answered(decision)
     if not case.is_filtered:
-        return answer
+        return decision, answer
     if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
         decision, answer = _with_further(decision, answer, answered)
     doubted = answer.verdict == "incomplete" and decision.otherwise is not None
@@ -125,8 +138,8 @@ def _best_answered(case, decision, answered) -> Explanation:
     needed = _needed(case, decision, answer) if answer.effects else decision
     if needed is not decision and _suffices(without := answered(needed)):
         add_trace(without, answer)
-        return without
-    return answer
+        return needed, without
+    return decision, answer
 
 
 def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:

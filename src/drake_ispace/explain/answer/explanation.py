@@ -166,8 +166,9 @@ class Explanation:
             "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
             not noise of a sound robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
-        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance, and
-            for every two named effects that undo each other.
+        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance, for
+            each further effect that a run shows and the others contradict, and for every two named effects that undo
+            each other.
         next_experiment: a sentence, empty where no question is open.
         model: the scenario with the named effects in it, None where there is none. difference: what differs in it from
             the defaults, as plain data. model_path: where it was written.
@@ -239,6 +240,8 @@ class Explanation:
     def title(self) -> str:
         """The verdict in a sentence."""
         shows = self.detection is None or self.detection.p_value < self.detection.false_alarm_rate
+        if self.verdict == "unknown" and self.unknown is None and self.drifts:
+            return _RUNS_APART
         if self.verdict == "unknown" and self.unknown is None and not shows:
             return _ONLY_LEFT
         if self.verdict == "none" and self.detection is not None and shows:
@@ -304,6 +307,7 @@ _TITLES = {
     "data": "The recordings contradict each other, or the model's dimensions",
 }
 _ONLY_TRACES = "Something is detectable, but on unseen runs the model is as good without it"
+_RUNS_APART = "Single runs show an effect that the others contradict: no one model is right for all"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 
 

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.sentences import p_in_words
 from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.adequacy import TOO_LARGE
@@ -102,6 +104,21 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     answer.warnings.append(
         f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"
     )
+
+
+def add_runs_apart(answer: Explanation, case: Case, found: Sequence[OfOneRun]) -> None:
+    """Say which runs show an effect that the others contradict; an answer for all runs does not suffice then."""
+    for one in found:
+        values = one.candidate.values(one.z)
+        sizes = ", ".join(
+            f"{p.name} {values[p.name]:.3g}{'' if p.unit == '1' else f' {p.unit}'}" for p in one.candidate.parameters
+        )
+        answer.drifts.append(
+            f"{one.run} by itself shows {one.candidate.label} ({sizes}; {p_in_words(one.p_value)}), and other runs "
+            "contradict it: explain it by itself"
+        )
+    if found:
+        answer.verdict = "incomplete" if answer.effects else "unknown"
 
 
 def _size(name, parameter):

@@ -59,7 +59,7 @@ def decide(
         largest = trials(current.screen, current.by_instant, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
         proposals, disagreements = proposals_of(current), believed(current)
-        detection = _detection(current, [*proposals, *disagreements], largest, seed)
+        detection = detection_of(current, [*proposals, *disagreements], largest, seed)
         decision = decision or Decision(detection, current, current)
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
@@ -134,7 +134,7 @@ def _renamed(survey_at, seed, decision, point) -> Decision:
     return _with_further(other, proposals)
 
 
-def _detection(
+def detection_of(
     current: Survey, proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray, seed: int
 ) -> Detection:
     """Whether the proposals show more than noise, of which `largest` are the trials.
