@@ -13,7 +13,6 @@ from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, trials
 from drake_ispace.explain.decide.propose import clearest_effects, proposals_of
 from drake_ispace.explain.decide.survey.screen import gain_at
 from drake_ispace.explain.decide.survey.survey import Survey, survey
-from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.case import part_of
@@ -38,14 +37,14 @@ class OfOneRun:
 def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
-    Sizes that a sound robot may have, and effects in a part of the room, where another run need not go, do not count.
-    The effect must be clear (p < 1e-6), and its size in the run must be as clearly another than in the others.
+    The effect must be clear (p < 1e-6), and its size in the run must be as clearly another than in the others. Effects
+    in a part of the room do not count: another run need not go there.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps.
     """
     tried = [candidate for candidate in candidates if not candidate.effect.is_local]
-    scales, surveys, leaders = scales_of(prediction), [], []
+    surveys, leaders = [], []
     for i in range(len(prediction.tracks)):
         own = survey(part_of(prediction, slice(i, i + 1)), point, tried)
         leaders.append(_leader(own, seed))
@@ -53,8 +52,7 @@ def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Cand
     return [
         OfOneRun(track.name, leader.candidate, leader.fit.point[leader.candidate], detection.p_value)
         for i, (track, (leader, detection)) in enumerate(zip(prediction.tracks, leaders, strict=True))
-        if leader is not None and not _is_trifle(leader, scales)
-        and _is_contradicted(leader.candidate, surveys[i], surveys[:i] + surveys[i + 1 :])
+        if leader is not None and _is_contradicted(leader.candidate, surveys[i], surveys[:i] + surveys[i + 1 :])
     ]
 
 
@@ -67,14 +65,6 @@ def _leader(own: Survey, seed):
     if not detection.found or detection.in_doubt:
         return None, None
     return max(proposals, key=lambda proposal: proposal.penalised_gain), detection
-
-
-def _is_trifle(leader, scales):
-    """Whether a sound robot may have the effect at this size."""
-    candidate = leader.candidate
-    sizes = zip(candidate.parameters, leader.fit.point[candidate], candidate.neutral, strict=True)
-    shares = [abs(z - none) / (p.tolerance * scales.get(p.scale, 1.0)) for p, z, none in sizes if p.tolerance]
-    return bool(shares) and max(shares) <= 1.0
 
 
 def _is_contradicted(candidate, own: Survey, others: Sequence[Survey]) -> bool:
