@@ -8,6 +8,8 @@ are. Every run, held out or not, is therefore tested by itself.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from drake_ispace.explain.decide.decide import detection_of
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, trials
 from drake_ispace.explain.decide.propose import clearest_effects, proposals_of
@@ -69,19 +71,19 @@ def _leader(own: Survey, seed):
 
 def _is_contradicted(candidate, own: Survey, others: Sequence[Survey]) -> bool:
     """Whether the size of an effect in a run is another than in the others, by its score in each."""
-    mine = _scores(own, candidate)
-    clearest = max(mine, key=lambda key: mine[key][0] ** 2 / (mine[key][1] * mine[key][2]))
-    product, length, overdispersion = mine[clearest]
-    theirs = [scores[clearest] for scores in (_scores(other, candidate) for other in others) if clearest in scores]
+    at, step, size, variance = max(_sizes(own, candidate), key=lambda one: one[2] ** 2 / one[3])
+    alike = [[one for one in _sizes(other, candidate) if one[0] == at] for other in others]
+    theirs = [min(sizes, key=lambda one: abs(one[1] - step)) for sizes in alike if sizes]
     if not theirs:
         return False
-    products, lengths, overdispersions = zip(*theirs, strict=True)
-    apart = product / length - sum(products) / sum(lengths)
-    return apart**2 >= gain_at(CLEAR_MINUS_LOG10_P) * (overdispersion / length + max(overdispersions) / sum(lengths))
+    _, _, sizes, variances = np.transpose(theirs)
+    apart = size - np.average(sizes, weights=1.0 / variances)
+    return apart**2 >= gain_at(CLEAR_MINUS_LOG10_P) * (variance + 1.0 / np.sum(1.0 / variances))
 
 
-def _scores(survey, candidate):
-    """Coordinates of each signature of a candidate -> product with the residuals, squared length, overdispersion."""
+def _sizes(survey, candidate):
+    """(coordinate, step of it, size, its variance) by the score of each signature of a candidate that the run shows."""
     screen = survey.screen
     numbers = zip(screen.signatures, survey.products, screen.length, screen.overdispersion, strict=True)
-    return {tuple(s.z): (p, length, over) for s, p, length, over in numbers if s.candidate is candidate and length > 0}
+    steps = [(s.at, s.z[s.at] - candidate.neutral[s.at], *rest) for s, *rest in numbers if s.candidate is candidate]
+    return [(at, d, d * p / length, d**2 * over / length) for at, d, p, length, over in steps if length > 0.0]
