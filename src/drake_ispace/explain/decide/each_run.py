@@ -45,6 +45,8 @@ def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Cand
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps.
     """
+    if len(prediction.tracks) < 2:
+        return []
     tried = [candidate for candidate in candidates if not candidate.effect.is_local]
     surveys, leaders = [], []
     for i in range(len(prediction.tracks)):
