@@ -1,5 +1,7 @@
 """An effect that one run has and the others do not."""
 
+import dataclasses
+
 import pytest
 
 import drake_ispace as di
@@ -21,7 +23,11 @@ def runs(hidden, where, count=4):
 
 
 def shown(hidden, where):
-    case = prepare(two_wheels.model(), runs(hidden, where))
+    return shown_in(runs(hidden, where))
+
+
+def shown_in(recordings):
+    case = prepare(two_wheels.model(), recordings)
     tried = candidates(case.effects_to_try, case.replay.body)
     return {(one.run, one.candidate.name) for one in shown_by_one(case.prediction, {}, tried, 0)}
 
@@ -32,6 +38,16 @@ def test_runs_of_a_sound_robot_show_nothing():
 
 def test_what_every_run_has_is_no_matter_of_single_runs():
     assert not shown(MARKER, range(4))
+
+
+@pytest.mark.parametrize("seconds", [2.1, 2.2])
+def test_a_run_that_ends_as_the_robot_starts_shows_nothing(seconds):
+    *others, last = runs({}, ())
+    channels = {
+        name: dataclasses.replace(c, t=c.t[c.t <= seconds], values=c.values[c.t <= seconds])
+        for name, c in last.channels.items()
+    }
+    assert not shown_in([*others, dataclasses.replace(last, channels=channels)])
 
 
 @pytest.mark.parametrize("where", [0, 3])

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.stats import f
 
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.survey.survey import blocks_of
+from drake_ispace.explain.decide.survey.survey import blocks_of, telling_blocks
 from drake_ispace.explain.levels import CHANCE
 
 _LEAST_SPREAD = 0.2  # of the effect itself
@@ -55,8 +55,7 @@ def _spreads(group, blocks, slopes, marginalised, w):
         firsts = np.flatnonzero(np.diff(blocks[own], prepend=-1))
         sums = inverse @ np.add.reduceat(change * (rest + moves[-1] @ slope), firsts, axis=1)
         # a parameter that only the camera shows has as many blocks as tell of it
-        telling = np.add.reduceat(change**2, firsts, axis=1)
-        count = telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
+        count = telling_blocks(change, blocks[own])
         free = np.maximum(count - len(sums), 0.0)
         freedoms.append(free)
         variances.append(np.divide(np.sum(sums**2, axis=1) * count, free, out=np.zeros(len(free)), where=free > 0.0))

@@ -9,14 +9,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from drake_ispace.explain.decide.decide import detection_of
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, trials
-from drake_ispace.explain.decide.propose import clearest_effects, proposals_of
-from drake_ispace.explain.decide.survey.screen import gain_at
-from drake_ispace.explain.decide.survey.survey import Survey, survey
+from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
+from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, telling_blocks
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction
 
@@ -39,8 +40,8 @@ class OfOneRun:
 def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
-    The effect must be clear (p < 1e-6), and its size in the run must be as clearly another than in the others. Effects
-    in a part of the room do not count: another run need not go there.
+    The effect must be clear (p < 1e-6), and its size in the run another than in the others by more than chance, of as
+    many seconds as tell. Effects in a part of the room do not count: another run need not go there.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps.
@@ -54,38 +55,73 @@ def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Cand
         leaders.append(_leader(own, seed))
         surveys.append(own.light())
     return [
-        OfOneRun(track.name, leader.candidate, leader.fit.point[leader.candidate], detection.p_value)
-        for i, (track, (leader, detection)) in enumerate(zip(prediction.tracks, leaders, strict=True))
-        if leader is not None and _is_contradicted(leader.candidate, surveys[i], surveys[:i] + surveys[i + 1 :])
+        OfOneRun(track.name, leader.fitted.candidate, leader.fitted.fit.point[leader.fitted.candidate], leader.p_value)
+        for i, (track, leader) in enumerate(zip(prediction.tracks, leaders, strict=True))
+        if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :])
     ]
 
 
-def _leader(own: Survey, seed):
-    """The effect that the run shows most clearly, and its Detection; None, None where none is clear."""
+@dataclass(frozen=True)
+class _Leader:
+    """The effect that a run shows most clearly.
+
+    Attributes:
+        fitted: the effect. p_value: of the alarm. best: its size by the score that gains most. seconds: how many tell.
+    """
+
+    fitted: Proposal
+    p_value: float
+    best: "_Size"
+    seconds: float
+
+    def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
+        """Whether the size of the effect is another in these runs, by its score in each.
+
+        What a second or two show may be chance, however improbable: Student's distribution of as many seconds as tell.
+        """
+        mine, candidate = self.best, self.fitted.candidate
+        alike = [[one for one in _sizes(other, candidate) if one.at == mine.at] for other in others]
+        theirs = [min(sizes, key=lambda one: abs(one.step - mine.step)) for sizes in alike if sizes]
+        if not theirs or self.seconds <= 1.0:
+            return False
+        weights = np.array([1.0 / one.variance for one in theirs])
+        apart = mine.size - np.average([one.size for one in theirs], weights=weights)
+        statistic = apart / np.sqrt(mine.variance + 1.0 / weights.sum())
+        return 2.0 * student_t.sf(abs(statistic), self.seconds - 1.0) < CHANCE
+
+
+@dataclass(frozen=True)
+class _Size:
+    """The size of an effect by the score of one signature: number, coordinate and step of that, size, variance."""
+
+    number: int
+    at: int
+    step: float
+    size: float
+    variance: float
+
+
+def _leader(own: Survey, seed) -> _Leader | None:
+    """The effect that the run of this Survey shows most clearly; None where none is clear."""
     if not any(clear >= CLEAR_MINUS_LOG10_P for _, clear in clearest_effects(own)):
-        return None, None
+        return None
     proposals = proposals_of(own)
     detection = detection_of(own, proposals, trials(own.screen, own.by_instant, seed), seed)
     if not detection.found or detection.in_doubt:
-        return None, None
-    return max(proposals, key=lambda proposal: proposal.penalised_gain), detection
+        return None
+    fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
+    best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
+    change = own.changes.of_run(0, slice(best.number, best.number + 1))
+    blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
+    return _Leader(fitted, detection.p_value, best, float(telling_blocks(change, blocks)[0]))
 
 
-def _is_contradicted(candidate, own: Survey, others: Sequence[Survey]) -> bool:
-    """Whether the size of an effect in a run is another than in the others, by its score in each."""
-    at, step, size, variance = max(_sizes(own, candidate), key=lambda one: one[2] ** 2 / one[3])
-    alike = [[one for one in _sizes(other, candidate) if one[0] == at] for other in others]
-    theirs = [min(sizes, key=lambda one: abs(one[1] - step)) for sizes in alike if sizes]
-    if not theirs:
-        return False
-    _, _, sizes, variances = np.transpose(theirs)
-    apart = size - np.average(sizes, weights=1.0 / variances)
-    return apart**2 >= gain_at(CLEAR_MINUS_LOG10_P) * (variance + 1.0 / np.sum(1.0 / variances))
-
-
-def _sizes(survey, candidate):
-    """(coordinate, step of it, size, its variance) by the score of each signature of a candidate that the run shows."""
-    screen = survey.screen
-    numbers = zip(screen.signatures, survey.products, screen.length, screen.overdispersion, strict=True)
-    steps = [(s.at, s.z[s.at] - candidate.neutral[s.at], *rest) for s, *rest in numbers if s.candidate is candidate]
-    return [(at, d, d * p / length, d**2 * over / length) for at, d, p, length, over in steps if length > 0.0]
+def _sizes(survey, candidate) -> list[_Size]:
+    """The sizes of a candidate by each of its signatures that the run shows."""
+    screen, found = survey.screen, []
+    for i, signature in enumerate(screen.signatures):
+        if signature.candidate is candidate and screen.length[i] > 0.0:
+            step = signature.z[signature.at] - candidate.neutral[signature.at]
+            size, variance = survey.products[i] / screen.length[i], screen.overdispersion[i] / screen.length[i]
+            found.append(_Size(i, signature.at, step, step * size, step**2 * variance))
+    return found

@@ -162,6 +162,15 @@ def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals
     return whitening.instants(residuals, together)
 
 
+def telling_blocks(changes: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """(k,) how many blocks tell of each of the whitened changes (k, n), n > 0; blocks: (n,) number of each.
+
+    Blocks that tell as much as each other count one each, and those that tell little count less.
+    """
+    telling = np.add.reduceat(changes**2, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
+    return telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
+
+
 def _unexplained(tested, marginal, screen, w, products):
     """(rows,) what no signature and no offset explains of `w`, scaled to unit variance again.
 
