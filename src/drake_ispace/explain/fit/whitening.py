@@ -211,7 +211,8 @@ def fit_noise(
 
 def _sizes(e, classes):
     """(classes, p) root mean square of e in each class over that of all scored rows; 1 for classes with few rows."""
-    overall = np.sqrt(np.mean(e[classes > 0] ** 2, axis=0)) + 1e-30
+    scored = e[classes > 0]  # none in a run at rest
+    overall = np.sqrt(np.sum(scored**2, axis=0) / max(len(scored), 1)) + 1e-30
     sizes = np.ones((int(classes.max()) + 1, e.shape[1]))
     sizes[0] = np.inf
     for c in range(1, len(sizes)):
