@@ -42,8 +42,8 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
         return SimpleNamespace(verdict=verdict, effects=effects, warnings=[])
 
     monkeypatch.setattr(explained, "trifles", lambda answer, case: small)
-    answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
-    assert {effect.name for effect in answer.effects} == left
+    decision, answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
+    assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
 
 

@@ -48,7 +48,7 @@ def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Cand
     """
     if len(prediction.tracks) < 2:
         return []
-    tried = [candidate for candidate in candidates if not candidate.effect.is_local]
+    tried = [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
     surveys, leaders = [], []
     for i in range(len(prediction.tracks)):
         own = survey(part_of(prediction, slice(i, i + 1)), point, tried)
