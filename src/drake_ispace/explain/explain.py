@@ -102,7 +102,7 @@ def explain(
         decision, answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
-            add_runs_apart(answer, case, _runs_apart(case, decision, tried, seed))
+            add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
     if case.shortened:
         answer.warnings.append(case.shortened)
     add_findings(answer, examined)

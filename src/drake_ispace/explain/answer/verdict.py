@@ -106,7 +106,7 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     )
 
 
-def add_runs_apart(answer: Explanation, case: Case, found: Sequence[OfOneRun]) -> None:
+def add_runs_apart(answer: Explanation, found: Sequence[OfOneRun]) -> None:
     """Say which runs show an effect that the others contradict; an answer for all runs does not suffice then."""
     for one in found:
         values = one.candidate.values(one.z)
