@@ -98,7 +98,7 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     """Say in an answer which effects it does not name were barely detectable; doubted: the answer that named them."""
     kept = {effect.name for effect in answer.effects}
     sizes = ", ".join(
-        f"{effect.name} ({', '.join(_size(name, p) for name, p in effect.parameters.items())})"
+        f"{effect.name} ({', '.join(_size(name, p.estimate, p.unit) for name, p in effect.parameters.items())})"
         for effect in doubted.effects if effect.name not in kept
     )
     answer.warnings.append(
@@ -110,9 +110,7 @@ def add_runs_apart(answer: Explanation, found: Sequence[OfOneRun]) -> None:
     """Say which runs show an effect that the others contradict; an answer for all runs does not suffice then."""
     for one in found:
         values = one.candidate.values(one.z)
-        sizes = ", ".join(
-            f"{p.name} {values[p.name]:.3g}{'' if p.unit == '1' else f' {p.unit}'}" for p in one.candidate.parameters
-        )
+        sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         answer.drifts.append(
             f"{one.run} by itself shows {one.candidate.label} ({sizes}; {p_in_words(one.p_value)}), and other runs "
             "contradict it: explain it by itself"
@@ -121,9 +119,8 @@ def add_runs_apart(answer: Explanation, found: Sequence[OfOneRun]) -> None:
         answer.verdict = "incomplete" if answer.effects else "unknown"
 
 
-def _size(name, parameter):
-    unit = "" if parameter.unit in ("1", "wheel") else f" {parameter.unit}"
-    return f"{name} {parameter.estimate:.3g}{unit}"
+def _size(name, value, unit):
+    return f"{name} {value:.3g}{'' if unit in ('1', 'wheel') else f' {unit}'}"
 
 
 def made_worse(rows: Sequence[GapRow]) -> list[GapRow]:

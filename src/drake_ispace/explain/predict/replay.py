@@ -138,7 +138,7 @@ class Replay:
             numbers = numbers.copy()
             numbers[which] = values
             straight = dataclasses.replace(run, measured=run.turned)
-            looks = self._logs(straight, start, numbers, command=self._turned(straight, numbers))
+            looks = self._logs(straight, start, numbers, command=self._turned(run, numbers))
         return self.shown(run, logs, looks)
 
     def shown(self, run: Track, logs: Mapping[str, np.ndarray], looks: Mapping[str, np.ndarray]):
@@ -213,8 +213,8 @@ class Replay:
         ], dtype=int).reshape(-1, self.body.wheels)
 
     def _turned(self, run, numbers):
-        """(rows, 3) velocity in B, as the wheels turn of which the encoders show the measured angles."""
-        turned = np.diff(run.measured, axis=0, append=run.measured[-1:]) / numbers[self._scales].prod(axis=0)
+        """(rows, 3) velocity in B, as the wheels turn of which the encoders show the angles, without rounding."""
+        turned = np.diff(run.turned, axis=0, append=run.turned[-1:]) / numbers[self._scales].prod(axis=0)
         return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     def ways(self, run: Track, numbers: np.ndarray) -> np.ndarray:
@@ -222,10 +222,8 @@ class Replay:
 
         As its wheels turned, or as commanded where they were not recorded; numbers: the rollout's run-time numbers.
         """
-        if "encoder" not in self.feeds:
-            return np.cumsum(run.command, axis=0) * TICK_S
-        straight = dataclasses.replace(run, measured=run.turned)
-        return np.cumsum(self._turned(straight, numbers), axis=0) * TICK_S
+        velocity = self._turned(run, numbers) if "encoder" in self.feeds else run.command
+        return np.cumsum(velocity, axis=0) * TICK_S
 
     def _set(self, numbers, block, parameters):
         """Write these parameters of a block into run-time numbers."""

@@ -20,16 +20,29 @@ def tuned(replay, tracks, starts):
 
     starts: (3 + n,) pose and wheel angles of each run at t = 0.
     """
-    if max(len(track.fix_t) for track in tracks) < _LEAST_FIXES:
-        return replay
-    for which in (1, 0):
-        replay = with_gain(replay, which, _likeliest(replay, which, tracks, starts))
+    numbers = replay.parameters({})
+    runs = [
+        (track, start, _steps(replay, track, numbers)) for track, start in zip(tracks, starts, strict=True)
+        if len(track.fix_t) >= _LEAST_FIXES
+    ]
+    if runs:
+        for which in (1, 0):
+            replay = with_gain(replay, which, _likeliest(replay, which, runs))
     return replay
 
 
-def _likeliest(replay, which, tracks, starts) -> float:
-    """The likeliest gain of place (0) or heading (1), a share between nothing and all, the other being as it is."""
-    deviance = lambda gain: _deviance(with_gain(replay, which, gain), tracks, starts)  # noqa: E731
+def _steps(replay, track, numbers):
+    """(k - 1, 4) the wheels' way along the axes of B [m, m, rad] from fix to fix, and the time [s] that it took."""
+    ways = replay.ways(track, numbers)[track.fix_ticks]
+    return np.column_stack([np.diff(ways, axis=0), np.diff(track.fix_t)])
+
+
+def _likeliest(replay, which, runs) -> float:
+    """The likeliest gain of place (0) or heading (1), a share between nothing and all, the other being as it is.
+
+    runs: track, start and steps of each.
+    """
+    deviance = lambda gain: _deviance(with_gain(replay, which, gain), runs)  # noqa: E731
     return float(minimize_scalar(deviance, bounds=(0.0, 1.0), method="bounded").x)
 
 
@@ -45,7 +58,7 @@ def _place_of_gain(replay, which):
     return replay.rollout.index(f"{replay.body.name}_view.gain[{which}]")
 
 
-def _deviance(replay, tracks, starts):
+def _deviance(replay, runs):
     """Deviance per row of Gaussian innovations, up to a constant.
 
     Errors that go with the motion itself (a share of the way, of the turning, a drift) are no noise, and are regressed
@@ -55,17 +68,13 @@ def _deviance(replay, tracks, starts):
     numbers = replay.parameters({})
     gains = [replay.rollout.parameters[_place_of_gain(replay, i)] for i in (0, 1)]
     rows, drivers = [], ([], [])
-    for track, start in zip(tracks, starts, strict=True):
-        if len(track.fix_t) < _LEAST_FIXES:
-            continue
+    for track, start, steps in runs:
         rows.append(_in_body(replay.run(track, start, numbers)[1][1:], track.poses[:-1, 2]))
-        ways = replay.ways(track, numbers)[track.fix_ticks]
-        steps = np.column_stack([np.diff(ways, axis=0), np.diff(track.fix_t)])
         for gain, decaying in zip(gains, drivers, strict=True):
             decaying.append(lfilter([1.0], [1.0, gain - 1.0], steps, axis=0))
     innovations = np.vstack(rows)
-    for runs, columns in zip(drivers, ([0, 1], [2]), strict=True):
-        driver = np.vstack(runs)
+    for decayed, columns in zip(drivers, ([0, 1], [2]), strict=True):
+        driver = np.vstack(decayed)
         innovations[:, columns] -= driver @ np.linalg.lstsq(driver, innovations[:, columns], rcond=None)[0]
     covariance = innovations.T @ innovations / len(innovations)
     return float(np.linalg.slogdet(covariance + np.finfo(float).eps * np.eye(3))[1])
