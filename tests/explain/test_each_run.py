@@ -6,6 +6,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.decide.each_run import shown_by_one
+from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
 from hidden import two_wheels
@@ -27,9 +28,21 @@ def shown(hidden, where):
 
 
 def shown_in(recordings):
+    return {(one.run, one.candidate.name) for one in found_in(recordings)}
+
+
+def found_in(recordings):
     case = prepare(two_wheels.model(), recordings)
     tried = candidates(case.effects_to_try, case.replay.body)
-    return {(one.run, one.candidate.name) for one in shown_by_one(case.prediction, {}, tried, 0)}
+    return shown_by_one(case.prediction, {}, tried, 0)
+
+
+def until(end_s, recording):
+    channels = {
+        name: dataclasses.replace(c, t=c.t[c.t <= end_s], values=c.values[c.t <= end_s])
+        for name, c in recording.channels.items()
+    }
+    return dataclasses.replace(recording, channels=channels)
 
 
 def test_runs_of_a_sound_robot_show_nothing():
@@ -42,11 +55,27 @@ def test_what_every_run_has_is_no_matter_of_single_runs():
 
 def test_a_run_that_ends_as_the_robot_starts_shows_nothing():
     *others, last = runs({}, ())
-    channels = {
-        name: dataclasses.replace(c, t=c.t[c.t <= 2.2], values=c.values[c.t <= 2.2])
-        for name, c in last.channels.items()
-    }
-    assert not shown_in([*others, dataclasses.replace(last, channels=channels)])
+    assert not shown_in([*others, until(2.2, last)])
+
+
+def test_two_seconds_of_motion_tell_that_the_camera_is_late():
+    *others, last = runs(LATE, [3])
+    assert shown_in([*others, until(4.0, last)]) == {("run 4", "camera_latency")}
+
+
+def test_what_explains_as_much_of_a_run_is_told_too():
+    *others, last = runs(MARKER, [3])
+    (one,) = found_in([*others, until(4.0, last)])
+    assert {one.candidate.name, *(candidate.name for candidate in one.alike)} >= {"marker_offset", "cornering_slip"}
+
+
+def test_a_view_of_all_runs_serves_for_each():
+    case = prepare(two_wheels.model(), runs(MARKER, [0]))
+    tried = candidates(case.effects_to_try, case.replay.body)
+    known = survey(case.prediction, {}, tried).view
+    (one,), (other,) = (shown_by_one(case.prediction, {}, tried, 0, view) for view in (None, known))
+    assert (one.run, one.candidate) == (other.run, other.candidate)
+    assert other.z == pytest.approx(one.z, abs=1e-3)
 
 
 @pytest.mark.parametrize("where", [0, 3])

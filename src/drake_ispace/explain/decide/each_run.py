@@ -6,18 +6,20 @@ are. Every run, held out or not, is therefore tested by itself.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student_t
 
 from drake_ispace.explain.decide.decide import detection_of
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
-from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, telling_blocks
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
+from drake_ispace.explain.decide.survey.view import View
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
-from drake_ispace.explain.levels import CHANCE
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction
 
@@ -28,37 +30,50 @@ class OfOneRun:
 
     Attributes:
         run: its name. candidate, z: the effect and its coordinates, fitted to the run alone. p_value: probability that
-            noise of the run shows as much.
+            noise of the run shows as much. alike: other effects, which explain about as much of the run.
     """
 
     run: str
     candidate: Candidate
     z: list[float]
     p_value: float
+    alike: list[Candidate]
 
 
-def shown_by_one(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfOneRun]:
+def shown_by_one(
+    prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int, known: View | None = None,
+) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
-    The effect must be clear (p < 1e-6), and its size in the run another than in the others by more than chance, of as
-    many seconds as tell. Effects in a part of the room do not count: another run need not go there.
+    The effect must be clear (p < 1e-6), and its size in the run another than in the others by more than chance, both
+    whichever second of the run is left out: what a single second shows may be chance, however improbable. Effects in a
+    part of the room do not count: another run need not go there.
 
     Args:
-        prediction: model and runs. candidates: effects to try. seed: of the bootstraps.
+        prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
+            runs near `point`, where there is one already.
     """
     if len(prediction.tracks) < 2:
         return []
     tried = [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
     surveys, leaders = [], []
     for i in range(len(prediction.tracks)):
-        own = survey(part_of(prediction, slice(i, i + 1)), point, tried)
+        if known is not None and i < len(known.prediction.tracks):
+            own = survey_of(_everywhere(known.of_run(i)), point)
+        else:
+            own = survey(part_of(prediction, slice(i, i + 1)), point, tried)
         leaders.append(_leader(own, seed))
         surveys.append(own.light())
     return [
-        OfOneRun(track.name, leader.fitted.candidate, leader.fitted.fit.point[leader.fitted.candidate], leader.p_value)
-        for i, (track, leader) in enumerate(zip(prediction.tracks, leaders, strict=True))
+        leader.in_run(track.name) for i, (track, leader) in enumerate(zip(prediction.tracks, leaders, strict=True))
         if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :])
     ]
+
+
+def _everywhere(view) -> View:
+    """The View without the effects that act in a part of the room only."""
+    steady = [s for s in view.signatures if isinstance(s.candidate.effect, Generic) or not s.candidate.effect.is_local]
+    return replace(view, signatures=steady)
 
 
 @dataclass(frozen=True)
@@ -66,28 +81,32 @@ class _Leader:
     """The effect that a run shows most clearly.
 
     Attributes:
-        fitted: the effect. p_value: of the alarm. best: its size by the score that gains most. seconds: how many tell.
+        fitted: the effect. alike: others that explain about as much. p_value: of the alarm. best: its size by the score
+            that gains most. sizes, variances: of the same without each of the seconds of the run.
     """
 
     fitted: Proposal
+    alike: list[Candidate]
     p_value: float
     best: "_Size"
-    seconds: float
+    sizes: np.ndarray
+    variances: np.ndarray
+
+    def in_run(self, name: str) -> OfOneRun:
+        """The effect as that of the run of this name."""
+        candidate = self.fitted.candidate
+        return OfOneRun(name, candidate, self.fitted.fit.point[candidate], self.p_value, self.alike)
 
     def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
-        """Whether the size of the effect is another in these runs, by its score in each.
-
-        What a second or two show may be chance, however improbable: Student's distribution of as many seconds as tell.
-        """
+        """Whether the size of the effect is another in these runs, by its score in each."""
         mine, candidate = self.best, self.fitted.candidate
         alike = [[one for one in _sizes(other, candidate) if one.at == mine.at] for other in others]
         theirs = [min(sizes, key=lambda one: abs(one.step - mine.step)) for sizes in alike if sizes]
-        if not theirs or self.seconds <= 1.0:
+        if not theirs:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
-        apart = mine.size - np.average([one.size for one in theirs], weights=weights)
-        statistic = apart / np.sqrt(mine.variance + 1.0 / weights.sum())
-        return 2.0 * student_t.sf(abs(statistic), self.seconds - 1.0) < CHANCE
+        apart = self.sizes - np.average([one.size for one in theirs], weights=weights)
+        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum())))
 
 
 @dataclass(frozen=True)
@@ -111,9 +130,23 @@ def _leader(own: Survey, seed) -> _Leader | None:
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
     best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
-    change = own.changes.of_run(0, slice(best.number, best.number + 1))
+    sizes, variances = _without_each_second(own, best)
+    if not np.all(sizes**2 >= LEAST_FURTHER * variances):
+        return None
+    near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
+    return _Leader(fitted, near, detection.p_value, best, sizes, variances)
+
+
+def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
+    """(seconds,) a size without each of the seconds of the run, and its variance; no numbers where nothing else tells.
+    """
+    change = own.changes.of_run(0, slice(of.number, of.number + 1))[0]
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
-    return _Leader(fitted, detection.p_value, best, float(telling_blocks(change, blocks)[0]))
+    begun = np.flatnonzero(np.diff(blocks, prepend=-1))
+    parts = (np.add.reduceat(change * own.tested.marginalised(by), begun) for by in (own.w, change))
+    product, length = (np.sum(part) - part for part in parts)
+    length[length <= np.finfo(float).eps * own.screen.length[of.number]] = np.nan
+    return of.step * product / length, of.step**2 * own.screen.overdispersion[of.number] / length
 
 
 def _sizes(survey, candidate) -> list[_Size]:

@@ -103,6 +103,12 @@ def survey(
     return _survey(point, view, base, likelihood)
 
 
+def survey_of(view: View, point: Point) -> Survey:
+    """Test the effects of a View, taken near `point`, for a model that has those of `point`."""
+    base = view.prediction.residuals(merged(point))
+    return _survey(point, view, base, view.likelihood(point, base, near=False))
+
+
 def with_memory_marginalised(survey: Survey) -> Survey:
     """The Survey at the same point and with the same noise, whose memory is marginalised."""
     likelihood = survey.view.with_noise(survey.likelihood.whitening, survey.residuals, near=True)
@@ -160,15 +166,6 @@ def blocks_of(prediction: Prediction, whitening: Whitening, residuals: Residuals
     row_ticks = {"motion": prediction.row_ticks, "room": np.median(apart) if apart.size else BLOCK_TICKS}
     together = {name: max(int(BLOCK_TICKS // ticks), 1) for name, ticks in row_ticks.items()}
     return whitening.instants(residuals, together)
-
-
-def telling_blocks(changes: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """(k,) how many blocks tell of each of the whitened changes (k, n), n > 0; blocks: (n,) number of each.
-
-    Blocks that tell as much as each other count one each, and those that tell little count less.
-    """
-    telling = np.add.reduceat(changes**2, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
-    return telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
 
 
 def _unexplained(tested, marginal, screen, w, products):

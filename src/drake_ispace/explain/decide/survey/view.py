@@ -1,7 +1,7 @@
 """Changes of the residuals by effects and nuisances around one point, and the noise that none explains."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from drake_ispace.explain.fit.changes import Changes, Marginal, without
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.offsets import Stack, members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening, is_bounded
+from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
 
 FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
@@ -46,6 +47,16 @@ class View:
     def tolerated(self) -> list[Residuals]:
         """Changes by what a sound robot may be off."""
         return [list(change) for change in zip(*map(members, self.tolerated_stacks), strict=True)]
+
+    def of_run(self, i: int) -> "View":
+        """The View of one of its runs."""
+        own = lambda changes: [[change[i]] for change in changes]  # noqa: E731
+        return replace(
+            self, prediction=part_of(self.prediction, slice(i, i + 1)),
+            signatures=[replace(signature, change=[signature.change[i]]) for signature in self.signatures],
+            changes=own(self.changes), by_sizes=own(self.by_sizes),
+            offset_stacks=self.offset_stacks[i : i + 1], tolerated_stacks=self.tolerated_stacks[i : i + 1],
+        )
 
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
