@@ -59,7 +59,7 @@ class Rollout:
 
         Args:
             parameters, continuous_state, discrete_state: other than those of the Context.
-            inputs: name of an exported input -> (ticks, size), held from its tick on.
+            inputs: name of an exported input -> (ticks, size), held from its tick on; or all of them, `packed`.
 
         Returns:
             name -> (ticks // divisor + 1, size), or (1, size) where only the last tick is logged: row r is the value
@@ -74,17 +74,25 @@ class Rollout:
         x = _own("continuous_state", continuous_state, self.continuous_state)
         d = _own("discrete_state", discrete_state, self.discrete_state)
         p = _own("parameters", parameters, self.parameters)
-        recorded = self._recorded(inputs or {}, ticks)
+        recorded = self._recorded({} if inputs is None else inputs, ticks)
         logs = {
             name: np.full((rows_in(ticks, divisor), size), np.nan) for name, (size, divisor) in self.logged.items()
         }
         self._function(0, ticks, x, d, p, recorded, *logs.values())
         return logs
 
-    def opened(self, ticks: int, inputs: Mapping[str, np.ndarray]):
-        """The machine code, and the inputs (ticks, columns) in the form that it takes; errors as `run`."""
+    def opened(self, ticks: int, inputs: Mapping[str, np.ndarray] | np.ndarray):
+        """The machine code, and the inputs in the form that it takes; errors as `run`."""
         check_ticks(ticks)
         return self._function, self._recorded(inputs, ticks)
+
+    def packed(self, ticks: int, inputs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """(ticks, columns) inputs in the form that the machine code takes, for several runs along the same ones.
+
+        Errors as `run`.
+        """
+        check_ticks(ticks)
+        return self._recorded(inputs, ticks)
 
     @property
     def inputs(self) -> dict[str, int]:
@@ -128,6 +136,12 @@ class Rollout:
         return values
 
     def _recorded(self, inputs, ticks):
+        """(ticks, columns) the inputs, which may be packed already."""
+        if isinstance(inputs, np.ndarray):
+            size = sum(self._network.inputs.values())
+            if inputs.shape != (ticks, size):
+                raise InputError(f"the packed inputs are an array {inputs.shape}, expected ({ticks}, {size})")
+            return inputs
         if unknown := set(inputs) - set(self._network.inputs):
             raise InputError(f"there is no exported input {shown(unknown.pop())}")
         columns = []

@@ -11,8 +11,7 @@ class Segments:
     """Segments of a rollout along the same recorded inputs.
 
     Args:
-        rollout: compiled. ticks: the last one. inputs: name of an exported input -> (ticks, size), held from its tick
-            on.
+        rollout: compiled. ticks: the last one. inputs: as `Rollout.run` takes them.
 
     Raises:
         InputError: an input that is missing or of a wrong shape.

@@ -25,7 +25,7 @@ class Begun:
         self._states: dict[int, State] = {}
         if not replay.may_begin_late:
             return
-        segments = Segments(replay.rollout, self._last, replay.logged_inputs(run, self._numbers))
+        segments = Segments(replay.rollout, self._last, replay.packed(run, self._numbers, replay.logged_inputs))
         state, at = (replay.state(start), replay.rollout.discrete_state.copy()), 0
         for tick in sorted({*ticks}):
             segments.run(at, tick, state, self._numbers)
@@ -36,7 +36,8 @@ class Begun:
         """What `Replay.run` gives of `other`, whose inputs are those of the run at all ticks before `since`."""
         if not self._replay.may_begin_late:
             return self._replay.run(other, self._start, self._given)
-        segments = Segments(self._replay.rollout, self._last, self._replay.logged_inputs(other, self._numbers))
+        inputs = self._replay.packed(other, self._numbers, self._replay.logged_inputs)
+        segments = Segments(self._replay.rollout, self._last, inputs)
         for name, rows in segments.logs.items():
             rows[:since] = self._logs[name][:since]
         logs = segments.run(since, self._last, tuple(part.copy() for part in self._states[since]), self._numbers)

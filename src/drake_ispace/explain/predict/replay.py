@@ -6,8 +6,9 @@ run-time numbers of one compiled rollout.
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from pydrake.systems.framework import Diagram
@@ -32,6 +33,7 @@ from drake_ispace.wiring.bench import Bench, Part
 from drake_ispace.wiring.effects import chosen_effects, splice_effects
 
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
+Inputs = Callable[[Track, np.ndarray], dict[str, np.ndarray]]  # (run, run-time numbers) -> inputs of the rollout
 _WHOLE = 2.0  # tanh(2) = 0.96
 
 
@@ -62,6 +64,7 @@ class Replay:
     others: int
     settling_ticks: int = 0
     alone: tuple[np.ndarray, np.ndarray] | None = None
+    _packed: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, repr=False)
 
     @property
     def may_begin_late(self) -> bool:
@@ -132,26 +135,43 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         numbers = self.since(run, numbers)
-        logs = looks = self._logs(run, start, numbers)
+        logs = looks = self._logs(run, start, numbers, self.logged_inputs)
         if self.alone is not None:
             which, values = self.alone
             numbers = numbers.copy()
             numbers[which] = values
-            straight = dataclasses.replace(run, measured=run.turned)
-            looks = self._logs(straight, start, numbers, command=self._turned(run, numbers))
+            looks = self._logs(run, start, numbers, self._straight_inputs)
         return self.shown(run, logs, looks)
 
     def shown(self, run: Track, logs: Mapping[str, np.ndarray], looks: Mapping[str, np.ndarray]):
         """As `run`, from the logs of a rollout, and of that which leads to the fixes."""
         return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
 
-    def _logs(self, run, start, numbers, **other_inputs):
-        inputs = self.logged_inputs(run, numbers) | other_inputs
-        return self.rollout.run(run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=inputs)
+    def _logs(self, run, start, numbers, inputs):
+        return self.rollout.run(
+            run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=self.packed(run, numbers, inputs)
+        )
+
+    def packed(self, run: Track, numbers: np.ndarray, inputs: Inputs) -> np.ndarray:
+        """The inputs of a run as the rollout takes them.
+
+        The last ones of every kind are kept as long as the run is: only the encoders' scales among the run-time numbers
+        change them.
+
+        inputs: `inputs`, `logged_inputs` or another method of this kind.
+        """
+        kept, scales = self._packed.setdefault(run, {}), numbers[self._scales].tobytes()
+        if inputs.__name__ not in kept or kept[inputs.__name__][0] != scales:
+            kept[inputs.__name__] = scales, self.rollout.packed(run.ticks + LEAD_TICKS, inputs(run, numbers))
+        return kept[inputs.__name__][1]
 
     def logged_inputs(self, run: Track, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """As `inputs`, with what the encoders showed at the ticks at which they were read."""
         return self.inputs(run, numbers) | {"measured": run.shown}
+
+    def _straight_inputs(self, run, numbers):
+        """As `inputs`, as the wheels turned, without rounding."""
+        return self.inputs(run, numbers) | {"measured": run.turned, "command": self._turned(run, numbers)}
 
     def since(self, run: Track, numbers: np.ndarray) -> np.ndarray:
         """The run-time numbers for a run that is a later part of a recording: some effects grow with time."""

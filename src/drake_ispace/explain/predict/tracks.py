@@ -20,9 +20,9 @@ _SETTLING_TICKS = 60  # of the filter, which are not scored
 _LONGEST_S = 3600.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
-    """One run on ticks 0 to `ticks`; rows is ticks + LEAD_TICKS.
+    """One run on ticks 0 to `ticks`; rows is ticks + LEAD_TICKS. Its arrays do not change.
 
     Attributes:
         name: for messages.

@@ -140,7 +140,8 @@ class Simulation:
         self._late_s = replay.clock_offset_s(self._held)
         self._last = track.ticks + LEAD_TICKS - 1
         self._states: dict[int, State] = {}
-        self._segments = Segments(replay.rollout, self._last + 1, replay.inputs(track, self._held))
+        inputs = replay.packed(track, self._held, replay.inputs)
+        self._segments = Segments(replay.rollout, self._last + 1, inputs)
         state, at = (replay.state(start), replay.rollout.discrete_state.copy()), 0
         for stop in sorted({*map(int, stops), self._last}):
             logs = self._segments.run(at, stop, state, self._held)
