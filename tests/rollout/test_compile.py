@@ -347,11 +347,14 @@ def test_an_exported_input_is_driven_by_a_recorded_signal():
     state = rollout.run(100, inputs={"force": force})["state"]
     speed = 0.5 * 50 * TICK_S  # v = F t / m
     np.testing.assert_allclose(state[[50, 100], 1], speed, rtol=1e-12)
+    packed = rollout.packed(100, {"force": force})
+    assert np.array_equal(rollout.run(100, inputs=packed)["state"], state)
 
 
-@pytest.mark.parametrize(
-    ("inputs", "words"), [({}, "no signal"), ({"force": np.zeros(3)}, "3 rows"), ({"pull": np.zeros(9)}, "'pull'")]
-)
+@pytest.mark.parametrize(("inputs", "words"), [
+    ({}, "no signal"), ({"force": np.zeros(3)}, "3 rows"), ({"pull": np.zeros(9)}, "'pull'"),
+    (np.zeros((9, 2)), "packed inputs"),
+])
 def test_a_wrong_recorded_signal_is_refused(inputs, words):
     bench = Bench()
     bench.add("mass", Mass())

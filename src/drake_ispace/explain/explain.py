@@ -118,8 +118,9 @@ def explain(
 def _runs_apart(case, decision, tried, seed) -> list[OfOneRun]:
     """What single runs show beside the effects of the decision, held-out ones as well."""
     every = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
-    known = decision.end.view if decision.end.changes is not None else None
-    return shown_by_one(every, decision.named.point if decision.named else {}, tried, seed, known)
+    point, end = decision.named.point if decision.named else {}, decision.end
+    known = end.view if end.changes is not None and end.point.keys() == point.keys() else None
+    return shown_by_one(every, point, tried, seed, known)
 
 
 def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:

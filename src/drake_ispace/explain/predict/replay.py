@@ -160,10 +160,12 @@ class Replay:
 
         inputs: `inputs`, `logged_inputs` or another method of this kind.
         """
-        kept, scales = self._packed.setdefault(run, {}), numbers[self._scales].tobytes()
-        if inputs.__name__ not in kept or kept[inputs.__name__][0] != scales:
-            kept[inputs.__name__] = scales, self.rollout.packed(run.ticks + LEAD_TICKS, inputs(run, numbers))
-        return kept[inputs.__name__][1]
+        kept, kind, scales = self._packed.setdefault(run, {}), inputs.__name__, numbers[self._scales].tobytes()
+        known, packed = kept.get(kind, (None, None))  # at once: another thread may put others there
+        if known != scales:
+            packed = self.rollout.packed(run.ticks + LEAD_TICKS, inputs(run, numbers))
+            kept[kind] = scales, packed
+        return packed
 
     def logged_inputs(self, run: Track, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """As `inputs`, with what the encoders showed at the ticks at which they were read."""
