@@ -74,7 +74,7 @@ class Rollout:
         x = _own("continuous_state", continuous_state, self.continuous_state)
         d = _own("discrete_state", discrete_state, self.discrete_state)
         p = _own("parameters", parameters, self.parameters)
-        recorded = self._recorded({} if inputs is None else inputs, ticks)
+        recorded = self.packed(ticks, {} if inputs is None else inputs)
         logs = {
             name: np.full((rows_in(ticks, divisor), size), np.nan) for name, (size, divisor) in self.logged.items()
         }
@@ -83,16 +83,36 @@ class Rollout:
 
     def opened(self, ticks: int, inputs: Mapping[str, np.ndarray] | np.ndarray):
         """The machine code, and the inputs in the form that it takes; errors as `run`."""
-        check_ticks(ticks)
-        return self._function, self._recorded(inputs, ticks)
+        return self._function, self.packed(ticks, inputs)
 
-    def packed(self, ticks: int, inputs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """(ticks, columns) inputs in the form that the machine code takes, for several runs along the same ones.
+    def packed(self, ticks: int, inputs: Mapping[str, np.ndarray] | np.ndarray) -> np.ndarray:
+        """(ticks, columns) inputs in the form that the machine code takes, which they may have already.
 
-        Errors as `run`.
+        For several runs along the same inputs. Errors as `run`.
         """
         check_ticks(ticks)
-        return self._recorded(inputs, ticks)
+        if isinstance(inputs, np.ndarray):
+            size = sum(self._network.inputs.values())
+            if inputs.shape != (ticks, size):
+                raise InputError(f"the packed inputs are an array {inputs.shape}, expected ({ticks}, {size})")
+            return inputs
+        if unknown := set(inputs) - set(self._network.inputs):
+            raise InputError(f"there is no exported input {shown(unknown.pop())}")
+        columns = []
+        for name, size in self._network.inputs.items():
+            if name not in inputs:
+                raise InputError(f"the exported input {shown(name)} has no signal, expected an array ({ticks}, {size})")
+            signal = np.asarray(inputs[name], dtype=float)
+            if signal.ndim == 1 and size == 1:
+                signal = signal[:, None]
+            if signal.ndim != 2 or signal.shape[1] != size:
+                raise InputError(
+                    f"the signal of input {shown(name)} is an array {signal.shape}, expected ({ticks}, {size})"
+                )
+            if len(signal) < ticks:
+                raise InputError(f"the signal of input {shown(name)} has {len(signal)} rows, expected {ticks}")
+            columns.append(signal[:ticks])
+        return np.ascontiguousarray(np.hstack(columns)) if columns else np.empty((0, 0))
 
     @property
     def inputs(self) -> dict[str, int]:
@@ -134,31 +154,6 @@ class Rollout:
                 start = self.index(f"{name}.noise_stream[0]")
                 values[start : start + 2] = stream(seed, leaf.spec.noise_stream)
         return values
-
-    def _recorded(self, inputs, ticks):
-        """(ticks, columns) the inputs, which may be packed already."""
-        if isinstance(inputs, np.ndarray):
-            size = sum(self._network.inputs.values())
-            if inputs.shape != (ticks, size):
-                raise InputError(f"the packed inputs are an array {inputs.shape}, expected ({ticks}, {size})")
-            return inputs
-        if unknown := set(inputs) - set(self._network.inputs):
-            raise InputError(f"there is no exported input {shown(unknown.pop())}")
-        columns = []
-        for name, size in self._network.inputs.items():
-            if name not in inputs:
-                raise InputError(f"the exported input {shown(name)} has no signal, expected an array ({ticks}, {size})")
-            signal = np.asarray(inputs[name], dtype=float)
-            if signal.ndim == 1 and size == 1:
-                signal = signal[:, None]
-            if signal.ndim != 2 or signal.shape[1] != size:
-                raise InputError(
-                    f"the signal of input {shown(name)} is an array {signal.shape}, expected ({ticks}, {size})"
-                )
-            if len(signal) < ticks:
-                raise InputError(f"the signal of input {shown(name)} has {len(signal)} rows, expected {ticks}")
-            columns.append(signal[:ticks])
-        return np.ascontiguousarray(np.hstack(columns)) if columns else np.empty((0, 0))
 
 
 def compile_diagram(

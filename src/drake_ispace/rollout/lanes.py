@@ -93,9 +93,9 @@ class LaneRollout:
             if len(inputs[name]) != runs:
                 raise InputError(f"the signal of input {name!r} is of {len(inputs[name])} runs, expected {runs}")
         if not each:
-            return self.single.opened(ticks, inputs)[1][:, :, None]
+            return self.single.packed(ticks, inputs)[:, :, None]
         by_run = ({n: s[run] if n in each else s for n, s in inputs.items()} for run in range(runs))
-        return np.stack([self.single.opened(ticks, one)[1] for one in by_run], axis=2)
+        return np.stack([self.single.packed(ticks, one) for one in by_run], axis=2)
 
 
 def compile_lanes(

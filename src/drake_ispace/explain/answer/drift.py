@@ -55,21 +55,13 @@ def _spreads(group, blocks, slopes, marginalised, w):
         firsts = np.flatnonzero(np.diff(blocks[own], prepend=-1))
         sums = inverse @ np.add.reduceat(change * (rest + moves[-1] @ slope), firsts, axis=1)
         # a parameter that only the camera shows has as many blocks as tell of it
-        count = _telling_blocks(change, blocks[own])
+        telling = np.add.reduceat(change**2, firsts, axis=1)
+        count = telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
         free = np.maximum(count - len(sums), 0.0)
         freedoms.append(free)
         variances.append(np.divide(np.sum(sums**2, axis=1) * count, free, out=np.zeros(len(free)), where=free > 0.0))
     columns = (np.transpose(one) for one in (moves, variances, freedoms))
     return [_spread(*each) for each in zip(*columns, strict=True)]
-
-
-def _telling_blocks(changes: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """(k,) how many blocks tell of each of the whitened changes (k, n), n > 0; blocks: (n,) number of each.
-
-    Blocks that tell as much as each other count one each, and those that tell little count less.
-    """
-    telling = np.add.reduceat(changes**2, np.flatnonzero(np.diff(blocks, prepend=-1)), axis=1)
-    return telling.sum(axis=1) ** 2 / np.maximum((telling**2).sum(axis=1), 1e-300)
 
 
 def _spread(estimates, variances, freedoms):
