@@ -228,6 +228,19 @@ def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     assert moves == pytest.approx(-0.05 * 0.5 * TICK_S * cell, abs=1e-12)
 
 
+def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():
+    x = np.zeros(400)
+    lost = []
+    for speed in (0.5, 1.0):
+        turning = motion(x, x, speed)
+        turning.body[:, 2] = 0.8
+        losses = dict(_losses([turning, motion(x, x, speed)]))
+        of_turning, of_straight = next(columns for generic, columns in losses.items() if generic.name == "understeer")[0]
+        assert not of_straight.any()
+        lost.append(of_turning[-1, 2])
+    assert lost[1] == pytest.approx(4.0 * lost[0]) and lost[0] < 0.0
+
+
 @pytest.mark.parametrize(("count", "ticks"), [(0.1, 20), (0.01, 8)])
 def test_speeds_know_nothing_of_later_counts(count, ticks):
     turned = np.cumsum(np.full((200, 2), 0.025), axis=0) + np.array([0.0, 0.013])

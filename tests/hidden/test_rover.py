@@ -115,3 +115,9 @@ def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without
 def test_a_floor_that_moves_has_no_name():
     case, found = told({"belt_m_s": 0.008})
     assert judged(case, found) in ("unknown", "incomplete")
+
+
+def test_tyres_that_are_pressed_in_bends_are_no_wrong_track():
+    """Who turns at one speed cannot tell them apart; the turn that is lost grows with the square of the speed."""
+    case, found = told({"lean_s2_m": -0.026})
+    assert judged(case, found) == "unknown" and found.unknown.driver == "speed and turning"

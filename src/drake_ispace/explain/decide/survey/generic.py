@@ -202,6 +202,9 @@ def _losses(motions) -> Iterator[_Shapes]:
         [-0.05 * slip(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
     ]
     yield Generic("slip_of_speed", "motion", "speed", 1), [[-0.1 * slip(m, _speed(m)) for m in motions]]
+    yield Generic("understeer", "motion", "speed and turning", 1), [
+        [_travelled(m, 0.0, 0.0, -0.2 * m.body[:, 2] * _speed(m) ** 2) for m in motions]
+    ]
     yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / STRETCH_S) for m in motions]]
     yield Generic("drift", "motion", "distance", 2), [
         [_travelled(m, 0.0, 0.02 * _speed(m), 0.0) for m in motions],
