@@ -1,5 +1,6 @@
 """A Diagram as one machine-code function."""
 
+import gc
 import hashlib
 import inspect
 import linecache
@@ -7,7 +8,8 @@ import os
 import platform
 import shutil
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -283,9 +285,22 @@ def _load(source: str, names: Mapping[str, object], arguments: Sequence, folder:
     exec(compile(source, str(file), "exec"), names)
     linecache.checkcache(str(file))
     function = jitted(names["rollout"], folder, nogil=True, error_model="numpy")
-    function.compile(tuple(arguments))
+    with _no_collection():
+        function.compile(tuple(arguments))
     function.disable_compile()  # arrays of another kind are refused instead of compiled for
     return function
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Python's collector takes an eighth of the time of compiling, and gives back some 80 MB."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _written(source: str, folder: Path) -> Path:
