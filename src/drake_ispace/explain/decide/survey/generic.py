@@ -262,11 +262,12 @@ def _in_body_frame(m, force):
 
 
 def _travelled(m, vx, vy, wz):
-    """(rows, 3) displacement in W that a further body velocity adds up to, turning included."""
+    """(rows, 3) displacement in W that a further body velocity adds up to; what it turns, the way is turned by."""
     vx, vy, wz = (np.broadcast_to(v, m.t.shape) for v in (vx, vy, wz))
     turned = np.cumsum(wz) * TICK_S
     c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
-    bx, by = m.body[:, 0], m.body[:, 1]
-    x = np.cumsum(c * vx - s * vy - turned * (s * bx + c * by)) * TICK_S
-    y = np.cumsum(s * vx + c * vy + turned * (c * bx - s * by)) * TICK_S
+    wx, wy = c * m.body[:, 0] - s * m.body[:, 1], s * m.body[:, 0] + c * m.body[:, 1]
+    still, across = 1.0 - np.cos(turned), np.sin(turned)
+    x = np.cumsum(c * vx - s * vy + still * wx - across * wy) * TICK_S
+    y = np.cumsum(s * vx + c * vy + still * wy + across * wx) * TICK_S
     return np.column_stack([x, y, turned])
