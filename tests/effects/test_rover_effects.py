@@ -46,6 +46,14 @@ def test_radius_and_track_change_the_wheels_that_it_has_and_not_those_it_believe
     assert wide.nominal_geometry == nominal.geometry
 
 
+def test_only_wheels_with_rollers_may_be_turned():
+    toe, differential = library()["wheel_toe"], Body(BODY.robot, RoverPlantParameters(wheels="differential"), 2)
+    assert toe.applies_to(BODY) and not toe.applies_to(differential)
+    twice = changed("wheel_toe", changed("wheel_toe", wheel=3, angle_rad=0.1), wheel=3, angle_rad=0.05)
+    assert twice.wheel_toe_rad == pytest.approx([0.0, 0.0, 0.15, 0.0])
+    assert twice.nominal_geometry == RoverPlantParameters(wheels="mecanum").geometry != twice.geometry
+
+
 def test_slip_adds_to_what_the_plant_has():
     plant = RoverPlantParameters(slip=Slip(ratio=[0.1, 0.0, 0.2]))
     assert changed("constant_slip", plant, ratio_x=0.05, ratio_y=0.3).slip.ratio == pytest.approx([0.15, 0.3, 0.2])
@@ -55,7 +63,8 @@ def test_slip_adds_to_what_the_plant_has():
 
 @pytest.mark.parametrize("name", ["velocity_base", "odometry_replay"])
 def test_at_neutral_values_the_run_is_the_base_run(name):
-    every = {effect: {} for effect in NAMES}
+    body = body_of(load_scenario(name), BODY.robot)
+    every = {effect: {} for effect in NAMES if library()[effect].applies_to(body)}
     alone = simulate_compiled(load_scenario(name, ["seconds=5"]))
     listed = simulate_compiled(load_scenario(name, ["seconds=5", f"rover.effects={every}"]))
     for signal, rows in alone.signals.items():

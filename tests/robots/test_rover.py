@@ -60,6 +60,22 @@ def test_shares_change_radius_and_track_of_the_real_geometry_only():
     assert plant.nominal_geometry == differential(0.05, 0.15)
 
 
+def test_a_wheel_that_is_turned_rolls_along_its_new_direction():
+    plant = RoverPlantParameters(wheels="omni4", first_rad=0.0, wheel_toe_rad=[0.0, 0.1, 0.0, 0.0])
+    turned = plant.geometry.wheels[1]
+    assert turned.drive_rad == pytest.approx(plant.nominal_geometry.wheels[1].drive_rad + 0.1)
+    assert turned.row() @ [0.0, 1.0, 0.0] == pytest.approx(-np.sin(0.1) / 0.05)
+
+
+@pytest.mark.parametrize("toe, message", [
+    ("rover.plant.wheel_toe_rad=[0.1, 0]", "the tyres of differential wheels cannot move sideways"),
+    ("rover.effects.wheel_toe={}", "rover on differential wheels cannot have it"),
+])
+def test_tyres_that_hold_sideways_have_no_toe(toe, message):
+    with pytest.raises(InputError, match=message):
+        load_scenario("velocity_base", ["rover.plant.wheels=differential", toe])
+
+
 # -- Motion
 
 
@@ -142,12 +158,14 @@ def test_block_parameters_are_those_of_the_block():
 @pytest.mark.parametrize("override, message", [
     ("rover.plant.wheel_radius_shares=[0.1]", r"rover.plant.wheel_radius_shares: expected 3 values for omni3 or null"),
     ("rover.plant.wheel_radius_shares=[-1, 0, 0]", "expected more than -1"),
+    ("rover.plant.wheel_toe_rad=[0.1]", r"rover.plant.wheel_toe_rad: expected 3 values for omni3 or null"),
+    ("rover.plant.wheel_toe_rad=[1, 0, 0]", "expected at most 0.5"),
     ("rover.plant.slip.traction_gain=[0.1, 0, 0]", r"rover.plant.slip.traction_gain: expected zeros"),
     ("rover.plant.slip.noise_std=[0.1, 0, 0]", r"rover.plant.slip.noise_std: expected zeros"),
     ("rover.plant.wheels=caster", "expected one of omni3, omni4, differential, mecanum"),
     ("rover.plant.radius_m=0", "expected more than 0"),
     ("rover.initial_pose=[9, 0, 0]", "lies outside"),
-    ("rover.effects.motor_lag={}", "rover cannot have it"),
+    ("rover.effects.motor_lag={}", "rover cannot have it, expected an effect of omni, pendulum"),
     ("omni.effects.velocity_lag={}", "omni cannot have it, expected an effect of rover"),
 ])
 def test_bad_values_are_refused(override, message):

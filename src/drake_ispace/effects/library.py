@@ -56,8 +56,10 @@ def _checked_values(name, values, body, where):
         raise InputError(f"{where}: there is no such effect, {expected_one_of(name, library())}")
     effect = library()[name]
     if not effect.applies_to(body):
-        others = ", ".join(body.name for body in bodies() if effect.applies_to(body))
-        raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {others}")
+        others = [other.name for other in bodies() if effect.applies_to(other)]
+        if body.name in others:
+            raise InputError(f"{where}: {body.name} on {body.plant.wheels} wheels cannot have it")
+        raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {', '.join(others)}")
     rules = {p.name: {"minimum": p.low, "maximum": p.high, "unit": p.unit} for p in effect.parameters_of(body)}
     found = {}
     for key, value in values.items():

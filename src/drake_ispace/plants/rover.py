@@ -16,7 +16,7 @@ from drake_ispace.blocks.functions import cos, sin
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.files.quantity import quantity
 from drake_ispace.plants.slip import Slip, pose_rates, slip_parameters
-from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, rescaled, ring
+from drake_ispace.plants.wheels import Wheel, WheelGeometry, differential, mecanum, rescaled, ring, toed
 
 WHEELS = {"omni3": 3, "omni4": 4, "differential": 2, "mecanum": 4, "listed": None}  # kind -> number
 
@@ -43,6 +43,8 @@ class RoverPlantParameters:
     wheel_names: list[str] = quantity([])
     # deviation of each wheel's radius from the nominal one that drive and odometry use, as a share; null: none
     wheel_radius_shares: list[float] | None = quantity(None, above=-1.0)
+    # deviation of each omni or mecanum wheel's drive direction from the nominal one, anticlockwise; null: none
+    wheel_toe_rad: list[float] | None = quantity(None, "rad", minimum=-0.5, maximum=0.5)
     # deviation of all distances of the wheels from the nominal ones, as a share
     track_share: float = quantity(0.0, above=-1.0)
     slip: Slip = field(default_factory=Slip)
@@ -55,8 +57,13 @@ class RoverPlantParameters:
     @property
     def geometry(self) -> WheelGeometry:
         """The robot's actual wheels."""
-        built = _built(self, 1.0 + self.track_share)
-        return built if self.wheel_radius_shares is None else rescaled(built, self.wheel_radius_shares)
+        built, none = _built(self, 1.0 + self.track_share), [0.0] * self.wheel_count
+        return toed(rescaled(built, self.wheel_radius_shares or none), self.wheel_toe_rad or none)
+
+    @property
+    def wheel_count(self) -> int:
+        """How many wheels it has."""
+        return WHEELS[self.wheels] or len(self.wheel_list)
 
 
 def _built(p, scale):
@@ -139,8 +146,9 @@ class RoverPlant(Block):
         where: path of the parameters in the scenario, for messages.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
-            or there is traction slip or slip noise, which this plant does not model.
+        InputError: the number of radius shares or toe angles is not that of the wheels, tyres that hold sideways have
+            toe angles, a slip ratio in the body frame is 1 or more, or there is traction slip or slip noise, which this
+            plant does not model.
     """
 
     def __init__(self, parameters: RoverPlantParameters, initial_pose=(0.0, 0.0, 0.0), where="plant"):
@@ -162,8 +170,7 @@ def block_parameters(parameters: RoverPlantParameters, where: str = "plant") -> 
     """Return the parameters of RoverPlant that follow from wheels and slip.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, a slip ratio in the body frame is 1 or more,
-            or there is traction slip or slip noise.
+        InputError: as RoverPlant.
     """
     check(parameters, where)
     nominal, actual = parameters.nominal_geometry, parameters.geometry
@@ -178,15 +185,20 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
     """Check the settings that depend on each other or are not modelled for this robot.
 
     Raises:
-        InputError: the number of radius shares is not that of the wheels, or there is traction slip or slip noise; the
-            message begins with `where`, the path of the parameters in the scenario.
+        InputError: the number of radius shares or toe angles is not that of the wheels, tyres that hold sideways have
+            toe angles, or there is traction slip or slip noise; the message begins with `where`, the path of the
+            parameters in the scenario.
     """
-    shares, n = parameters.wheel_radius_shares, WHEELS[parameters.wheels] or len(parameters.wheel_list)
+    n = parameters.wheel_count
     if parameters.wheels == "listed":
         _check_list(parameters, where)
-    if shares is not None and len(shares) != n:
+    for key in ("wheel_radius_shares", "wheel_toe_rad"):
+        values = getattr(parameters, key)
+        if values is not None and len(values) != n:
+            raise InputError(f"{where}.{key}: expected {n} values for {parameters.wheels} or null, got {values}")
+    if any(parameters.wheel_toe_rad or ()) and len(parameters.nominal_geometry.sideways):
         raise InputError(
-            f"{where}.wheel_radius_shares: expected {n} values for {parameters.wheels} or null, got {shares}"
+            f"{where}.wheel_toe_rad: expected null, the tyres of {parameters.wheels} wheels cannot move sideways"
         )
     slip = parameters.slip
     for key, value in (("traction_gain", slip.traction_gain), ("noise_std", slip.noise_std)):

@@ -242,7 +242,7 @@ class Robot(abc.ABC):
 
     def toed(self, plant, angle_rad: float, wheel: int):
         """A copy of `plant` with one wheel, counted from 0, turned anticlockwise, unknown to its odometry."""
-        angles = list(plant.wheel_toe_rad)
+        angles = list(plant.wheel_toe_rad or [0.0] * len(plant.geometry.wheels))
         angles[wheel] += angle_rad
         return replace(plant, wheel_toe_rad=angles)
 

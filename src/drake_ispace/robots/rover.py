@@ -46,6 +46,7 @@ class Rover(Robot):
     ground = None
     numbers: ClassVar = {"radius": Number((), (0.01, 0.05), 1e-3), "track": Number((), (0.01, 0.05), 1e-3)}
     has_traction_slip = False
+    has_toe = True
     unknown_forces = (0.5, 0.5, 1.0)
     markers_may_turn = True
 

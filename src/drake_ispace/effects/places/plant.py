@@ -189,6 +189,10 @@ class WheelToe(PlantEffect):
     )
     parameters = (Parameter("angle_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=2e-3),)
 
+    def applies_to(self, body):
+        """Whether wheels turned apart leave the robot a direction to move in: tyres hold it sideways."""
+        return super().applies_to(body) and not len(body.plant.geometry.sideways)
+
     def change(self, robot, plant, values):
         return robot.toed(plant, values["angle_rad"], int(values["wheel"]) - 1)
 
