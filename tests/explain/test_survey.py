@@ -234,8 +234,8 @@ def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():
     for speed in (0.5, 1.0):
         turning = motion(x, x, speed)
         turning.body[:, 2] = 0.8
-        losses = dict(_losses([turning, motion(x, x, speed)]))
-        of_turning, of_straight = next(columns for generic, columns in losses.items() if generic.name == "understeer")[0]
+        both = [turning, motion(x, x, speed)]
+        of_turning, of_straight = next(c for generic, c in _losses(both) if generic.name == "understeer")[0]
         assert not of_straight.any()
         lost.append(of_turning[-1, 2])
     assert lost[1] == pytest.approx(4.0 * lost[0]) and lost[0] < 0.0

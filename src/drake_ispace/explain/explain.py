@@ -28,6 +28,7 @@ simulations by least squares, and stage 3 compares sets of effects by cross-vali
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError, shown
@@ -131,6 +132,10 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
     answer = answered(decision)
     if not case.is_filtered:
         return decision, answer
+    while answer.verdict == "incomplete" and decision.asked is not None:
+        effect, point = decision.asked
+        decision = decision.renamed(replace(decision, kept=(*decision.kept, effect)), point)
+        answer = answered(decision)
     if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
         decision, answer = _with_further(decision, answer, answered)
     doubted = answer.verdict == "incomplete" and decision.otherwise is not None
@@ -186,6 +191,7 @@ def _answered(case, decision, seed, tell) -> Explanation:
     # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
+    decision.asked = proof.asked
 
     # 5 answer
     tell("finding the channels that show it")

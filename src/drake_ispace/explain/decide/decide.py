@@ -125,7 +125,7 @@ def _with_further(decision, proposals) -> Decision:
 
 def _renamed(survey_at, seed, decision, point) -> Decision:
     """The Decision that names the effects of `point` instead, whatever each explains."""
-    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=None)
+    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=None, asked=None)
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
     other = with_rivals(other)

@@ -64,7 +64,9 @@ class Decision:
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and the clearest one
-            beside them; None where there is none. renamed: turns a Decision into one that names the effects of a point.
+            beside them; None where there is none. asked: an effect that the proof asks for, besides the named ones or
+            instead of a rival, and all that are to be named then; None: for none. kept: effects that were asked for.
+            renamed: turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -79,6 +81,8 @@ class Decision:
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
     further: Point | None = None
+    asked: tuple[Candidate, Point] | None = None
+    kept: tuple[Candidate, ...] = ()
     renamed: "Callable[[Decision, Point], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":

@@ -21,6 +21,8 @@ def with_rivals(decision: Decision) -> Decision:
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
         decision.rivals[effect] = [rival for rival, _ in fits_of]
+        if effect in decision.kept:
+            continue
         better = [one for one in fits_of if one[0].candidate.makes_sense(one[1].point[one[0].candidate])]
         if effect.makes_sense(decision.named.point[effect]):
             better = [

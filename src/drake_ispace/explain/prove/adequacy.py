@@ -45,7 +45,7 @@ from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_
 from drake_ispace.explain.prove.repeats import repeated_share
 from drake_ispace.robots.robot import COMMAND
 
-_PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
+PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
 TOO_LARGE = dict.fromkeys((PREDICTION, ATE), 2.0) | {RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
@@ -196,10 +196,10 @@ def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) ->
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
     driver = max(shares, key=shares.get)
     size = rms([run.errors for run in series]) * float(np.sqrt(max(shares[driver], 0.0)))
-    if shares[driver] < _PREDICTED or size < usual:
+    if shares[driver] < PREDICTED or size < usual:
         return None
     return Remainder(
-        m.channel, driver, size, m.unit, m.horizon, shares[driver] / _PREDICTED, _since(series),
+        m.channel, driver, size, m.unit, m.horizon, shares[driver] / PREDICTED, _since(series),
         _worst([rms([run.errors]) for run in series], names),
         f"{100 * shares[driver]:.0f} % of the squared error over {m.horizon} goes with {driver}",
     )
@@ -213,10 +213,10 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
         [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < _PREDICTED or deviate < CERTAIN or size < usual:
+    if share < PREDICTED or deviate < CERTAIN or size < usual:
         return None
     return Remainder(
-        m.channel, "the motion", size, m.unit, m.horizon, share / _PREDICTED, _since(series),
+        m.channel, "the motion", size, m.unit, m.horizon, share / PREDICTED, _since(series),
         _worst([rms([run.errors]) for run in series], names),
         f"{100 * share:.0f} % of the squared error over {m.horizon} comes again in runs of the same motion",
     )

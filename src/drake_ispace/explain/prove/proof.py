@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import GapRow
@@ -29,8 +30,8 @@ class Proof:
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
             least_squares: those that free-run least squares finds; None where no effect is named. without: where these
             are the answer's, the same without each training run in turn. plant: free parameters of a plant of the
-            user's own. alone: names of training runs that alone tell some of the sizes, and are therefore judged by
-            sizes that were fitted to them, too; empty where other runs were held out.
+            user's own. asked: as of Decision. alone: names of training runs that alone tell some of the sizes, and are
+            therefore judged by sizes that were fitted to them, too; empty where other runs were held out.
     """
 
     by: str
@@ -41,4 +42,5 @@ class Proof:
     least_squares: Point | None
     without: Sequence[Point] = ()
     plant: list[PlantParameter] = field(default_factory=list)
+    asked: tuple[Candidate, Point] | None = None
     alone: list[str] = field(default_factory=list)

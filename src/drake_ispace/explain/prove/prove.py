@@ -12,6 +12,7 @@ from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.adequacy import NOTHING, TOO_LARGE, Remainder, remainders
+from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.left_out import blocks_in, cut
@@ -33,7 +34,7 @@ from drake_ispace.explain.prove.sizes import (
     plain_sizes,
 )
 from drake_ispace.explain.threads import each
-from drake_ispace.robots.robot import TORQUE
+from drake_ispace.robots.robot import COMMAND, TORQUE
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     if alone:
         judged = judged_with(chosen.with_all(alone))
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)
-    plain = None
+    plain = found = None
     if chosen.point:
         noise, chance = fitted_to.part(slice(0, n))
         floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
@@ -131,7 +132,10 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     without = chosen.without if chosen.point and chosen.point is plain else ()
-    return Proof(by, rows, _distinct(_left(judged, every)), judged.noise, chosen.point, plain, without, alone=names)
+    left, asked = _distinct(_left(judged, every)), None
+    if left and found is not None and n > 1 and training.replay.body.robot.driven == COMMAND:
+        asked = asked_for(training, fitted_to.windows[:n], decision, found.without, floors)
+    return Proof(by, rows, left, judged.noise, chosen.point, plain, without, asked=asked, alone=names)
 
 
 def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:

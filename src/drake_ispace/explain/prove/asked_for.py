@@ -1,0 +1,59 @@
+"""Further effects, or look-alikes with more numbers, that runs ask for to which nothing was fitted.
+
+Of effects that explain as much from one sample to the next the one with the fewest numbers is named, and one that
+explains little is not. What is lacking then may add up over a run all the same, as errors of a heading do.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.prove.adequacy import PREDICTED
+from drake_ispace.explain.prove.free_run import Measure, Windows
+from drake_ispace.explain.prove.least_squares import fitted_horizons, plain_fit, scaled_errors
+from drake_ispace.explain.threads import each
+
+
+def asked_for(
+    training: Prediction, windows: Sequence[Windows], decision: Decision, without: Sequence[Point],
+    floors: Mapping[Measure, float],
+) -> tuple[Candidate, Point] | None:
+    """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
+
+    It is the clearest one that is not named, or a rival with more numbers in the place of a named effect. It must take
+    away as much of the squared error as a variable may not predict in runs from which this was not learned.
+
+    Args:
+        training: model and runs. windows: of each run. decision: with the rivals of its effects. without: sizes of the
+            named effects that plain least squares finds without each run. floors: measure -> what noise leaves.
+
+    Returns:
+        The effect, and the effects to name instead; None where none takes away as much.
+    """
+    named, best = decision.named.point, None
+    tried = [
+        (rival, {rival if c is effect else c: rival.neutral if c is effect else z for c, z in named.items()})
+        for effect, rivals in decision.rivals.items() for rival in (one.candidate for one in rivals)
+        if len(rival.parameters) > len(effect.parameters)
+    ]
+    tried += [(effect, decision.further) for effect in decision.further or () if effect not in named]
+    least = (1.0 - PREDICTED) * _squared_error(training, windows, without, floors) if tried else 0.0
+    for effect, point in tried:
+        found, found_without = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
+        left = _squared_error(training, windows, found_without, floors)
+        if left < least:
+            best, least = (effect, {**point, effect: found[effect]}), left
+    return best
+
+
+def _squared_error(training, windows, without, floors) -> float:
+    """Of all runs, each with the sizes found without it, in units of what noise leaves."""
+    def one(i):
+        errors = scaled_errors(training, i, windows[i], merged(without[i]), floors, fitted_horizons(windows[i]))
+        return float(np.sum(errors**2))
+
+    return sum(each(one, range(len(windows))))
