@@ -4,6 +4,7 @@ Further ones are named where it does not suffice without them either.
 """
 
 import importlib
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
@@ -17,7 +18,7 @@ def decided(names, in_doubt=False):
     """A Decision that names these effects, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
     return SimpleNamespace(
-        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt),
+        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), asked=None,
         renamed=lambda decision, kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
     )
 
@@ -45,6 +46,31 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
     decision, answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
     assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
+
+
+@dataclass
+class Asking:
+    """A Decision whose proof asks for `asked`."""
+
+    point: dict
+    asked: tuple | None = None
+    kept: tuple = ()
+    otherwise: None = None
+
+    def renamed(self, decision, point):
+        return Asking(point, kept=decision.kept)
+
+
+@pytest.mark.parametrize(("verdict", "names"), [("incomplete", {"lag", "radii"}), ("named", {"radius"})])
+def test_what_the_proof_asks_for_is_named_if_the_answer_does_not_suffice(monkeypatch, verdict, names):
+    monkeypatch.setattr(explained, "_needed", lambda case, decision, answer: decision)
+    monkeypatch.setattr(explained, "_with_further", lambda decision, answer, answered: (decision, answer))
+    radii = Named("radii")
+    first = Asking({"radius": [0.1]}, asked=(radii, {"radii": [0.1], "lag": [0.2]}))
+    decision, answer = explained._best_answered(
+        CASE, first, lambda one: SimpleNamespace(verdict=verdict if one is first else "named", effects=[*one.point])
+    )
+    assert set(decision.point) == set(answer.effects) == names and (radii in decision.kept) == (decision is not first)
 
 
 def with_further(ratios, enough_at=None):
