@@ -35,10 +35,10 @@ HIDDEN = {
 GRAVITY = 9.81
 
 
-def ring(count, radius_m, arm_m, first_rad):
-    """(count, 3) turning rates of omni wheels per velocity of the body."""
-    angles = first_rad + 2.0 * np.pi * np.arange(count) / count
-    return np.column_stack([-np.sin(angles), np.cos(angles), np.full(count, arm_m)]) / radius_m
+def ring(count, radius_m, arm_m, first_rad, toe_rad):
+    """(count, 3) turning rates of omni wheels, turned by toe_rad (count,), per velocity of the body."""
+    along = first_rad + 2.0 * np.pi * np.arange(count) / count + toe_rad
+    return np.column_stack([-np.sin(along), np.cos(along), arm_m * np.cos(toe_rad)]) / radius_m
 
 
 def two(radius_m, half_track_m):
@@ -49,8 +49,11 @@ def two(radius_m, half_track_m):
 def rates_of(robot: dict, effects: dict):
     """(n, 3) wheel rates per body velocity of the robot that the answer describes."""
     track = 1.0 + effects.get("track_error", {}).get("share", 0.0)
+    toe_rad = np.zeros(robot["wheels"])
+    if "wheel_toe" in effects:
+        toe_rad[int(effects["wheel_toe"]["wheel"]) - 1] = effects["wheel_toe"]["angle_rad"]
     rows = two(robot["radius_m"], track * robot["arm_m"]) if robot["wheels"] == 2 else ring(
-        robot["wheels"], robot["radius_m"], track * robot["arm_m"], robot["first_rad"]
+        robot["wheels"], robot["radius_m"], track * robot["arm_m"], robot["first_rad"], toe_rad
     )
     larger = np.full(robot["wheels"], 1.0 + effects.get("wheel_radius_error", {}).get("share", 0.0))
     if "single_wheel_radius_error" in effects:
@@ -95,6 +98,8 @@ def reckoned(run, robot, effects):
     slip = effects.get("constant_slip", {})
     steps[:, 0] *= 1.0 - slip.get("ratio_x", slip.get("ratio", 0.0))
     steps[:, 1] *= 1.0 - slip.get("ratio_y", 0.0)
+    outwards = effects.get("cornering_slip", {}).get("time_s", 0.0) * steps[:, 2] / np.diff(encoder.t)
+    steps[:, :2] += np.column_stack([outwards * steps[:, 1], -outwards * steps[:, 0]])
     return as_seen(encoder.t, walk(steps, np.zeros(3)), run.channels["kinect"].t, effects)
 
 
