@@ -24,7 +24,7 @@ def asked(further, **hidden):
     decision = SimpleNamespace(
         named=SimpleNamespace(point=named), rivals={known[RADIUS]: [SimpleNamespace(candidate=known[RADII])]},
         end=SimpleNamespace(likelihood=SimpleNamespace(sizes=sizes)),
-        further=named | {known[further]: known[further].neutral},
+        further=[named | {known[further]: known[further].neutral}],
     )
     windows = [windows_of(case.prediction, i, {}) for i in range(3)]
     floors = dict.fromkeys(errors(case.prediction, 0, windows[0], {}), 1e-3)

@@ -75,10 +75,10 @@ def test_what_the_proof_asks_for_is_named_if_the_answer_does_not_suffice(monkeyp
 
 def with_further(ratios, enough_at=None):
     """What `_with_further` says of decisions that each name one effect more and leave errors of these ratios."""
-    chain = SimpleNamespace(further=None, number=len(ratios) - 1)
+    chain = SimpleNamespace(further=[], number=len(ratios) - 1)
     for number in range(len(ratios) - 1)[::-1]:
         named = range(number + 2)
-        chain = SimpleNamespace(further=named, number=number, renamed=lambda decision, point, one=chain: one)
+        chain = SimpleNamespace(further=[named], number=number, renamed=lambda decision, point, one=chain: one)
 
     def answered(decision):
         remainders = [SimpleNamespace(ratio=ratio) for ratio in ratios[decision.number]]

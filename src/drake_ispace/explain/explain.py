@@ -156,9 +156,10 @@ def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
     may still be named: one that takes less than this share is the last that is tried.
     """
     further, left = decision, answer
-    while further.further is not None and left.proof and left.remainders:
-        may_follow = MOST_EFFECTS - len(further.further)
-        further, before = further.renamed(further, further.further), _too_large(left)
+    while further.further and left.proof and left.remainders:
+        clearest = further.further[0]
+        may_follow = MOST_EFFECTS - len(clearest)
+        further, before = further.renamed(further, clearest), _too_large(left)
         left = answered(further)
         if _suffices(left):
             return further, left

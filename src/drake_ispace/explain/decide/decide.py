@@ -117,15 +117,14 @@ def _finished(decision, survey_at, seed, known=()) -> Decision:
 
 
 def _with_further(decision, proposals) -> Decision:
-    clearest = max(proposals, key=lambda proposal: proposal.minus_log10_p, default=None)
-    if clearest is not None and len(clearest.fit.point) <= MOST_EFFECTS:
-        decision.further = clearest.fit.point
+    clearest_first = sorted(proposals, key=lambda proposal: -proposal.minus_log10_p)
+    decision.further = [p.fit.point for p in clearest_first if len(p.fit.point) <= MOST_EFFECTS]
     return decision
 
 
 def _renamed(survey_at, seed, decision, point) -> Decision:
     """The Decision that names the effects of `point` instead, whatever each explains."""
-    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=None, asked=None)
+    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=[], asked=None)
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
     other = with_rivals(other)

@@ -63,10 +63,10 @@ class Decision:
         unknown: a generic disagreement that explains more than any effect, and its gain. nearest: where unknown, the
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
-            back on should the named effects not suffice on unseen runs. further: the named effects and the clearest one
-            beside them; None where there is none. asked: an effect that the proof asks for, besides the named ones or
-            instead of a rival, and all that are to be named then; None: for none. kept: effects that were asked for.
-            renamed: turns a Decision into one that names the effects of a point.
+            back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
+            them, the clearest one first. asked: an effect that the proof asks for, besides the named ones or instead of
+            a rival, and all that are to be named then; None: for none. kept: effects that were asked for. renamed:
+            turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -80,7 +80,7 @@ class Decision:
     left_over: LeftOver | None = None
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
-    further: Point | None = None
+    further: list[Point] = field(default_factory=list)
     asked: tuple[Candidate, Point] | None = None
     kept: tuple[Candidate, ...] = ()
     renamed: "Callable[[Decision, Point], Decision] | None" = None

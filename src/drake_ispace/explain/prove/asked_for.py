@@ -24,8 +24,7 @@ def asked_for(
 ) -> tuple[Candidate, Point] | None:
     """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
 
-    It is the clearest one that is not named, or a rival with more numbers in the place of a named effect. It must take
-    away as much of the squared error as a variable may not predict in runs from which this was not learned.
+    It is one that is not named, or a rival with more numbers in the place of a named effect. It must take away as much of the squared error as a variable may not predict in runs from which this was not learned.
 
     Args:
         training: model and runs. windows: of each run. decision: with the rivals of its effects. without: sizes of the
@@ -40,7 +39,7 @@ def asked_for(
         for effect, rivals in decision.rivals.items() for rival in (one.candidate for one in rivals)
         if len(rival.parameters) > len(effect.parameters)
     ]
-    tried += [(effect, decision.further) for effect in decision.further or () if effect not in named]
+    tried += [(effect, point) for point in decision.further for effect in point if effect not in named]
     least = (1.0 - PREDICTED) * _squared_error(training, windows, without, floors) if tried else 0.0
     for effect, point in tried:
         found, found_without = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
