@@ -24,7 +24,8 @@ def asked_for(
 ) -> tuple[Candidate, Point] | None:
     """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
 
-    It is one that is not named, or a rival with more numbers in the place of a named effect. It must take away as much of the squared error as a variable may not predict in runs from which this was not learned.
+    It is one that is not named, or a rival with more numbers in the place of a named effect. It must take away as much
+    of the squared error as a variable may not predict in runs from which this was not learned.
 
     Args:
         training: model and runs. windows: of each run. decision: with the rivals of its effects. without: sizes of the
