@@ -69,7 +69,7 @@ def test_a_wheel_that_is_turned_rolls_along_its_new_direction():
 
 @pytest.mark.parametrize("toe, message", [
     ("rover.plant.wheel_toe_rad=[0.1, 0]", "the tyres of differential wheels cannot move sideways"),
-    ("rover.effects.wheel_toe={}", "rover on differential wheels cannot have it"),
+    ("rover.effects.wheel_toe={}", "rover cannot have it on these wheels"),
 ])
 def test_tyres_that_hold_sideways_have_no_toe(toe, message):
     with pytest.raises(InputError, match=message):

@@ -58,7 +58,7 @@ def _checked_values(name, values, body, where):
     if not effect.applies_to(body):
         others = [other.name for other in bodies() if effect.applies_to(other)]
         if body.name in others:
-            raise InputError(f"{where}: {body.name} on {body.plant.wheels} wheels cannot have it")
+            raise InputError(f"{where}: {body.name} cannot have it on these wheels")
         raise InputError(f"{where}: {body.name} cannot have it, expected an effect of {', '.join(others)}")
     rules = {p.name: {"minimum": p.low, "maximum": p.high, "unit": p.unit} for p in effect.parameters_of(body)}
     found = {}
