@@ -192,7 +192,8 @@ def _answered(case, decision, seed, tell) -> Explanation:
     # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
-    decision.asked = proof.asked
+    if proof.asked is not None:
+        decision.asked = proof.asked
 
     # 5 answer
     tell("finding the channels that show it")
