@@ -16,7 +16,8 @@ def with_rivals(decision: Decision) -> Decision:
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
     nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none,
-    of one that does no better with more parameters, and of one that becomes the rival at some value of its shape.
+    of one that does no better with more parameters, and of one that becomes the rival at some value of its shape. An
+    effect that was asked for stays.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
