@@ -4,6 +4,7 @@ Further ones are named where it does not suffice without them either.
 """
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -53,7 +54,7 @@ class Asking:
     """A Decision whose proof asks for `asked`."""
 
     point: dict
-    asked: tuple | None = None
+    asked: Callable | None = None
     kept: tuple = ()
     otherwise: None = None
 
@@ -61,15 +62,21 @@ class Asking:
         return Asking(point, kept=decision.kept)
 
 
-@pytest.mark.parametrize(("verdict", "names"), [("incomplete", {"lag", "radii"}), ("named", {"radius"})])
-def test_what_the_proof_asks_for_is_named_if_the_answer_does_not_suffice(monkeypatch, verdict, names):
+@pytest.mark.parametrize(("verdict", "after", "names"), [
+    ("incomplete", 1.5, {"lag", "radii"}), ("incomplete", 2.5, {"radius"}), ("named", 1.5, {"radius"}),
+])
+def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_worse(monkeypatch, verdict, after, names):
     monkeypatch.setattr(explained, "_needed", lambda case, decision, answer: decision)
     monkeypatch.setattr(explained, "_with_further", lambda decision, answer, answered: (decision, answer))
     radii = Named("radii")
-    first = Asking({"radius": [0.1]}, asked=(radii, {"radii": [0.1], "lag": [0.2]}))
-    decision, answer = explained._best_answered(
-        CASE, first, lambda one: SimpleNamespace(verdict=verdict if one is first else "named", effects=[*one.point])
-    )
+    first = Asking({"radius": [0.1]}, asked=lambda: (radii, {"radii": [0.1], "lag": [0.2]}))
+
+    def answered(one):
+        remainders = [SimpleNamespace(ratio=2.0 if one is first else after)]
+        said = verdict if one is first else "incomplete"
+        return SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders)
+
+    decision, answer = explained._best_answered(CASE, first, answered)
     assert set(decision.point) == set(answer.effects) == names and (radii in decision.kept) == (decision is not first)
 
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.detect import detect, trials
-from drake_ispace.explain.decide.survey.generic import Motion, _cells, _is_motion, _losses, motion_of
+from drake_ispace.explain.decide.survey.generic import Motion, _cells, _is_motion, _losses, _travelled, motion_of
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.decide.survey.survey import (
@@ -226,6 +226,24 @@ def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     assert not displaced[:, 1:].any()
     moves = np.diff(displaced[:, 0], prepend=0.0)
     assert moves == pytest.approx(-0.05 * 0.5 * TICK_S * cell, abs=1e-12)
+
+
+def test_a_way_that_is_turned_is_that_of_a_robot_that_turns_otherwise():
+    """Also by a large angle: the model's way is the true one less what is added."""
+    t = np.arange(4000) * TICK_S
+    body = np.column_stack([0.4 + 0.2 * np.sin(t), 0.1 * np.cos(2.0 * t), 0.8 * np.sin(0.7 * t)])
+    extra = 0.1 * np.cos(t)  # rad/s
+
+    def way(turning):
+        phi = np.cumsum(turning) * TICK_S
+        c, s = np.cos(phi), np.sin(phi)
+        velocity = np.column_stack([c * body[:, 0] - s * body[:, 1], s * body[:, 0] + c * body[:, 1]])
+        return np.column_stack([np.cumsum(velocity, axis=0) * TICK_S, phi])
+
+    true = way(body[:, 2] + extra)
+    added = _travelled(Motion(body, true, t, np.zeros((4000, 2)), np.zeros((4000, 2))), 0.0, 0.0, extra)
+    assert np.abs(added[:, 2]).max() > 0.09 and np.abs(added[:, :2]).max() > 0.1
+    np.testing.assert_allclose(true - added, way(body[:, 2]), atol=1e-9)
 
 
 def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():

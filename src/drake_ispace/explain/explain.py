@@ -132,10 +132,8 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
     answer = answered(decision)
     if not case.is_filtered:
         return decision, answer
-    while answer.verdict == "incomplete" and decision.asked is not None:
-        effect, point = decision.asked
-        decision = decision.renamed(replace(decision, kept=(*decision.kept, effect)), point)
-        answer = answered(decision)
+    if answer.verdict == "incomplete":
+        decision, answer = _with_asked(decision, answer, answered)
     if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
         decision, answer = _with_further(decision, answer, answered)
     doubted = answer.verdict == "incomplete" and decision.otherwise is not None
@@ -146,6 +144,18 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
     if needed is not decision and _suffices(without := answered(needed)):
         add_trace(without, answer)
         return needed, without
+    return decision, answer
+
+
+def _with_asked(decision, answer, answered) -> tuple[Decision, Explanation]:
+    """The decision with what training runs ask for as long as unseen runs have no more too much, and its answer."""
+    while answer.verdict == "incomplete" and decision.asked is not None and (asked := decision.asked()) is not None:
+        effect, point = asked
+        other = decision.renamed(replace(decision, kept=(*decision.kept, effect)), point)
+        left = answered(other)
+        if _too_large(left) > _too_large(answer):
+            break
+        decision, answer = other, left
     return decision, answer
 
 
@@ -192,7 +202,7 @@ def _answered(case, decision, seed, tell) -> Explanation:
     # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
-    if proof.asked is not None:
+    if case.is_filtered:
         decision.asked = proof.asked
 
     # 5 answer

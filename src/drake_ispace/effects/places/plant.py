@@ -172,18 +172,22 @@ class TrackError(NumberError):
 
 
 class WheelToe(PlantEffect):
-    """The drive direction of one omni wheel, turned anticlockwise by an angle."""
+    """The drive direction of one wheel with rollers, turned anticlockwise by an angle."""
 
     needs = ("toe",)
     choices = ("wheel",)
     kinematic = True
     card = Card(
         name="wheel_toe", title="Toe of one wheel", home="plant",
-        equation="theta_dot_i = (v + wz x p_i) . (cos(drive_i + angle), sin(drive_i + angle)) / r for one wheel i",
+        equation="theta_dot_i = (v + wz x p_i) . (cos(hold_i + angle), sin(hold_i + angle)) / (r cos(roller_i)) for "
+        "one wheel i, hold_i = drive_i + roller_i",
         source="a bracket mounted askew, a bent axle",
-        signature="moving along that wheel's axle turns the wheel: odometry turns and drifts while the robot moves "
+        signature="moving along the axle of an omni wheel turns it: odometry turns and drifts while the robot moves "
         "straight that way, by the angle times the way",
-        look_alikes=("single_wheel_radius_error", "encoder_lost_counts", "centre_of_gravity_offset"),
+        look_alikes=(
+            "single_wheel_radius_error", "wheel_radius_errors", "encoder_lost_counts", "centre_of_gravity_offset",
+            "marker_offset", "constant_slip",
+        ),
         excitation="straight driving along every wheel's axle, both ways: a wheel of another size shows along its "
         "drive direction, a toe across it; a turned camera leaves the heading's course alone",
     )

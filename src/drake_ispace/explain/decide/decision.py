@@ -64,9 +64,9 @@ class Decision:
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
-            them, the clearest one first. asked: an effect that the proof asks for, besides the named ones or instead of
-            a rival, and all that are to be named then; None: for none. kept: effects that were asked for. renamed:
-            turns a Decision into one that names the effects of a point.
+            them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
+            instead of a rival, and all that are to be named then, or None; None where the proof asks for nothing. kept:
+            effects that were asked for. renamed: turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -81,7 +81,7 @@ class Decision:
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
     further: list[Point] = field(default_factory=list)
-    asked: tuple[Candidate, Point] | None = None
+    asked: "Callable[[], tuple[Candidate, Point] | None] | None" = None
     kept: tuple[Candidate, ...] = ()
     renamed: "Callable[[Decision, Point], Decision] | None" = None
 

@@ -4,7 +4,7 @@ Of effects that explain as much from one sample to the next the one with the few
 explains little is not. What is lacking then may add up over a run all the same, as errors of a heading do.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from drake_ispace.explain.threads import each
 
 def asked_for(
     training: Prediction, windows: Sequence[Windows], decision: Decision, without: Sequence[Point],
-    floors: Mapping[Measure, float],
+    floors: Mapping[Measure, float], alone: Collection[int],
 ) -> tuple[Candidate, Point] | None:
     """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
 
@@ -30,6 +30,7 @@ def asked_for(
     Args:
         training: model and runs. windows: of each run. decision: with the rivals of its effects. without: sizes of the
             named effects that plain least squares finds without each run. floors: measure -> what noise leaves.
+            alone: runs that are passed over: others do not tell their sizes.
 
     Returns:
         The effect, and the effects to name instead; None where none takes away as much.
@@ -41,19 +42,22 @@ def asked_for(
         if len(rival.parameters) > len(effect.parameters)
     ]
     tried += [(effect, point) for point in decision.further for effect in point if effect not in named]
-    least = (1.0 - PREDICTED) * _squared_error(training, windows, without, floors) if tried else 0.0
+    runs = [i for i in range(len(windows)) if i not in alone]
+    least = (1.0 - PREDICTED) * _squared_error(training, windows, without, floors, runs) if tried else 0.0
     for effect, point in tried:
         found, found_without = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
-        left = _squared_error(training, windows, found_without, floors)
+        if not effect.makes_sense(found[effect]) or effect.has_become_another(found[effect]):
+            continue
+        left = _squared_error(training, windows, found_without, floors, runs)
         if left < least:
             best, least = (effect, {**point, effect: found[effect]}), left
     return best
 
 
-def _squared_error(training, windows, without, floors) -> float:
-    """Of all runs, each with the sizes found without it, in units of what noise leaves."""
+def _squared_error(training, windows, without, floors, runs) -> float:
+    """Of these runs, each with the sizes found without it, in units of what noise leaves."""
     def one(i):
         errors = scaled_errors(training, i, windows[i], merged(without[i]), floors, fitted_horizons(windows[i]))
         return float(np.sum(errors**2))
 
-    return sum(each(one, range(len(windows))))
+    return sum(each(one, runs))

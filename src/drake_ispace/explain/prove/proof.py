@@ -1,6 +1,6 @@
 """The result of proving an answer."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from drake_ispace.explain.fit.candidates import Candidate
@@ -42,5 +42,5 @@ class Proof:
     least_squares: Point | None
     without: Sequence[Point] = ()
     plant: list[PlantParameter] = field(default_factory=list)
-    asked: tuple[Candidate, Point] | None = None
+    asked: Callable[[], tuple[Candidate, Point] | None] | None = None
     alone: list[str] = field(default_factory=list)

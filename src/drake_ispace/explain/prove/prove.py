@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -134,7 +135,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     without = chosen.without if chosen.point and chosen.point is plain else ()
     left, asked = _distinct(_left(judged, every)), None
     if left and found is not None and n > 1 and training.replay.body.robot.driven == COMMAND:
-        asked = asked_for(training, fitted_to.windows[:n], decision, found.without, floors)
+        asked = partial(asked_for, training, fitted_to.windows[:n], decision, found.without, floors, alone)
     return Proof(by, rows, left, judged.noise, chosen.point, plain, without, asked=asked, alone=names)
 
 
