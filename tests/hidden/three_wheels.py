@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import Scenario, load_scenario
+from hidden.two_wheels import wandering
 
 RADIUS_M, ARM_M = 0.05, 0.17
 COUNTS = 2048
@@ -37,7 +38,7 @@ def drive(
     """
     random = np.random.default_rng([seed, 91])
     t = _STEP_S * np.arange(round(seconds / _STEP_S))
-    command = np.column_stack([_wandering(random, t, most) for most in (0.4, 0.4, 1.0)])
+    command = np.column_stack([wandering(random, t, -most, most, _ENCODER_S) for most in (0.4, 0.4, 1.0)])
     rate = command @ _rates(np.full(3, RADIUS_M), np.zeros(3)).T
     white = random.standard_normal((len(t), 3))
     ground = rate * (1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], white, axis=0) / 0.16)
@@ -71,13 +72,3 @@ def _rates(radii, toe):
 def _sums(rates):
     """(k,) integral of rates from 0."""
     return np.concatenate([[0.0], np.cumsum(rates[:-1] * _STEP_S)])
-
-
-def _wandering(random, t, most):
-    """(k,) values up to `most` that are held for one to four seconds each; zero in the first two."""
-    values, at = np.zeros(len(t)), 2.0
-    while at < t[-1]:
-        until = _ENCODER_S * round((at + random.uniform(1.0, 4.0)) / _ENCODER_S)
-        values[(t >= at - 1e-9) & (t < until - 1e-9)] = random.uniform(-most, most)
-        at = until
-    return values

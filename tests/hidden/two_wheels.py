@@ -70,7 +70,7 @@ def drive(
     n = round(seconds / _STEP_S)
     t = _STEP_S * np.arange(n)
     step_s = 1.0 / encoder_hz if in_step else _STEP_S
-    v, w = _wandering(random, t, *speeds_m_s, step_s), _wandering(random, t, *rates_rad_s, step_s)
+    v, w = wandering(random, t, *speeds_m_s, step_s), wandering(random, t, *rates_rad_s, step_s)
     if ramp_s > 0.0:
         ramp = np.full(round(ramp_s / _STEP_S), _STEP_S / ramp_s)
         last = np.arange(n) if not in_step else np.arange(n) // round(step_s / _STEP_S) * round(step_s / _STEP_S)
@@ -123,7 +123,7 @@ def _way(forward, sideways, phi, belt_m_s, patch_share):
     return x, y
 
 
-def _wandering(random, t, low, high, step_s):
+def wandering(random, t, low, high, step_s):
     """(k,) values that are held for one to four seconds each, a multiple of `step_s`; zero in the first two."""
     values, at = np.zeros(len(t)), 2.0
     while at < t[-1]:

@@ -57,13 +57,9 @@ class RoverPlantParameters:
     @property
     def geometry(self) -> WheelGeometry:
         """The robot's actual wheels."""
-        built, none = _built(self, 1.0 + self.track_share), [0.0] * self.wheel_count
+        built = _built(self, 1.0 + self.track_share)
+        none = [0.0] * len(built.wheels)
         return toed(rescaled(built, self.wheel_radius_shares or none), self.wheel_toe_rad or none)
-
-    @property
-    def wheel_count(self) -> int:
-        """How many wheels it has."""
-        return WHEELS[self.wheels] or len(self.wheel_list)
 
 
 def _built(p, scale):
@@ -189,7 +185,7 @@ def check(parameters: RoverPlantParameters, where: str) -> None:
             toe angles, or there is traction slip or slip noise; the message begins with `where`, the path of the
             parameters in the scenario.
     """
-    n = parameters.wheel_count
+    n = WHEELS[parameters.wheels] or len(parameters.wheel_list)
     if parameters.wheels == "listed":
         _check_list(parameters, where)
     for key in ("wheel_radius_shares", "wheel_toe_rad"):

@@ -235,14 +235,14 @@ class Robot(abc.ABC):
 
     def worn(self, plant, share: float, wheels: Sequence[int]):
         """A copy of `plant` with the radii of `wheels`, counted from 0, times (1 + share), unknown to its odometry."""
-        shares = list(plant.wheel_radius_shares or [0.0] * len(plant.geometry.wheels))
+        shares = list(plant.wheel_radius_shares or [0.0] * self.wheel_count(plant))
         for i in wheels:
             shares[i] = shares[i] + share * (1.0 + shares[i])
         return replace(plant, wheel_radius_shares=shares)
 
     def toed(self, plant, angle_rad: float, wheel: int):
         """A copy of `plant` with one wheel, counted from 0, turned anticlockwise, unknown to its odometry."""
-        angles = list(plant.wheel_toe_rad or [0.0] * len(plant.geometry.wheels))
+        angles = list(plant.wheel_toe_rad or [0.0] * self.wheel_count(plant))
         angles[wheel] += angle_rad
         return replace(plant, wheel_toe_rad=angles)
 

@@ -21,7 +21,7 @@ def checked(**robot):
 def changes_of(seed, seconds=30.0):
     """(c,) moments [s] at which the command of a run changes."""
     random, t = np.random.default_rng([seed, 77]), 1e-3 * np.arange(round(seconds * 1e3))
-    commands = [two_wheels._wandering(random, t, *limits, 1e-3) for limits in ((0.1, 0.5), (-1.0, 1.0))]
+    commands = [two_wheels.wandering(random, t, *limits, 1e-3) for limits in ((0.1, 0.5), (-1.0, 1.0))]
     return np.unique(np.concatenate([t[np.flatnonzero(np.diff(values)) + 1] for values in commands]))
 
 

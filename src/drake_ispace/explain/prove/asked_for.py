@@ -5,17 +5,16 @@ explains little is not. What is lacking then may add up over a run all the same,
 """
 
 from collections.abc import Collection, Mapping, Sequence
-
-import numpy as np
+from functools import partial
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.adequacy import PREDICTED
 from drake_ispace.explain.prove.free_run import Measure, Windows
-from drake_ispace.explain.prove.least_squares import fitted_horizons, plain_fit, scaled_errors
-from drake_ispace.explain.threads import each
+from drake_ispace.explain.prove.least_squares import plain_fit, squared_error_left_out
+from drake_ispace.robots.robot import COMMAND
 
 
 def asked_for(
@@ -33,8 +32,11 @@ def asked_for(
             alone: runs that are passed over: others do not tell their sizes.
 
     Returns:
-        The effect, and the effects to name instead; None where none takes away as much.
+        The effect, and the effects to name instead; None where none takes away as much, where fewer than two runs can
+        be left out, or where torque drives the robot.
     """
+    if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
+        return None
     named, best = decision.named.point, None
     tried = [
         (rival, {rival if c is effect else c: rival.neutral if c is effect else z for c, z in named.items()})
@@ -42,22 +44,14 @@ def asked_for(
         if len(rival.parameters) > len(effect.parameters)
     ]
     tried += [(effect, point) for point in decision.further for effect in point if effect not in named]
-    runs = [i for i in range(len(windows)) if i not in alone]
-    least = (1.0 - PREDICTED) * _squared_error(training, windows, without, floors, runs) if tried else 0.0
+    left_with = partial(squared_error_left_out, training, windows, floors=floors, alone=alone)
+    least = (1.0 - PREDICTED) * left_with(without) if tried else 0.0
     for effect, point in tried:
         found, found_without = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
         if not effect.makes_sense(found[effect]) or effect.has_become_another(found[effect]):
             continue
-        left = _squared_error(training, windows, found_without, floors, runs)
+        left = left_with(found_without)
         if left < least:
             best, least = (effect, {**point, effect: found[effect]}), left
     return best
 
-
-def _squared_error(training, windows, without, floors, runs) -> float:
-    """Of these runs, each with the sizes found without it, in units of what noise leaves."""
-    def one(i):
-        errors = scaled_errors(training, i, windows[i], merged(without[i]), floors, fitted_horizons(windows[i]))
-        return float(np.sum(errors**2))
-
-    return sum(each(one, runs))

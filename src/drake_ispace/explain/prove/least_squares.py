@@ -3,7 +3,7 @@
 It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -96,6 +96,22 @@ def scaled_errors(
         for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons
         and (m.metric != ATE or m.driven_by == WHEELS)
     )])
+
+
+def squared_error_left_out(
+    training: Prediction, windows: Sequence[Windows], without: Sequence[Point], floors: Mapping[Measure, float],
+    alone: Collection[int],
+) -> float:
+    """Sum of the squared scaled errors of all training runs, each with the sizes that were fitted to the others.
+
+    training, windows, floors: as of `plain_fit`. without: for each run the sizes that were fitted to the others.
+    alone: numbers of runs that are passed over, because the others do not tell their sizes.
+    """
+    def one(i):
+        errors = scaled_errors(training, i, windows[i], merged(without[i]), floors, fitted_horizons(windows[i]))
+        return float(np.sum(errors**2))
+
+    return sum(each(one, [i for i in range(len(windows)) if i not in alone]))
 
 
 def _slopes(residuals, z, high):

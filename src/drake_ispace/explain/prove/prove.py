@@ -35,7 +35,7 @@ from drake_ispace.explain.prove.sizes import (
     plain_sizes,
 )
 from drake_ispace.explain.threads import each
-from drake_ispace.robots.robot import COMMAND, TORQUE
+from drake_ispace.robots.robot import TORQUE
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     without = chosen.without if chosen.point and chosen.point is plain else ()
     left, asked = _distinct(_left(judged, every)), None
-    if left and found is not None and n > 1 and training.replay.body.robot.driven == COMMAND:
+    if left and found is not None:
         asked = partial(asked_for, training, fitted_to.windows[:n], decision, found.without, floors, alone)
     return Proof(by, rows, left, judged.noise, chosen.point, plain, without, asked=asked, alone=names)
 

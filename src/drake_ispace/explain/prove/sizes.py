@@ -15,7 +15,7 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.free_run import Measure, Windows, changes, errors, rms
-from drake_ispace.explain.prove.least_squares import fitted_horizons, plain_fit, scaled_errors
+from drake_ispace.explain.prove.least_squares import plain_fit, squared_error_left_out
 from drake_ispace.explain.prove.left_out import groups_of, sizes_without
 from drake_ispace.robots.robot import COMMAND
 
@@ -87,9 +87,6 @@ def leads_nearer(
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
         return False
     plain_error, filtered_error = (
-        sum(
-            np.sum(scaled_errors(training, i, w, merged(point), floors, fitted_horizons(w)) ** 2)
-            for i, (w, point) in enumerate(zip(windows, sizes.without, strict=True)) if i not in alone
-        ) for sizes in (plain, filtered)
+        squared_error_left_out(training, windows, sizes.without, floors, alone) for sizes in (plain, filtered)
     )
     return plain_error < filtered_error
