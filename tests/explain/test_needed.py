@@ -1,4 +1,4 @@
-"""Effects no larger than in a sound robot, or in doubt, are named only where the answer does not suffice without them.
+"""Effects that are doubtful, or in doubt, are named only where the answer does not suffice without them.
 
 Further ones are named where it does not suffice without them either.
 """
@@ -43,7 +43,7 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
         verdict = "incomplete" if not enough <= names else "named" if names else "none"
         return SimpleNamespace(verdict=verdict, effects=effects, warnings=[])
 
-    monkeypatch.setattr(explained, "trifles", lambda answer, case: small)
+    monkeypatch.setattr(explained, "doubtful", lambda answer, case: dict.fromkeys(small, "why"))
     decision, answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
     assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})

@@ -152,8 +152,23 @@ def test_a_size_that_a_sound_robot_may_have_is_not_what_was_detected(tolerances,
     case = prepare(MODEL, [run], effects=[friction])
     (size, *_) = friction.parameters_of(case.replay.body)
     one = tolerances * size.tolerance * scales_of(case.prediction)["torque"]
+    answer = proved(case, friction, one, (0.5 * one, 1.5 * one))
+    assert answer.verdict == verdict and ("sound robot" in " ".join(answer.warnings)) == (verdict == "incomplete")
+
+
+@pytest.mark.parametrize(("least", "verdict"), [(-0.001, "incomplete"), (0.001, "named")])
+def test_an_effect_that_may_have_no_size_is_not_what_was_detected(least, verdict):
+    friction = library()["coulomb_friction"]
+    case = prepare(MODEL, [generate("omni", "square", {}, 4.0, 5)], effects=[friction])
+    answer = proved(case, friction, 0.02, (least, 0.05))
+    assert answer.verdict == verdict and ("may be none" in " ".join(answer.warnings)) == (verdict == "incomplete")
+
+
+def proved(case, friction, torque_n_m, ci90):
+    """The answer that names a friction of that size and interval, and leaves nothing."""
     answer = answers.named(MODEL)
     (effect,) = answer.effects
-    answer.effects = [replace(effect, parameters={size.name: Estimate(one, (0.0, 2.0 * one), "N*m")})]
-    add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {friction: [one]}, None))
-    assert answer.verdict == verdict and ("sound robot" in " ".join(answer.warnings)) == (verdict == "incomplete")
+    name = friction.parameters_of(case.replay.body)[0].name
+    answer.effects = [replace(effect, parameters={name: Estimate(torque_n_m, ci90, "N*m")})]
+    add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {friction: [torque_n_m]}, None))
+    return answer

@@ -38,7 +38,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_runs_apart, add_trace, lacks_little, trifles
+from drake_ispace.explain.answer.verdict import add_proof, add_runs_apart, add_trace, doubtful, lacks_little
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
@@ -189,12 +189,12 @@ def _suffices(answer) -> bool:
 
 
 def _needed(case, decision, answer) -> Decision:
-    """The decision without effects that a sound robot may have, or without any where it is in doubt."""
-    small = trifles(answer, case) if case.scenario is not None else []
-    kept = {c: z for c, z in decision.named.point.items() if c.name not in small}
-    if small and kept:
+    """The decision without doubtful effects, or without any where it is in doubt."""
+    why = doubtful(answer, case)
+    kept = {c: z for c, z in decision.named.point.items() if c.name not in why}
+    if why and kept:
         return decision.renamed(decision, kept)
-    return decision.without_effects() if small or decision.detection.in_doubt else decision
+    return decision.without_effects() if why or decision.detection.in_doubt else decision
 
 
 def _answered(case, decision, seed, tell) -> Explanation:

@@ -28,10 +28,8 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     moves_as_told = _moves_as_told(proof.rows)
     if answer.verdict == "incomplete" and moves_as_told:  # beside the effects something is detectable
         answer.verdict = named_or_set(answer.effects)
-    tolerated = trifles(answer, case) if proof.sizes and case.scenario is not None else []
-    _judge(answer, [
-        f"{name} is no larger than in a sound robot: what was detected is something else" for name in tolerated
-    ])
+    why = doubtful(answer, case).values() if proof.sizes else ()
+    _judge(answer, [f"{text}: what was detected is something else" for text in why])
     if answer.unknown is not None and moves_as_told and not answer.remainders:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
         answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
@@ -50,25 +48,41 @@ def _moves_as_told(rows: Sequence[GapRow]) -> bool:
     )
 
 
-def trifles(answer: Explanation, case: Case) -> list[str]:
-    """Names of effects at sizes that a sound robot may have."""
-    scales, found = scales_of(case.prediction), []
+def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
+    """Named effects that may be something else -> why: at sizes that a sound robot may have, or that may be none."""
+    if case.scenario is None:
+        return {}
+    scales, why = scales_of(case.prediction), {}
     for effect in answer.effects:
-        known = {p.name: p for p in case.replay.effects[effect.name].parameters_of(case.replay.body) if p.tolerance}
-        shares = [
-            abs(value.estimate - known[name].neutral) / (known[name].tolerance * scales.get(known[name].scale, 1.0))
-            for name, value in effect.parameters.items() if name in known
-        ]
-        if shares and max(shares) <= 1.0:
-            found.append(effect.name)
-    return found
+        parameters = case.replay.effects[effect.name].parameters_of(case.replay.body)
+        known = case.replay.known.get(effect.name, {})
+        if _is_trifle(effect, parameters, scales):
+            why[effect.name] = f"{effect.name} is no larger than in a sound robot"
+        elif _may_be_none(effect, parameters, known):
+            why[effect.name] = f"the runs disagree on the size of {effect.name} so far that it may be none"
+    return why
 
 
-def _judge(answer: Explanation, tolerated: list[str]) -> None:
+def _is_trifle(effect, parameters, scales) -> bool:
+    """Whether all sizes of an effect that have a tolerance are within it."""
+    shares = [
+        abs(effect.parameters[p.name].estimate - p.neutral) / (p.tolerance * scales.get(p.scale, 1.0))
+        for p in parameters if p.tolerance
+    ]
+    return bool(shares) and max(shares) <= 1.0
+
+
+def _may_be_none(effect, parameters, known) -> bool:
+    """Whether the interval of every size of an effect holds the model's own; known: name -> of these."""
+    intervals = [(known.get(p.name, p.neutral), *effect.parameters[p.name].ci90) for p in parameters if not p.shape]
+    return all(low <= value <= high for value, low, high in intervals)
+
+
+def _judge(answer: Explanation, doubts: list[str]) -> None:
     """Correct the verdict.
 
-    Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, or that a sound
-    robot may have (`tolerated`), that is not the same in every run, or that makes a channel of unseen runs worse. A
+    Effects that do not suffice make it "incomplete", and so does one at a size that makes no sense, or that is
+    doubtful (`doubts`: why), that is not the same in every run, or that makes a channel of unseen runs worse. A
     model that lacks nothing known but leaves more than noise makes it "unknown".
     """
     beyond = [
@@ -79,8 +93,8 @@ def _judge(answer: Explanation, tolerated: list[str]) -> None:
         f"{row.channel} ({row.driven_by}, {row.horizon}) got worse on unseen runs: {row.before:.3g} -> {row.after:.3g} "
         f"{row.unit}" for row in made_worse(answer.gap)
     ]
-    answer.warnings = beyond + tolerated + worse + answer.warnings
-    if answer.verdict in ("named", "set") and (beyond or tolerated or worse or answer.drifts or answer.remainders):
+    answer.warnings = beyond + doubts + worse + answer.warnings
+    if answer.verdict in ("named", "set") and (beyond or doubts or worse or answer.drifts or answer.remainders):
         answer.verdict = "incomplete"
     elif answer.verdict == "none" and answer.remainders:
         answer.verdict = "unknown"

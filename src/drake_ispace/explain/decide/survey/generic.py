@@ -20,6 +20,7 @@ from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speed
 from drake_ispace.explain.predict.stretches import STRETCH_S
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.threads import each
+from drake_ispace.plants.wheels import WheelGeometry
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
@@ -73,7 +74,7 @@ def generic_signatures(
         shapes += [(prediction.pushed, force) for force in _forces(prediction, motions)]
         shapes += [(prediction.injected, command) for command in _commands(prediction, motions)]
     if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.robot.in_room:
-        shapes += [(prediction.displaced, loss) for loss in _losses(motions)]
+        shapes += [(prediction.displaced, loss) for loss in _losses(prediction.replay.body.plant.geometry, motions)]
     values, amplitudes = merged(point), []
     for predict, (generic, columns) in shapes:
         candidate = Candidate(generic, (), generic.parameters)
@@ -192,7 +193,7 @@ def _ripples() -> list[int]:
     return [n for n in range(1, _FINEST_RIPPLE + 1) if _FINEST_RIPPLE**n % n == 0]
 
 
-def _losses(motions) -> Iterator[_Shapes]:
+def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
     """Displacements that the fixes would show besides, each array (rows, 3) [m, m, rad] in W."""
     def slip(m, share):
         return _travelled(m, m.body[:, 0] * share, m.body[:, 1] * share, 0.0 * share)
@@ -202,6 +203,15 @@ def _losses(motions) -> Iterator[_Shapes]:
         [-0.05 * slip(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
     ]
     yield Generic("slip_of_speed", "motion", "speed", 1), [[-0.1 * slip(m, _speed(m)) for m in motions]]
+    top_turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
+    yield Generic("slip_of_turning", "motion", "yaw rate", 1), [
+        [-0.05 * slip(m, np.abs(m.body[:, 2]) / top_turn) for m in motions]
+    ]
+    if not len(wheels.sideways):
+        often = np.lcm(2, len(wheels.wheels))  # as the same wheels come round, pushed or pulled
+        yield Generic("slip_of_direction", "motion", "direction of motion", 3), [
+            [-0.05 * slip(m, wave(often * _heading(m))) for m in motions] for wave in (np.ones_like, np.cos, np.sin)
+        ]
     yield Generic("understeer", "motion", "speed and turning", 1), [
         [_travelled(m, 0.0, 0.0, -0.2 * m.body[:, 2] * _speed(m) ** 2) for m in motions]
     ]
@@ -247,6 +257,11 @@ def _cells(motions):
 def _speed(m):
     """(rows,) of B [m/s]."""
     return np.hypot(m.body[:, 0], m.body[:, 1])
+
+
+def _heading(m):
+    """(rows,) direction of motion in B [rad]."""
+    return np.arctan2(m.body[:, 1], m.body[:, 0])
 
 
 def _direction(v):
