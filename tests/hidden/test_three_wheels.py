@@ -5,10 +5,12 @@ import pytest
 import drake_ispace as di
 from hidden import three_wheels
 
+ALIKE = ("constant_slip", "camera_scale", "camera_distortion", "wheel_radius_errors", "encoder_eccentricity")
 
-def told(**hidden):
-    runs = [three_wheels.drive(20 + i, 15.0, **hidden) for i in range(4)]
-    return di.explain(three_wheels.model(), runs[:3], runs[3:])
+
+def told(effects=None, seconds=15.0, **hidden):
+    runs = [three_wheels.drive(20 + i, seconds, **hidden) for i in range(4)]
+    return di.explain(three_wheels.model(), runs[:3], runs[3:], effects and [di.effects()[name] for name in effects])
 
 
 def test_a_sound_robot_lacks_nothing():
@@ -25,3 +27,16 @@ def test_a_wheel_that_is_turned_is_no_slip():
 def test_a_turn_that_is_lost_at_speed_is_no_wrong_track():
     found = told(understeer_s2_m2=-0.2)
     assert found.verdict == "unknown" and found.unknown.driver == "speed and turning"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "driver"), [({"roller_slip": 0.05}, "direction of motion"), ({"slip_s": 0.05}, "yaw rate")]
+)
+def test_slip_that_comes_and_goes_is_no_constant_slip(hidden, driver):
+    found = told(ALIKE, 10.0, **hidden)
+    assert found.verdict == "unknown" and found.unknown.driver == driver
+
+
+def test_encoders_that_ripple_twice_a_turn_are_not_eccentric():
+    found = told(ALIKE, 10.0, ripple_rad=0.015)
+    assert not found.effects and found.detection.p_value < 1e-10

@@ -27,14 +27,16 @@ def model() -> Scenario:
 
 
 def drive(
-    seed: int, seconds: float, radius_shares=(0.0, 0.0, 0.0), toe_rad=(0.0, 0.0, 0.0), understeer_s2_m2: float = 0.0
+    seed: int, seconds: float, radius_shares=(0.0, 0.0, 0.0), toe_rad=(0.0, 0.0, 0.0), understeer_s2_m2: float = 0.0,
+    roller_slip: float = 0.0, slip_s: float = 0.0, ripple_rad: float = 0.0,
 ) -> Recording:
     """A run: two seconds at rest, then velocities that change every few seconds.
 
     Args:
         seed: of the commands and of all noise. radius_shares: by which the wheels are larger than believed. toe_rad: by
             which they are turned. understeer_s2_m2: share of its turn that the robot loses over the square of its
-            speed.
+            speed. roller_slip: share of its way that it loses in the directions in which a wheel drives, and nothing
+            between them. slip_s: the same over its turning rate. ripple_rad: of the encoders, twice a turn.
     """
     random = np.random.default_rng([seed, 91])
     t = _STEP_S * np.arange(round(seconds / _STEP_S))
@@ -44,6 +46,8 @@ def drive(
     ground = rate * (1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], white, axis=0) / 0.16)
     body = ground @ np.linalg.inv(_rates(RADIUS_M * (1.0 + np.array(radius_shares)), np.array(toe_rad))).T
     body[:, 2] *= 1.0 - understeer_s2_m2 * (body[:, 0] ** 2 + body[:, 1] ** 2)
+    heading = np.arctan2(body[:, 1], body[:, 0])
+    body[:, :2] *= (1.0 - roller_slip * np.cos(3.0 * heading) ** 2 - slip_s * np.abs(body[:, 2]))[:, None]
     phi = 0.3 + _sums(body[:, 2])
     c, s = np.cos(phi), np.sin(phi)
     x, y = 1.0 + _sums(c * body[:, 0] - s * body[:, 1]), -0.5 + _sums(s * body[:, 0] + c * body[:, 1])
@@ -53,6 +57,7 @@ def drive(
     seen[:, 2] = np.mod(seen[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     read, count = np.arange(0, len(t), round(_ENCODER_S / _STEP_S)), 2.0 * np.pi / COUNTS
     angle = np.column_stack([_sums(column) for column in rate.T])
+    angle += ripple_rad * np.sin(2.0 * angle)
     counted = count * np.floor(angle[read] / count + random.uniform(0.0, 1.0, 3))
     return Recording("mine", "velocity_base", {
         "command": Channel(t[read], ("vx", "vy", "wz"), command[read], {}, _ENCODER_S),

@@ -114,6 +114,14 @@ class Prediction:
         tracks = [self.replay.pushed(track, force) for track, force in zip(self.tracks, forces, strict=True)]
         return self._residuals(tracks, values)
 
+    def read_off(self, angles: Sequence[np.ndarray], values: Values) -> Residuals:
+        """The residuals if the encoders showed these `angles` (ticks + LEAD_TICKS, n) [rad] more, one per run."""
+        wheels = self.replay.body.wheels
+        tracks = [replace(track, measured=track.measured.copy()) for track in self.tracks]
+        for track, added in zip(tracks, angles, strict=True):
+            track.measured[:, :wheels] -= added
+        return self._residuals(tracks, values)
+
     def _residuals(self, tracks, values):
         """The residuals of these tracks in the place of the runs' own."""
         numbers, share = self.replay.parameters(values), self._dropouts(values)

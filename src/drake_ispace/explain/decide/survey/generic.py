@@ -73,6 +73,7 @@ def generic_signatures(
     if prediction.channels["motion"]:
         shapes += [(prediction.pushed, force) for force in _forces(prediction, motions)]
         shapes += [(prediction.injected, command) for command in _commands(prediction, motions)]
+        shapes += [(prediction.read_off, angle) for angle in _angles(prediction, motions)]
     if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.robot.in_room:
         shapes += [(prediction.displaced, loss) for loss in _losses(prediction.replay.body.plant.geometry, motions)]
     values, amplitudes = merged(point), []
@@ -185,6 +186,19 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
     for n in _ripples():
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
             [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
+        ]
+
+
+def _angles(prediction, motions) -> Iterator[_Shapes]:
+    """What encoders may show besides the angles of the wheels, each array (rows, wheels) [rad].
+
+    Of a robot whose torque is recorded a ripple twice a turn is one of its torque.
+    """
+    if prediction.replay.body.robot.driven != COMMAND or "encoder" not in prediction.replay.feeds:
+        return
+    for wheel in np.eye(prediction.replay.body.wheels):
+        yield Generic(f"encoder_ripple_of_wheel_{1 + int(np.argmax(wheel))}", "motion", "wheel angle", 2), [
+            [0.01 * wheel * wave(2.0 * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
 
 
