@@ -32,6 +32,13 @@ FAULTS = (
         "turns of wheels and camera differ by a factor of two", "correct the model's track",
     ),
     Fault(
+        "effective_track", "wheels that skid as the robot turns",
+        "the robot turns less than its wheels say, as if its track were half as wide again",
+        "four tyres, tracks, or a caster that is dragged aside",
+        "turns of wheels and camera differ by a factor between one and two",
+        "set the model's track to the width at which they agree",
+    ),
+    Fault(
         "diameter_for_radius", "the diameter typed as the radius",
         "the model goes twice as far as the robot", "the data sheet says diameter",
         "wheels and camera move by a factor of two differently", "correct the model's radius",

@@ -160,6 +160,7 @@ class TrackError(NumberError):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
     needs = ("track",)
+    low, high = -0.3, 1.0  # a robot on four tyres turns as if it were twice as wide
     kinematic = True
     card = Card(
         name="track_error", title="Track error", home="plant",

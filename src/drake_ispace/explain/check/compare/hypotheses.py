@@ -16,6 +16,8 @@ from drake_ispace.plants.wheels import WheelGeometry
 LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
+_SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
+_SKIDDING = 1.5  # times its track, between one and two: where robots on four tyres turn
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 
 
@@ -42,14 +44,16 @@ class Reading:
 def readings(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = ()) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first; gears: by which they may turn too little.
 
-    Three accuse nobody: as given, no relation at all, and none but of the turns. Without the last one a mistake that
-    makes the way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
+    Some accuse nobody: as given, no relation at all, none but of the turns, and wheels or a room of another size, which
+    makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the way by the
+    wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
     """
     n = len(geometry.wheels)
     unit = np.eye(n)
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
+        *(Reading("", f"{size:g} times as large", "", size * unit) for size in _SIZES),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_dimensions(unit), *_views(unit),
     ]
@@ -101,9 +105,10 @@ def _factors(unit, counts_per_turn, gears):
 
 
 def _dimensions(unit):
-    for factor in (2.0, 0.5):
-        yield Reading("half_track", f"the model turns {1.0 / factor:.3g} times as far as the robot", "model", unit,
-                      np.diag([1.0, 1.0, factor]), advice=f"make the model's track {1.0 / factor:g} times as wide")
+    for fault, times in (("half_track", 0.5), ("half_track", 2.0), ("effective_track", _SKIDDING)):
+        about = "about " if fault == "effective_track" else ""
+        yield Reading(fault, f"the model turns {about}{times:.3g} times as far as the robot", "model", unit,
+                      np.diag([1.0, 1.0, 1.0 / times]), advice=f"make the model's track {about}{times:g} times as wide")
 
 
 def _views(unit):
