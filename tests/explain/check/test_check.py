@@ -420,3 +420,16 @@ def test_a_clock_of_torque_that_drifts_alike_in_all_runs_is_told(sound):
 def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
     (case,) = [case for case in cases() if case["seed"] == 537]
     assert case["effect"] == "cogging" and found(runs_of(case), "pendulum") == []
+
+
+@pytest.mark.parametrize(("dimension", "share", "fault"), [
+    ("track_share", 0.6, "effective_track"), ("track_share", 1.0, "half_track"), ("track_share", 0.3, None),
+    ("radius_share", -0.5, "counts_per_turn"), ("radius_share", -0.4, None), ("radius_share", 0.6, None),
+])
+def test_another_size_is_no_factor_of_two(dimension, share, fault):
+    """Commands are left out, because a drive does not know the size of its wheels."""
+    runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others={dimension: share}) for i in range(2)]
+    channels = ({name: run.channels[name] for name in ("encoder", "kinect")} for run in runs)
+    without_command = [replace(run, channels=c) for run, c in zip(runs, channels, strict=True)]
+    findings = check(two_wheels.model(), without_command).findings
+    assert [finding.fault for finding in findings] == ([fault] if fault else [])

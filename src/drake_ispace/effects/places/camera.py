@@ -180,7 +180,7 @@ class CameraScale(PoseEffect):
         excitation="driving and turning, both: a wrong radius or encoder scale changes turns too, a camera does not; "
         "slip follows the robot's own axes, the camera's scale is equal in all directions",
     )
-    parameters = (Parameter("share", "1", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
+    parameters = (Parameter("share", "1", 0.0, -0.6, 1.0, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
     output = stretched
 
     def block_parameters(self, body, values):

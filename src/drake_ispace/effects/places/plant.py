@@ -10,7 +10,7 @@ class NumberError(PlantEffect):
     low, high: what a fit may try. sensible: beyond it a fit is not named.
     """
 
-    low, high = -0.3, 0.3
+    low, high = -0.6, 1.0  # a robot on four tyres turns as if its track were twice as wide
     sensible = (-0.15, 0.15)
 
     def parameters_of(self, body):
@@ -160,7 +160,6 @@ class TrackError(NumberError):
     """The true distance of the wheels times (1 + share); odometry and controller keep the nominal one."""
 
     needs = ("track",)
-    low, high = -0.3, 1.0  # a robot on four tyres turns as if it were twice as wide
     kinematic = True
     card = Card(
         name="track_error", title="Track error", home="plant",
