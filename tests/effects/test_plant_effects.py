@@ -106,7 +106,7 @@ def test_odometry_believes_in_the_nominal_robot():
 @pytest.mark.parametrize("bad, message", [
     ("mass_error.share=-0.7", "at least -0.6"), ("inertia_error.share=4", "at most 3"),
     ("yaw_inertia_error.share=0.1", "omni cannot have it"), ("wheel_radius_error.share=true", "expected a number"),
-    ("centre_of_gravity_offset.height_m=0.1", "unknown parameter"), ("track_error.share=-0.5", "at least -0.3"),
+    ("centre_of_gravity_offset.height_m=0.1", "unknown parameter"), ("track_error.share=-0.7", "at least -0.6"),
     ("centre_of_gravity_offset.x_m=1", "at most 0.15"), ("single_wheel_radius_error.wheel=5", "at most 4"),
     ("single_wheel_radius_error.wheel=1.5", "expected a whole number"),
 ])
