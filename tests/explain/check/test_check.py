@@ -427,9 +427,7 @@ def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
     ("radius_share", -0.5, "counts_per_turn"), ("radius_share", -0.4, None), ("radius_share", 0.6, None),
 ])
 def test_another_size_is_no_factor_of_two(dimension, share, fault):
-    """Commands are left out, because a drive does not know the size of its wheels."""
-    runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others={dimension: share}) for i in range(2)]
-    channels = ({name: run.channels[name] for name in ("encoder", "kinect")} for run in runs)
-    without_command = [replace(run, channels=c) for run, c in zip(runs, channels, strict=True)]
-    findings = check(two_wheels.model(), without_command).findings
-    assert [finding.fault for finding in findings] == ([fault] if fault else [])
+    runs = [
+        two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others={dimension: share}, in_step=True) for i in range(2)
+    ]
+    assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])

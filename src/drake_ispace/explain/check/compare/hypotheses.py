@@ -53,7 +53,7 @@ def readings(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[fl
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
-        *(Reading("", f"{size:g} times as large", "", size * unit) for size in _SIZES),
+        *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in _SIZES),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_dimensions(unit), *_views(unit),
     ]
