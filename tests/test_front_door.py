@@ -116,6 +116,7 @@ def test_explain_takes_a_name_and_a_folder(tmp_path):
     tilt = {"floor_tilt": {"slope_x_rad": 0.03, "slope_y_rad": -0.02}}
     di.hide("omni_multirate", "omni", tilt, ["circle"], seconds=5.0)["circle"].save(tmp_path / "run")
     assert di.load(tmp_path / "run").robot == "omni"
-    found = di.explain("omni_multirate", tmp_path / "run", effects=[di.effects()["floor_tilt"]])
+    few = [di.effects()[name] for name in ("floor_tilt", "coulomb_friction", "mass_error")]
+    found = di.explain("omni_multirate", tmp_path / "run", effects=few)
     assert [effect.name for effect in found.effects] == ["floor_tilt"]
     assert found.proof == "" and {row.runs for row in found.gap} == {"training"}  # too short to be cut into blocks

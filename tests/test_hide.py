@@ -116,10 +116,10 @@ def test_the_command_writes_recordings_and_does_not_print_the_answer(here, docum
 
 
 def test_several_effects_with_several_parameters(here, said):
-    effects = ["--effect", "weak_motor:wheel=2,loss=0.2"]
-    said(*HIDE, *effects, "--runs", "1")
+    effects = ["--effect", "weak_motor:wheel=2,loss=0.2", "--effect", "floor_tilt:slope_x_rad=0.01"]
+    said("hide", "omni_multirate", *effects, "--seconds", "0.5", "--runs", "1", "--out", "runs")
     assert json.loads(Path("runs/answer.json").read_text())["effects"] == {
-        "coulomb_friction": {"torque_n_m": 0.01}, "weak_motor": {"wheel": 2, "loss": 0.2},
+        "weak_motor": {"wheel": 2, "loss": 0.2}, "floor_tilt": {"slope_x_rad": 0.01},
     }
 
 
