@@ -108,7 +108,7 @@ def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
 def test_what_no_name_explains_is_said():
     """To someone who knows of no patch, one of soft carpet is nearly soft floor, but goes with the place."""
     patch = {"soft_patch": scaled("soft_patch", "omni", 0.72)}
-    runs = [generate("omni", m, patch, 14.0, 70 + i) for i, m in enumerate(["square", "eight"])]
+    runs = [generate("omni", m, patch, 10.0, 70 + i) for i, m in enumerate(["square", "eight"])]
     found = explain("omni_multirate", runs, effects=some("soft_floor", "coulomb_friction", "floor_tilt", "mass_error"))
     assert found.verdict == "unknown" and not found.effects
     assert found.unknown.driver == "place and direction" and found.unknown.nearest == "soft_floor"
@@ -117,7 +117,7 @@ def test_what_no_name_explains_is_said():
 def test_a_patch_of_the_floor_is_where_it_is_said_to_be():
     """Up to edges that no run reached."""
     patch = {"soft_patch": scaled("soft_patch", "omni", 0.8)}
-    runs = [generate("omni", motion, patch, 14.0, 70 + i) for i, motion in enumerate(["square", "eight"])]
+    runs = [generate("omni", motion, patch, 10.0, 70 + i) for i, motion in enumerate(["square", "eight"])]
     few = some("soft_patch", "soft_floor", "coulomb_friction")
     (effect,) = explain("omni_multirate", runs, effects=few).effects
     sizes = {name: number.estimate for name, number in effect.parameters.items()}

@@ -12,9 +12,9 @@ from hidden import two_wheels
 SOUND = {"encoder_hz": 20.0, "left_share": 0.0, "late_s": 0.0}
 
 
-def checked(**robot):
+def checked(seconds=30.0, **robot):
     """Two runs, and what is found in them."""
-    runs = [two_wheels.drive(seed, **SOUND | robot) for seed in range(2)]
+    runs = [two_wheels.drive(seed, seconds, **SOUND | robot) for seed in range(2)]
     return runs, check(two_wheels.model(), runs)
 
 
@@ -59,13 +59,13 @@ def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
 
 
 def test_a_robot_without_lag_lacks_nothing_although_its_command_changes_between_samples():
-    runs, _ = checked(lag_s=0.0)
+    runs, _ = checked(15.0, lag_s=0.0)
     answer = explained(runs)
     assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}
 
 
 def test_a_lag_is_not_short_by_half_a_sample():
-    runs, _ = checked(lag_s=0.05)
+    runs, _ = checked(15.0, lag_s=0.05)
     answer = explained(runs)
     assert [effect.name for effect in answer.effects] == ["velocity_lag"]
     assert answer.effects[0].parameters["time_constant_s"].estimate == pytest.approx(0.05, abs=0.003)
