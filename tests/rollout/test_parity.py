@@ -11,6 +11,7 @@ from drake_ispace.simulation import simulate
 from drake_ispace.wiring.catalog import CATALOG
 from noisy import NOISE_AND_SLIP
 
+
 @pytest.mark.parametrize("name", CATALOG)
 @pytest.mark.parametrize("seconds", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_every_diagram_agrees_over(seconds, name):
