@@ -7,7 +7,7 @@ from hidden import three_wheels
 
 
 def told(**hidden):
-    runs = [three_wheels.drive(20 + i, 15.0, **hidden) for i in range(4)]
+    runs = [three_wheels.drive(20 + i, 10.0, **hidden) for i in range(4)]
     return di.explain(three_wheels.model(), runs[:3], runs[3:])
 
 
