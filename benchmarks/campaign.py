@@ -12,10 +12,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from _runs import options, print_json, print_table
+from _runs import options, peak_mb, print_json, print_table
 
 import drake_ispace as di
 from drake_ispace.rollout.many.campaign import Campaign
@@ -28,12 +29,9 @@ _CHILD = """
 import json, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from _runs import peak_mb
-from campaign import campaign
+from campaign import measured
 runs, seconds, seed, out, cluster = json.loads(sys.argv[1])
-done = campaign(runs, seconds, seed, Path(out), cluster)
-print(json.dumps({"wall_s": done.wall_s, "runs_now": done.runs_now,
-                  "peak_mb": peak_mb()}))
+print(json.dumps(measured(runs, seconds, seed, Path(out), cluster)))
 """
 
 
@@ -44,6 +42,12 @@ def campaign(
     scenario = di.load_scenario("omni_multirate", [f"seconds={seconds}"])
     threads = None if cluster else threads
     return di.montecarlo(scenario, runs, vary=VARY, seed=seed, out=out, threads=threads, cluster=cluster)
+
+
+def measured(runs: int, seconds: float, seed: int, out: Path, cluster: str | None = None) -> dict:
+    """The campaign in this process: its wall time, the runs that it did, and the most memory of the process."""
+    done = campaign(runs, seconds, seed, out, cluster)
+    return {"wall_s": done.wall_s, "runs_now": done.runs_now, "peak_mb": peak_mb()}
 
 
 def start(runs: int, seconds: float, seed: int, out: Path, cluster: str | None = None) -> subprocess.Popen:
@@ -71,15 +75,20 @@ def thread_ratio(runs: int, seconds: float, rounds: int) -> tuple[float, dict[in
     return statistics.median(ratios), {threads: statistics.median(walls) for threads, walls in wall.items()}
 
 
-def killed_and_resumed(runs: int, seconds: float, seed: int, out: Path, whole: Path) -> dict:
-    """Kill the campaign about half-way, call it again, compare with the uninterrupted one in `whole`."""
+def apart(*asked) -> dict:
+    """As `measured`, in a process of its own."""
+    return finished(start(*asked))
+
+
+def killed_and_resumed(runs: int, seconds: float, seed: int, out: Path, whole: Path, again: Callable) -> dict:
+    """Kill the campaign about half-way, call it `again`, compare with the uninterrupted one in `whole`."""
     process = start(runs, seconds, seed, out)
     while process.poll() is None and 500 * len(list(out.glob("part-*.parquet"))) < runs // 2:
         time.sleep(0.01)
     process.kill()
     process.communicate()
     kept = read_campaign(out).num_rows
-    resumed = finished(start(runs, seconds, seed, out))
+    resumed = again(runs, seconds, seed, out)
     return {
         "rows_kept": kept, "rows_done_again": resumed["runs_now"],
         "same_table": read_campaign(out).equals(read_campaign(whole)),
@@ -110,24 +119,25 @@ def main() -> None:
     chosen = options(__doc__)
     runs, seconds = 1000 if chosen.quick else 10_000, TINY_S if chosen.tiny else SECONDS
     rounds = 1 if chosen.tiny else 3 if chosen.quick else 5
+    of = measured if chosen.tiny else apart
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         campaign(2, seconds, chosen.seed)  # compiled and cached from here on
-        whole = finished(start(runs, seconds, chosen.seed, folder / "whole"))
-        tenth = finished(start(runs // 10, seconds, chosen.seed, folder / "tenth"))
+        whole = of(runs, seconds, chosen.seed, folder / "whole")
+        tenth = of(runs // 10, seconds, chosen.seed, folder / "tenth")
         ratio, walls = thread_ratio(runs // 10, seconds, rounds)
         data = {
             "runs": runs, "seconds": seconds, "cores": os.cpu_count(), "wall_s": whole["wall_s"],
             "runs_per_s": runs / whole["wall_s"], "realtime_factor": runs * seconds / whole["wall_s"],
             "peak_memory_mb": whole["peak_mb"], "peak_memory_of_a_tenth_mb": tenth["peak_mb"], "threads_2_vs_1": ratio,
             "run_1_thread_ms": 1e3 * walls[1] / (runs // 10), "run_2_threads_ms": 1e3 * walls[2] / (runs // 10),
-            "killed": killed_and_resumed(runs, seconds, chosen.seed, folder / "killed", folder / "whole"),
+            "killed": killed_and_resumed(runs, seconds, chosen.seed, folder / "killed", folder / "whole", of),
         }
         try:
             import dask.distributed  # noqa: F401
 
             with cluster_of_two(folder) as address:
-                remote = finished(start(runs, seconds, chosen.seed, folder / "remote", address))
+                remote = of(runs, seconds, chosen.seed, folder / "remote", address)
             same = read_campaign(folder / "remote").equals(read_campaign(folder / "whole"))
             data["dask"] = {"wall_s": remote["wall_s"], "same_table": same}
         except ImportError:

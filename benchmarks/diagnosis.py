@@ -117,7 +117,7 @@ def main() -> None:
     if chosen.quick:
         motions, seconds, repetitions = ["square", "figure_eight"], 8.0, 1
     if chosen.tiny:
-        robots = ["omni"]
+        robots, motions, seconds = ["omni"], ["square"], 5.0
         effects = [di.effects()[name] for name in ("floor_tilt", "coulomb_friction", "mass_error")]
     cases = {robot: (robot, seconds, motions, effects, chosen.seed, repetitions) for robot in robots}
     if chosen.long:

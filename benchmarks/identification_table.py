@@ -158,8 +158,11 @@ def _rest(step, xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit,
         xd[:] = out
 
 
-def online(quick):
-    """The identifier in the loop: convergence from zero, cost of a tick, many ticks without excitation."""
+def online(idle, rest):
+    """The identifier in the loop: convergence from zero, cost of a tick, `idle` ticks without excitation.
+
+    rest: `_rest`, or the function that it is compiled from.
+    """
     scenario = di.load_scenario("pendulum_friction_excitation")
     rollout = friction_rollout(scenario)
     ticks = ticks_in(scenario.seconds)
@@ -169,16 +172,16 @@ def online(quick):
     late = np.append(np.flatnonzero(~within), -1).max() + 1  # the first row after the last one outside
     robot = scenario.pendulum
     block = online_identifier.OnlineIdentifier(robot.identifier, robot.encoder.filter_time_constant_s)
-    p, idle = block.spec.parameters, 1_000_000 if not quick else 100_000
+    p = block.spec.parameters
     values = [p["memory"], p["forgetting"], p["trace_limit"], p["dead_band_rad_s"], p["sizes"]]
     quiet = np.zeros(7)
     quiet[3] = 9.81
     sources = [np.zeros(5), quiet, np.zeros(4), np.zeros(2)]
     xd = block.spec.discrete_state.copy()
     out = xd.copy()
-    _rest(online_identifier.step, xd, *sources, *values, out, 0, 10)
+    rest(online_identifier.step, xd, *sources, *values, out, 0, 10)
     started = time.perf_counter()
-    _rest(online_identifier.step, xd, *sources, *values, out, 10, idle)
+    rest(online_identifier.step, xd, *sources, *values, out, 10, idle)
     cost = (time.perf_counter() - started) / idle
     root = xd[online_identifier.ROOT : online_identifier.SCRATCH]
     return {
@@ -246,8 +249,9 @@ def main():
     asked = options(__doc__)
     seeds, of_map = (1, 1) if asked.tiny else (6, 4) if asked.quick else (200, 200)
     seconds = TINY_S if asked.tiny else SECONDS
+    idle, rest = (1000, _rest.py_func) if asked.tiny else (100_000 if asked.quick else 1_000_000, _rest)
     servo, maps = servo_table(seeds, seconds), servo_map(of_map, seconds)
-    friction, live = friction_table(seeds), online(asked.quick)
+    friction, live = friction_table(seeds), online(idle, rest)
     if asked.figures:
         pictures(asked.figures, maps, seconds)
     if not asked.json:

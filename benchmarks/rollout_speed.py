@@ -67,6 +67,7 @@ def pendulum_multirate():
     return di.build_diagram(di.load_scenario("pendulum_multirate", [key.replace("omni", "pendulum") for key in _NOISY]))
 
 
+_PLAIN = (("plain_loop", plain.plain_loop),)
 _ROBOTS = (("omni_multirate", omni_multirate), ("pendulum_multirate", pendulum_multirate))  # what is also there in C
 
 
@@ -112,7 +113,7 @@ def compiled_vs_drake(repetitions, size):
     """The same Diagram in Drake's Simulator and compiled, with every output logged every tick, and with no log."""
     results = {}
     ticks = {"tiny": 100, "quick": 400, "full": 2000}[size]
-    for name, make in (("plain_loop", plain.plain_loop), ("omni_multirate", omni_multirate)):
+    for name, make in _PLAIN if size == "tiny" else (*_PLAIN, *_ROBOTS[:1]):
         for logged in (True, False):
             simulator = make_simulator(make())[0] if logged else _bare_simulator(make())
             rollout = di.compile_diagram(make()) if logged else unlogged(make())
@@ -148,7 +149,7 @@ def compiled_vs_c(repetitions, size):
     """Time beside the faster of two builds of the same arithmetic in C; below 1 the compiled Diagram is faster."""
     results = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, make in (("plain_loop", plain.plain_loop), *_ROBOTS):
+        for name, make in _PLAIN if size == "tiny" else (*_PLAIN, *_ROBOTS):
             try:
                 builds = {title: HandWritten(name, options, Path(folder)) for title, options in OPTIONS.items()}
             except FileNotFoundError as error:
@@ -207,12 +208,13 @@ def _resident_kib():
 
 
 def robots(repetitions, size):
-    """A tick of both robots in one room to a tick of the omni robot alone."""
+    """A tick of both robots in one room to a tick of the omni robot alone; tiny: of the other robot alone."""
     ticks = _TICKS[size]
-    rollouts = {"omni_multirate": unlogged(omni_multirate()), "shared_space": unlogged(shared_space())}
+    alone, other = _ROBOTS if size == "tiny" else (_ROBOTS[0], ("shared_space", shared_space))
+    rollouts = {name: unlogged(make()) for name, make in (alone, other)}
     taken = in_turns(repetitions, {n: lambda r=r: on_this_core(lambda: r.run(ticks)) for n, r in rollouts.items()})
     return {
-        **ratio(taken["shared_space"], taken["omni_multirate"]),
+        **ratio(taken[other[0]], taken[alone[0]]),
         "ns_per_tick": {name: per_tick(seconds, ticks) for name, seconds in taken.items()},
     }
 
@@ -255,10 +257,10 @@ def _waited_s():
 def lanes_vs_single(repetitions, size):
     """Runs a second in SIMD lanes to one run after the other: every run with noise of its own, or all parameters."""
     results = {}
-    for name, make in (("plain_loop", plain.plain_loop), *(_ROBOTS[:1] if size == "tiny" else _ROBOTS)):
+    for name, make in _PLAIN if size == "tiny" else (*_PLAIN, *_ROBOTS):
         single = unlogged(make())
         results[name] = _lanes(single, None if name == "plain_loop" else (), repetitions, size)
-        if name != "plain_loop" and size != "tiny":
+        if name != "plain_loop":
             results[f"{name}, all parameters differ"] = _lanes(single, None, repetitions, size)
     return results
 
@@ -284,7 +286,7 @@ def lanes_vs_c(repetitions, size):
     """Runs a second in SIMD lanes to those of the faster of two builds of the same arithmetic in C, on one core."""
     results = {}
     with tempfile.TemporaryDirectory() as folder:
-        for name, make in _ROBOTS[:1] if size == "tiny" else _ROBOTS:
+        for name, make in _PLAIN if size == "tiny" else _ROBOTS:
             try:
                 builds = {title: HandWritten(name, words, Path(folder)) for title, words in OPTIONS.items()}
             except FileNotFoundError as error:
@@ -354,7 +356,7 @@ def peers(repetitions, size, python):
 def first_use(size):
     """Name -> seconds to compile in an empty cache; name -> import, build, load in a second process."""
     compile_s, second = {}, {}
-    for name in CATALOG if size == "full" else ["omni_multirate"]:
+    for name in CATALOG if size == "full" else ["velocity_base" if size == "tiny" else "omni_multirate"]:
         with tempfile.TemporaryDirectory() as folder:
             emptied = {} if size == "tiny" else {"DRAKE_ISPACE_CACHE": folder}  # tiny: the cache as it is, for time
             environment = os.environ | emptied

@@ -281,7 +281,7 @@ def main():
     asked = options(__doc__)
     images, hard, rooms, cameras, repetitions, most, seconds = 300, 300, 30, 20, 12, None, 30.0
     if asked.tiny:
-        images, hard, rooms, cameras, repetitions, most, seconds = 2, 2, 1, 1, 1, 3, 1.25
+        images, hard, rooms, cameras, repetitions, most, seconds = 2, 2, 1, 1, 1, 3, 1.1
     elif asked.quick:
         images, hard, rooms, cameras, repetitions, most, seconds = 40, 40, 5, 3, 12, None, 8.0
     errors, poses, unseen = accuracy(images, asked.seed)

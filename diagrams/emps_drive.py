@@ -8,8 +8,13 @@ from real_data import asked, show
 
 import drake_ispace as di
 
-options, model, effects = asked(__doc__), carriage(), [*di.effects().values(), ForceOffset()]
+options = asked(__doc__, half="explain the first half of the run alone")
+model, effects = carriage(), [*di.effects().values(), ForceOffset()]
 whole, first, second = rail_runs(options.data)
 how = {"effects": effects, "tell": options.tell}
-answer, half = di.explain(model, [whole], **how), di.explain(model, [first], {"second half": [second]}, **how)
-show(options, answer, steps=steps(model, whole, answer, effects), half=half.to_data())
+half = di.explain(model, [first], {"second half": [second]}, **how)
+if options.half:
+    show(options, half)
+else:
+    answer = di.explain(model, [whole], **how)
+    show(options, answer, steps=steps(model, whole, answer, effects), half=half.to_data())

@@ -9,13 +9,18 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers import optiodom
 
 
-def asked(description: str) -> argparse.Namespace:
-    """data, json, runs from the command line; tell(text) prints progress unless --json."""
+def asked(description: str, **more: str) -> argparse.Namespace:
+    """data, json, runs from the command line; tell(text) prints progress unless --json.
+
+    more: further options that are there or not, name -> what they do.
+    """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     folder = Path(__file__).parents[1] / ".." / "shared" / "data"
     parser.add_argument("--data", type=Path, default=folder, help="folder of the measurements, default ../shared/data")
     parser.add_argument("--json", action="store_true", help="print the answer as JSON alone")
     parser.add_argument("--runs", type=int, help="use so many runs at most of each kind of motion, default all")
+    for name, text in more.items():
+        parser.add_argument(f"--{name}", action="store_true", help=text)
     options = parser.parse_args()
     if not options.data.is_dir():
         parser.exit(2, f"{options.data}: expected the folder of real measurements, there is none\n")

@@ -47,7 +47,7 @@ def test_the_script_prints_pose_and_speed_and_its_picture_is_up_to_date(started,
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason=ABSENT)
-@pytest.mark.parametrize("name", [name for name, least in REAL.items() if least])
+@pytest.mark.parametrize("name", [pytest.param("optiodom_omni3", marks=pytest.mark.slow), "optiodom_diff"])
 def test_the_script_on_real_measurements_answers(started, name):
     answer = json.loads(started(name, "--data", str(DATA), "--json", *REAL[name]))
     assert answer["verdict"] in ("named", "set", "incomplete", "none", "unknown") and answer["held_out"]

@@ -12,6 +12,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.hiding import MOTIONS, hide, save_hidden
 from drake_ispace.robots.recordings import load
 from drake_ispace.scenario import load_scenario
+from noisy import NOISE_AND_SLIP
 
 FRICTION = {"coulomb_friction": {"torque_n_m": 0.02}}
 
@@ -91,8 +92,9 @@ def test_what_cannot_be_hidden_is_refused(model, arguments, parts):
 
 
 def test_a_robot_that_gets_lost_is_no_data():
-    message = refusal(load_scenario("pendulum_multirate"), "pendulum", {"weak_motor": {"loss": 0.9}}, ["square"])
-    assert "weak_motor" in message and "falls or is lost after" in message and "smaller" in message
+    high = {"centre_of_gravity_offset": {"height_m": 0.3}}
+    message = refusal(load_scenario("pendulum_multirate"), "pendulum", high, ["square"])
+    assert "centre_of_gravity_offset" in message and "falls or is lost after" in message and "smaller" in message
 
 
 def test_an_effect_without_a_wire_in_the_diagram_is_refused():
@@ -116,16 +118,18 @@ def test_the_command_writes_recordings_and_does_not_print_the_answer(here, docum
 
 
 def test_several_effects_with_several_parameters(here, said):
-    effects = ["--effect", "weak_motor:wheel=2,loss=0.2"]
-    said(*HIDE, *effects, "--runs", "1")
+    effects = ["--effect", "weak_motor:wheel=2,loss=0.2", "--effect", "floor_tilt:slope_x_rad=0.01"]
+    said("hide", "omni_multirate", *effects, "--seconds", "0.5", "--runs", "1", "--out", "runs")
     assert json.loads(Path("runs/answer.json").read_text())["effects"] == {
-        "coulomb_friction": {"torque_n_m": 0.01}, "weak_motor": {"wheel": 2, "loss": 0.2},
+        "weak_motor": {"wheel": 2, "loss": 0.2}, "floor_tilt": {"slope_x_rad": 0.01},
     }
 
 
 def test_of_two_robots_one_is_chosen(here, said):
     words = ["hide", "shared_space", "--runs", "1", "--seconds", "0.5", "--out", "runs"]
-    said(*words, "--robot", "pendulum", "--set", "omni.trajectory.radius_m=0.3")
+    for setting in ("omni.trajectory.radius_m=0.3", *NOISE_AND_SLIP):
+        words += ["--set", setting]
+    said(*words, "--robot", "pendulum")
     assert load("runs/square").robot == "pendulum"
 
 

@@ -14,7 +14,8 @@ SLOW = ("explain", "demo")
 #: Command -> its options in the cheap form; others stay as they are.
 CHEAP = {
     "simulate": {"--seconds": "0.5"}, "compare": {"--seconds": "0.5"}, "parity": {"--seconds": "0.5"},
-    "montecarlo": {"--seconds": "0.5", "--runs": "2"}, "hide": {"--seconds": "0.5"}, "vision": {"--seconds": "1"},
+    "montecarlo": {"--seconds": "0.5", "--runs": "2"}, "hide": {"--seconds": "0.5", "--runs": "1"},
+    "vision": {"--seconds": "1"},
 }
 
 

@@ -74,7 +74,7 @@ def test_a_larger_wheel_that_only_the_path_shows_is_named_beside_a_late_camera(m
     monkeypatch.syspath_prepend(FOLDER)
     import camera_rates
 
-    answer = camera_rates.answered(0, 30.0, 10.0, has_command=False)
+    answer = camera_rates.answered(0, 20.0, 10.0, has_command=False)
     assert len(answer["effects"]) == 2 and answer["before_m"] > 0.5 and answer["after_m"] < 0.02
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.cli import vision as cli_vision
 from drake_ispace.room.room import Scenery, Space
 from drake_ispace.vision.drawing.renderer import Renderer
 from drake_ispace.vision.drawing.scene import robot_box
@@ -39,7 +40,8 @@ def options(key, texts):
 
 
 @real
-def test_a_scene_learned_from_twelve_pixels_finds_all_six_robots(document, tmp_path):
+def test_a_scene_learned_from_twelve_pixels_finds_all_six_robots(document, tmp_path, monkeypatch):
+    monkeypatch.setattr(cli_vision, "_TRIED", 60)
     data = document("scene", "learn", FOOTAGE, "--scene", "vsss", *options("--marker", MARKERS), "--out",
                     tmp_path / "field.yaml")
     assert data["seen"] == dict.fromkeys(PLACES, data["frames"])

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import drake_ispace as di
 from drake_ispace.explain.predict.begun import Begun
 from drake_ispace.explain.predict.case import prepare
 from hidden import two_wheels
@@ -16,8 +15,7 @@ FROM = 237
 
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_a_run_begun_from_a_state_is_the_whole_one_to_the_last_bit(robot):
-    effects = [di.effects()[name] for name in ("camera_latency", "coulomb_friction", "command_delay")]
-    prediction = prepare(f"{robot}_multirate", [generate(robot, "square", {}, 3.0, 1)], effects=effects).prediction
+    prediction = prepare(f"{robot}_multirate", [generate(robot, "square", {}, 3.0, 1)]).prediction
     run, start, replay = prediction.tracks[0], prediction.starts[0], prediction.replay
     numbers = replay.parameters({"camera_latency": {"latency_s": 0.02}, "command_delay": {"delay_s": 0.01}})
     begun = Begun(replay, run, start, numbers, [0, FROM, 400])

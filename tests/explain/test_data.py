@@ -19,7 +19,7 @@ def effects():
 @pytest.fixture(scope="module")
 def runs():
     radius = {"wheel_radius_error": {"share": 0.04}}
-    return list(hide(MODEL, "omni", radius, ["square", "circle", "figure_eight"], 5, 10.0).values())
+    return list(hide(MODEL, "omni", radius, ["square", "circle", "figure_eight"], 5, 8.0).values())
 
 
 def with_kinect(run, change):
@@ -56,7 +56,7 @@ def test_a_stretch_is_cut_out_and_the_rest_is_explained(runs, effects):
 
 
 def test_a_late_camera_may_be_a_clock(effects):
-    late = hide(MODEL, "omni", {"camera_latency": {"latency_s": 0.08}}, ["square", "circle", "figure_eight"], 5, 10.0)
+    late = hide(MODEL, "omni", {"camera_latency": {"latency_s": 0.08}}, ["square", "trapezium", "square"], 5, 8.0)
     *training, held_out = late.values()
     answer = explain(MODEL, training, held_out, effects)
     assert answer.verdict == "set" and answer.effects[0].faults == ["clock_offset"]

@@ -21,7 +21,7 @@ MODEL = ["--model", "omni_multirate"]
 def recorded(tmp_path_factory):
     """A folder with short runs a, b, c of the omni robot, and p of the pendulum."""
     place = tmp_path_factory.mktemp("runs")
-    runs = hide(load_scenario("omni_multirate"), "omni", {}, ["square", "circle", "circle"], seconds=1.5)
+    runs = hide(load_scenario("omni_multirate"), "omni", {}, ["square", "circle", "circle"], seconds=6.0)
     for name, recording in zip("abc", runs.values(), strict=True):
         recording.save(place / name)
     (fallen,) = hide(load_scenario("pendulum_multirate"), "pendulum", {}, ["square"], seconds=0.5).values()

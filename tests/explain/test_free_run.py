@@ -17,6 +17,7 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.free_run import error_of, fitted
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.predict.replay import applicable
 from drake_ispace.explain.prove.free_run import ATE, Measure, Simulation, errors, rms, windows_of
 from drake_ispace.explain.prove.paths import absolute_errors, aligned, chained, compose
 from drake_ispace.files.recording import Channel, Recording
@@ -156,9 +157,9 @@ def test_effects_that_validate_alike_are_a_set():
     (STEPS, None, "expected fewer effects"),
 ], ids=["one run", "the whole library"])
 def test_what_cannot_be_validated_is_refused(runs, effects, said):
-    case = prepare(motor(), runs, effects=effects)
+    case = prepare(motor(), runs, effects=FRICTIONS)
     with pytest.raises(InputError, match=said):
-        validated_choice(case.prediction, candidates(case.replay.effects, case.replay.body))
+        validated_choice(case.prediction, candidates(applicable(effects, case.replay.body), case.replay.body))
 
 
 

@@ -30,6 +30,6 @@ def test_it_shows_in_the_channel_that_the_effect_moves(name, values, channel):
 ])
 def test_it_goes_with_what_drives_the_effect_though_the_command_reacts_to_all(name, values, driver):
     model = load_scenario("omni_multirate")
-    runs = list(hide(model, "omni", {name: values}, ["square", "figure_eight"], seconds=10.0).values())
+    runs = list(hide(model, "omni", {name: values}, ["square", "trapezium"], seconds=7.0).values())
     found = explain(model, runs, effects=FEW)
     assert found.localization[0].channel.startswith("encoder") and found.localization[0].driver == driver

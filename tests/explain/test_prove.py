@@ -81,10 +81,10 @@ def test_what_the_library_lacks_makes_the_answer_incomplete_or_unknown(effects):
     assert any("encoder" in left.channel or "force" in left.channel for left in answer.remainders)
 
 
-def test_a_sound_robot_leaves_nothing():
+def test_a_sound_robot_leaves_nothing(effects):
     scenario = load_scenario("omni_multirate")
     *training, held_out = hide(scenario, "omni", {}, ["square", "circle", "figure_eight"], 5, 10.0).values()
-    answer = explain(scenario, training, [held_out])
+    answer = explain(scenario, training, [held_out], effects)
     assert answer.verdict == "none" and answer.remainders == [] and answer.closed is None
 
 

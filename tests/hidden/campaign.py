@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtri_exp
 
+from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import survey
@@ -74,8 +75,13 @@ class Case:
         return scaled(self.name, self.robot, self.factor) if self.kind == "effect" else {}
 
 
-def diagnose(case: Case, motions: Sequence[str] = TRAINING, seconds: float = SECONDS) -> dict:
-    """The record of a case: what was hidden, what was said, and how far the parameters are off."""
+def diagnose(
+    case: Case, motions: Sequence[str] = TRAINING, seconds: float = SECONDS, effects: Sequence[Effect] | None = None,
+) -> dict:
+    """The record of a case: what was hidden, what was said, and how far the parameters are off.
+
+    effects: to try, default the whole library.
+    """
     record = dataclasses.asdict(case) | {"truth": case.truth}
     started = time.perf_counter()
     try:
@@ -84,7 +90,7 @@ def diagnose(case: Case, motions: Sequence[str] = TRAINING, seconds: float = SEC
         return record | {"verdict": "lost", "error": str(lost)}
     generated = time.perf_counter() - started
     try:
-        found = explain(f"{case.robot}_multirate", runs, held_out, seed=case.seed)
+        found = explain(f"{case.robot}_multirate", runs, held_out, effects, case.seed)
     except Exception as error:  # a campaign goes on; the table counts it
         return record | {"verdict": "error", "error": f"{type(error).__name__}: {error}"}
     return record | said(found, case.truth, case.name) | {"generated_s": round(generated, 2)}

@@ -7,7 +7,7 @@ from drake_ispace.explain.explain import explain
 from hidden.outside import TYPICAL, cases, draw, recorded
 from hidden.outside_campaign import outside
 
-FEW = ["coulomb_friction", "viscous_friction", "weak_motor", "floor_tilt"]
+FEW = ["floor_tilt", "coulomb_friction", "viscous_friction", "mass_error", "wheel_radius_error"]
 
 
 def told(robot, effect, size, names=FEW):

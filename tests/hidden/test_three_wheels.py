@@ -8,8 +8,8 @@ from hidden import three_wheels
 ALIKE = ("constant_slip", "camera_scale", "camera_distortion", "wheel_radius_errors", "encoder_eccentricity")
 
 
-def told(effects=None, seconds=15.0, **hidden):
-    runs = [three_wheels.drive(20 + i, seconds, **hidden) for i in range(4)]
+def told(effects=None, **hidden):
+    runs = [three_wheels.drive(20 + i, 10.0, **hidden) for i in range(4)]
     return di.explain(three_wheels.model(), runs[:3], runs[3:], effects and [di.effects()[name] for name in effects])
 
 
@@ -33,10 +33,10 @@ def test_a_turn_that_is_lost_at_speed_is_no_wrong_track():
     ("hidden", "driver"), [({"roller_slip": 0.05}, "direction of motion"), ({"slip_s": 0.05}, "yaw rate")]
 )
 def test_slip_that_comes_and_goes_is_no_constant_slip(hidden, driver):
-    found = told(ALIKE, 10.0, **hidden)
+    found = told(ALIKE, **hidden)
     assert found.verdict == "unknown" and found.unknown.driver == driver
 
 
 def test_encoders_that_ripple_twice_a_turn_are_not_eccentric():
-    found = told(ALIKE, 10.0, ripple_rad=0.015)
+    found = told(ALIKE, ripple_rad=0.015)
     assert not found.effects and found.detection.p_value < 1e-10

@@ -22,7 +22,7 @@ def test_a_new_robot_file_is_a_robot(said, tmp_path):
 def test_a_new_effect_is_found_in_its_own_simulation(said, tmp_path):
     said("new", "effect", "torque_fade", "--out", tmp_path / "torque_fade.py")
     with contextlib.redirect_stdout(io.StringIO()) as printed:
-        runpy.run_path(str(tmp_path / "torque_fade.py"), run_name="__main__")
+        runpy.run_path(str(tmp_path / "torque_fade.py"))["main"]()
     assert "torque_fade" in printed.getvalue().splitlines()[1]
 
 

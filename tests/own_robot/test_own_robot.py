@@ -26,10 +26,10 @@ def command(*arguments):
 
 @pytest.fixture(scope="module")
 def hidden(tmp_path_factory):
-    """Three runs of a cart whose wheels have friction that its model knows nothing of."""
+    """Two runs of a cart whose wheels have friction that its model knows nothing of."""
     folder = tmp_path_factory.mktemp("cart") / "hidden"
     command(
-        "hide", SCENARIO, "--effect", f"coulomb_friction:torque_n_m={SIZE}", "--seconds", "8", "--runs", "3", "--out",
+        "hide", SCENARIO, "--effect", f"coulomb_friction:torque_n_m={SIZE}", "--seconds", "8", "--runs", "2", "--out",
         folder,
     )
     return folder

@@ -33,7 +33,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def runs(model):
-    runs = hide(model, "omni", FRICTION, ["square", "circle"], seed=3, seconds=8.0)
+    runs = hide(model, "omni", FRICTION, ["square", "circle"], seed=3, seconds=6.0)
     return [replace(recording, path=Path(name)) for name, recording in runs.items()]
 
 

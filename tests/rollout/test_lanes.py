@@ -49,6 +49,10 @@ def show(xd, out):
     copy(xd, out)
 
 
+#: Always the same, so that the loop is compiled once.
+LOG = {"state": 1, "force": 5}
+
+
 def spring_loop(drakes_hold=False):
     """A hardening spring under sampled feedback, the sensor at a third of the rate."""
     bench = Bench()
@@ -76,7 +80,7 @@ def spring_loop(drakes_hold=False):
 
 @pytest.mark.parametrize("drakes_hold", [False, True])
 def test_every_lane_equals_a_single_run_bit_for_bit(drakes_hold):
-    rollout = compile_lanes(spring_loop(drakes_hold), log={"state": 1, "force": 5}, lanes=8)
+    rollout = compile_lanes(spring_loop(drakes_hold), log=LOG, lanes=8)
     names, values = rollout.single.parameter_names, rollout.single.parameters
     parameters = values * np.random.default_rng(0).uniform(0.8, 1.2, (11, len(names)))  # a full group and three runs
     logs = rollout.run(500, parameters)
@@ -118,7 +122,7 @@ def test_every_diagram_runs_in_lanes(name):
 
 
 def test_a_lane_that_leaves_the_numbers_ends_as_a_single_run_does():
-    rollout = compile_lanes(spring_loop(), lanes=8)
+    rollout = compile_lanes(spring_loop(), log=LOG, lanes=8)
     parameters = np.repeat(rollout.single.parameters[None], 3, axis=0)
     parameters[1, rollout.single.index("spring.mass")] = 1e-9
     logs = rollout.run(600, parameters)
@@ -129,7 +133,7 @@ def test_a_lane_that_leaves_the_numbers_ends_as_a_single_run_does():
 
 
 def test_every_lane_may_begin_in_a_state_of_its_own():
-    rollout = compile_lanes(spring_loop(), log={"state": 1}, lanes=8)
+    rollout = compile_lanes(spring_loop(), log=LOG, lanes=8)
     single, parameters = rollout.single, np.repeat(rollout.single.parameters[None], 2, axis=0)
     states = np.array([[0.1, 0.0], [0.2, -0.3]])
     logs = rollout.run(50, parameters, continuous_state=states)
@@ -161,7 +165,7 @@ def test_inputs_are_those_of_all_lanes_or_of_each():
 
 
 def test_what_is_not_varied_is_a_constant():
-    rollout = compile_lanes(spring_loop(), log={"state": 1}, lanes=8, varied=["law.gain"])
+    rollout = compile_lanes(spring_loop(), log=LOG, lanes=8, varied=["law.gain"])
     parameters = np.repeat(rollout.single.parameters[None], 2, axis=0)
     parameters[1, rollout.single.index("law.gain")] = 3.0
     alone = rollout.single.run(50, parameters[1])["state"]
@@ -174,6 +178,6 @@ def test_what_is_not_varied_is_a_constant():
 
 
 def test_rows_of_another_length_are_refused():
-    rollout = compile_lanes(spring_loop(), log={"state": 1}, lanes=8)
+    rollout = compile_lanes(spring_loop(), log=LOG, lanes=8)
     with pytest.raises(InputError, match=r"expected \(runs, \d+\)"):
         rollout.run(5, rollout.single.parameters[:-1])

@@ -52,7 +52,7 @@ def test_bad_input_is_refused(refused, words):
 
 def test_interrupts_keep_whole_rows(launched, tmp_path):
     """Killed, then stopped by Ctrl-C: only whole files are left, and they say how far it came."""
-    words = ["montecarlo", "omni_multirate", "--seconds", "5", "--runs", "200000", "--out", tmp_path]
+    words = ["montecarlo", "omni_multirate", "--seconds", "0.45", "--runs", "200000", "--out", tmp_path]
     for number in (signal.SIGKILL, signal.SIGINT):
         parts = len(list(tmp_path.glob("part-*")))
         process = launched("-m", "drake_ispace", *words)

@@ -297,7 +297,7 @@ def commanded():
     """Two runs of a robot on mecanum wheels whose drive follows its command a quarter of a second later."""
     lag = {"velocity_lag": {"time_constant_s": 0.15}, "velocity_delay": {"delay_s": 0.1}}
     model = load_scenario("velocity_base", ["rover.plant.wheels=mecanum"])
-    return model, list(hide(model, "rover", lag, ["square", "figure_eight"], 4, 12.0).values())
+    return model, list(hide(model, "rover", lag, ["square", "trapezium"], 4, 12.0).values())
 
 
 def test_a_drive_may_lag_behind_its_command(commanded):

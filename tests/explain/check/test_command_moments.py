@@ -12,10 +12,16 @@ from hidden import two_wheels
 SOUND = {"encoder_hz": 20.0, "left_share": 0.0, "late_s": 0.0}
 
 
-def checked(**robot):
+def checked(seconds=30.0, **robot):
     """Two runs, and what is found in them."""
-    runs = [two_wheels.drive(seed, **SOUND | robot) for seed in range(2)]
+    runs = [two_wheels.drive(seed, seconds, **SOUND | robot) for seed in range(2)]
     return runs, check(two_wheels.model(), runs)
+
+
+def explained(runs):
+    """What is said of them by a library of what may happen to a command."""
+    few = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain")]
+    return di.explain(two_wheels.model(), runs, effects=few)
 
 
 def changes_of(seed, seconds=30.0):
@@ -53,14 +59,14 @@ def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
 
 
 def test_a_robot_without_lag_lacks_nothing_although_its_command_changes_between_samples():
-    runs, _ = checked(lag_s=0.0)
-    answer = di.explain(two_wheels.model(), runs)
+    runs, _ = checked(15.0, lag_s=0.0)
+    answer = explained(runs)
     assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}
 
 
 def test_a_lag_is_not_short_by_half_a_sample():
-    runs, _ = checked(lag_s=0.05)
-    answer = di.explain(two_wheels.model(), runs)
+    runs, _ = checked(15.0, lag_s=0.05)
+    answer = explained(runs)
     assert [effect.name for effect in answer.effects] == ["velocity_lag"]
     assert answer.effects[0].parameters["time_constant_s"].estimate == pytest.approx(0.05, abs=0.003)
 
@@ -76,5 +82,5 @@ def test_a_log_that_keeps_every_fourth_sample_of_the_command_shows_no_delay():
     run = two_wheels.drive(5, **SOUND | {"lag_s": 0.0, "in_step": True})
     command = run.channels["command"]
     rare = Channel(command.t[::4], command.columns, command.values[::4], {}, None)
-    answer = di.explain(two_wheels.model(), [Recording(run.robot, run.scenario, run.channels | {"command": rare})])
+    answer = explained([Recording(run.robot, run.scenario, run.channels | {"command": rare})])
     assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}

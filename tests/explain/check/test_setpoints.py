@@ -12,8 +12,8 @@ from hidden import two_wheels
 RAMPS = {"ramp_s": 3.0, "encoder_hz": 20.0, "left_share": 0.0, "late_s": 0.0}
 
 
-def runs_of(robot):
-    return [two_wheels.drive(seed, **RAMPS | robot) for seed in range(2)]
+def runs_of(robot, seconds=30.0):
+    return [two_wheels.drive(seed, seconds, **RAMPS | robot) for seed in range(2)]
 
 
 def faults_of(robot):
@@ -45,7 +45,8 @@ def test_a_late_setpoint_is_not_told_from_a_late_command():
 
 
 def test_the_lag_behind_a_setpoint_is_not_short_by_half_a_sample():
-    answer = di.explain(two_wheels.model(), runs_of({"lag_s": 0.1}))
+    few = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain")]
+    answer = di.explain(two_wheels.model(), runs_of({"lag_s": 0.1}, 20.0), effects=few)
     assert answer.verdict in ("named", "set") and [effect.name for effect in answer.effects] == ["velocity_lag"]
     assert answer.effects[0].parameters["time_constant_s"].estimate == pytest.approx(0.1, rel=0.06)
     assert [finding.fault for finding in answer.data] == ["command_sampled"]
