@@ -156,19 +156,23 @@ def test_a_size_that_a_sound_robot_may_have_is_not_what_was_detected(tolerances,
     assert answer.verdict == verdict and ("sound robot" in " ".join(answer.warnings)) == (verdict == "incomplete")
 
 
-@pytest.mark.parametrize(("least", "verdict"), [(-0.001, "incomplete"), (0.001, "named")])
-def test_an_effect_that_may_have_no_size_is_not_what_was_detected(least, verdict):
-    friction = library()["coulomb_friction"]
-    case = prepare(MODEL, [generate("omni", "square", {}, 4.0, 5)], effects=[friction])
-    answer = proved(case, friction, 0.02, (least, 0.05))
+@pytest.mark.parametrize(("name", "least", "least_squares", "verdict"), [
+    ("coulomb_friction", -0.001, 0.02, "incomplete"), ("coulomb_friction", 0.001, 0.02, "named"),
+    ("coulomb_friction", 0.001, -0.01, "named"), ("wheel_radius_error", 0.001, -0.01, "incomplete"),
+])
+def test_an_effect_that_may_have_no_size_is_not_what_was_detected(name, least, least_squares, verdict):
+    """The path tells the size of a wheel, and says nothing of a friction."""
+    case = prepare(MODEL, [generate("omni", "square", {}, 4.0, 5)], effects=[library()[name]])
+    answer = proved(case, library()[name], 0.02, (least, 0.05), least_squares)
     assert answer.verdict == verdict and ("may be none" in " ".join(answer.warnings)) == (verdict == "incomplete")
 
 
-def proved(case, friction, torque_n_m, ci90):
-    """The answer that names a friction of that size and interval, and leaves nothing."""
+def proved(case, one, size, ci90, least_squares=None):
+    """The answer that names an effect of that size and interval, and leaves nothing."""
     answer = answers.named(MODEL)
     (effect,) = answer.effects
-    name = friction.parameters_of(case.replay.body)[0].name
-    answer.effects = [replace(effect, parameters={name: Estimate(torque_n_m, ci90, "N*m")})]
-    add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {friction: [torque_n_m]}, None))
+    name = one.parameters_of(case.replay.body)[0].name
+    estimate = Estimate(size, ci90, "N*m", least_squares=least_squares)
+    answer.effects = [replace(effect, name=one.card.name, parameters={name: estimate})]
+    add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {one: [size]}, None))
     return answer

@@ -54,11 +54,11 @@ def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
         return {}
     scales, why = scales_of(case.prediction), {}
     for effect in answer.effects:
-        parameters = case.replay.effects[effect.name].parameters_of(case.replay.body)
-        known = case.replay.known.get(effect.name, {})
+        card = case.replay.effects[effect.name]
+        parameters, known = card.parameters_of(case.replay.body), case.replay.known.get(effect.name, {})
         if _is_trifle(effect, parameters, scales):
             why[effect.name] = f"{effect.name} is no larger than in a sound robot"
-        elif _may_be_none(effect, parameters, known):
+        elif _may_be_none(effect, parameters, known, card.kinematic):
             why[effect.name] = f"the runs disagree on the size of {effect.name} so far that it may be none"
     return why
 
@@ -72,10 +72,18 @@ def _is_trifle(effect, parameters, scales) -> bool:
     return bool(shares) and max(shares) <= 1.0
 
 
-def _may_be_none(effect, parameters, known) -> bool:
-    """Whether the interval of every size of an effect holds the model's own; known: name -> of these."""
-    intervals = [(known.get(p.name, p.neutral), *effect.parameters[p.name].ci90) for p in parameters if not p.shape]
-    return all(low <= value <= high for value, low, high in intervals)
+def _may_be_none(effect, parameters, known, shows_in_path) -> bool:
+    """Whether the interval of every size of an effect holds the model's own.
+
+    known: name -> of these. shows_in_path: whether the path tells the sizes, so that those of plain least squares are
+    part of the intervals.
+    """
+    for p in (p for p in parameters if not p.shape):
+        size, value = effect.parameters[p.name], known.get(p.name, p.neutral)
+        ends = (*size.ci90, size.least_squares) if shows_in_path and size.least_squares is not None else size.ci90
+        if not min(ends) <= value <= max(ends):
+            return False
+    return True
 
 
 def _judge(answer: Explanation, doubts: list[str]) -> None:
