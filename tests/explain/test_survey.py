@@ -26,7 +26,9 @@ from drake_ispace.explain.decide.survey.survey import (
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.prediction import past_speeds
-from drake_ispace.plants.wheels import differential
+from drake_ispace.plants.wheels import differential, omni3
+
+WHEELS = omni3(0.05, 0.2)
 
 
 def screen_of(candidate, *changes, at=(), one_sided=()):
@@ -220,7 +222,8 @@ def test_the_visited_area_is_parted_into_nine_equal_cells():
 
 def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 3.0, 60), np.linspace(0.0, 1.0, 60)))
-    patches = next(columns for generic, columns in _losses([motion(x, y, 0.5)]) if generic.name == "slip_of_a_patch")
+    losses = _losses(WHEELS, [motion(x, y, 0.5)])
+    patches = next(columns for generic, columns in losses if generic.name == "slip_of_a_patch")
     cell = _cells([motion(x, y)])[0][0]
     displaced = patches[0][0]
     assert not displaced[:, 1:].any()
@@ -246,6 +249,13 @@ def test_a_way_that_is_turned_is_that_of_a_robot_that_turns_otherwise():
     np.testing.assert_allclose(true - added, way(body[:, 2]), atol=1e-9)
 
 
+def test_only_a_robot_that_moves_sideways_may_slip_by_the_direction():
+    def has(wheels):
+        return {generic.name for generic, _ in _losses(wheels, [motion(np.zeros(400), np.zeros(400), 0.5)])}
+
+    assert has(WHEELS) - has(differential(0.05, 0.2)) == {"slip_of_direction"}
+
+
 def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():
     x = np.zeros(400)
     lost = []
@@ -253,7 +263,7 @@ def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():
         turning = motion(x, x, speed)
         turning.body[:, 2] = 0.8
         both = [turning, motion(x, x, speed)]
-        of_turning, of_straight = next(c for generic, c in _losses(both) if generic.name == "understeer")[0]
+        of_turning, of_straight = next(c for generic, c in _losses(WHEELS, both) if generic.name == "understeer")[0]
         assert not of_straight.any()
         lost.append(of_turning[-1, 2])
     assert lost[1] == pytest.approx(4.0 * lost[0]) and lost[0] < 0.0

@@ -267,9 +267,12 @@ class Explanation:
 
     def __str__(self) -> str:
         lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if self.detection else "")]
-        lines += [f"! {warning}" for warning in [*self.drifts, *self.warnings]]
+        of_data = [sentence_of_finding(finding) for finding in self.data]
+        first = [warning for warning in self.warnings if warning in of_data]
+        rest = [warning for warning in self.warnings if warning not in of_data]
+        lines += [f"! {warning}" for warning in [*first, *self.drifts, *rest]]
         if self.verdict == "data":
-            lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]
+            lines += [f"  {sentence}" for sentence in of_data]
         for effect in self.effects:
             alike = [*effect.equivalents, *(f"{fault} (a fault of the data)" for fault in effect.faults)]
             others = f", or {', '.join(alike)}" if alike else ""
