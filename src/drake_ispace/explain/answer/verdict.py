@@ -54,12 +54,12 @@ def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
         return {}
     scales, why = scales_of(case.prediction), {}
     for effect in answer.effects:
-        card = case.replay.effects[effect.name]
-        parameters, known = card.parameters_of(case.replay.body), case.replay.known.get(effect.name, {})
+        of_library, known = case.replay.effects[effect.name], case.replay.known.get(effect.name, {})
+        parameters = of_library.parameters_of(case.replay.body)
         if _is_trifle(effect, parameters, scales):
             why[effect.name] = f"{effect.name} is no larger than in a sound robot"
-        elif _may_be_none(effect, parameters, known, card.kinematic):
-            why[effect.name] = f"the runs disagree on the size of {effect.name} so far that it may be none"
+        elif _may_be_none(effect, parameters, known, of_library.kinematic):
+            why[effect.name] = f"the size of {effect.name} may be none"
     return why
 
 
