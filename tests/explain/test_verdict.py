@@ -58,10 +58,10 @@ def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():
     assert Explanation("none", [], shows, [], []).title.startswith("Something is detectable")
 
 
-def free_runs(after_m, driven_by="command"):
+def free_runs(after_m, driven_by="command", before_m=0.3):
     """The rows of free runs with such an error, where sensors leave 10 mm and process noise as much as there is."""
     return [
-        replace(row, driven_by=driven_by, before=0.3, after=after_m, sensors=0.01, chance=after_m)
+        replace(row, driven_by=driven_by, before=before_m, after=after_m, sensors=0.01, chance=after_m)
         for row in answers.GAP[:2]
     ]
 
@@ -77,6 +77,11 @@ def test_what_is_detectable_does_not_matter_where_a_robot_moves_as_told(rows, re
     driver = Unknown("force", "speed", 1.0, "alike in both directions", "none", "from the start", "none", 0.0)
     unknown = judged(Explanation("unknown", [], None, [], [], unknown=driver), rows, remainders)
     assert unknown.verdict == ("none" if suffices else "unknown") and bool(unknown.warnings) == suffices
+
+
+def test_effects_without_which_a_robot_moves_as_told_as_well_stay_incomplete():
+    incomplete = answers.named(MODEL, verdict="incomplete")
+    assert judged(incomplete, free_runs(0.012, before_m=0.013)).verdict == "incomplete"
 
 
 def test_effects_that_leave_noise_keep_their_verdict():
