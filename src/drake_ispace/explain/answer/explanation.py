@@ -249,6 +249,12 @@ class Explanation:
         *names, last = [effect.name.replace("_", " ") for effect in self.effects] or [""]
         return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
 
+    @property
+    def warned(self) -> list[str]:
+        """Drifts and warnings in the order to be read, findings of the data first."""
+        of_data = [sentence_of_finding(finding) for finding in self.data]
+        return sorted([*self.drifts, *self.warnings], key=lambda warning: warning not in of_data)
+
     def gap_in_words(self) -> list[str]:
         """The headline, and the places on unseen runs over each horizon."""
         row = self.headline
@@ -267,12 +273,9 @@ class Explanation:
 
     def __str__(self) -> str:
         lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if self.detection else "")]
-        of_data = [sentence_of_finding(finding) for finding in self.data]
-        first = [warning for warning in self.warnings if warning in of_data]
-        rest = [warning for warning in self.warnings if warning not in of_data]
-        lines += [f"! {warning}" for warning in [*first, *self.drifts, *rest]]
+        lines += [f"! {warning}" for warning in self.warned]
         if self.verdict == "data":
-            lines += [f"  {sentence}" for sentence in of_data]
+            lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]
         for effect in self.effects:
             alike = [*effect.equivalents, *(f"{fault} (a fault of the data)" for fault in effect.faults)]
             others = f", or {', '.join(alike)}" if alike else ""

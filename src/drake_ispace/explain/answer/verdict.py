@@ -1,6 +1,7 @@
 """The verdict: whether the named effects suffice."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
@@ -25,10 +26,9 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.warnings.append(
             f"{', '.join(proof.alone)}: only there some of the sizes show, and nothing else confirms them"
         )
-    moves_as_told = _moves_as_told([(row, row.after) for row in proof.rows])
-    if answer.verdict == "incomplete" and moves_as_told:  # beside the effects something is detectable
-        if not _moves_as_told([(row, row.before) for row in proof.rows]):  # and these are what makes it move so
-            answer.verdict = named_or_set(answer.effects)
+    moved, moves_as_told = (_moves_as_told(proof.rows, attrgetter(which)) for which in ("before", "after"))
+    if answer.verdict == "incomplete" and moves_as_told and not moved:  # beside the effects something is detectable
+        answer.verdict = named_or_set(answer.effects)
     why = doubtful(answer, case).values() if proof.sizes else ()
     _judge(answer, [f"{text}: what was detected is something else" for text in why])
     if answer.unknown is not None and moves_as_told and not answer.remainders:
@@ -37,17 +37,17 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         answer.verdict, answer.unknown = "none", None
 
 
-def _moves_as_told(errors: Sequence[tuple[GapRow, float]]) -> bool:
+def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> bool:
     """Whether free runs on the command, and dead reckoning, are off by no more than sensors leave, on unseen runs.
 
     What else is detectable then does not matter. Noise of the process does not count: of a drive that does otherwise
     than told it would be as large as whatever is wrong. That is of some seconds; over whole runs wheels slip.
 
-    errors: rows, and an error of each.
+    error: of a row, the one before or after.
     """
-    unseen = [(row, error) for row, error in errors if row.runs == HELD_OUT and row.metric == RPE]
-    return any(row.driven_by == COMMAND for row, _ in unseen) and all(
-        row.sensors is not None and error <= TOO_LARGE[RPE] * row.sensors for row, error in unseen
+    unseen = [row for row in rows if row.runs == HELD_OUT and row.metric == RPE]
+    return any(row.driven_by == COMMAND for row in unseen) and all(
+        row.sensors is not None and error(row) <= TOO_LARGE[RPE] * row.sensors for row in unseen
     )
 
 

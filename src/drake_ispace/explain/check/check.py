@@ -142,15 +142,15 @@ class _Search:
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
         tell("comparing wheels and camera")
         self._encoder_clock()
-        follows = command_columns_of(self.runs, self._bases()) is None
+        recorded = list(self.runs), self._bases()
         self._agreed("kinect", wheels_or_camera)
         repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
-        # a drive that follows mistaken wheels makes their mistake
-        self._agreed(COMMAND, command_columns_of if not (follows and repaired) else lambda runs, bases: None)
+        follows = repaired and command_columns_of(*recorded) is None  # such a drive makes the wheels' mistake
+        self._agreed(COMMAND, (lambda runs, bases: None) if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))

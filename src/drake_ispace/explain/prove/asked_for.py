@@ -54,4 +54,3 @@ def asked_for(
         if left < least:
             best, least = (effect, {**point, effect: found[effect]}), left
     return best
-

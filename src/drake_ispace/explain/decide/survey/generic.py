@@ -130,8 +130,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
     body = prediction.replay.body
     size = _tenth_of_usual_command(motions)
     largest = body.robot.force_of_command(body.plant)
-    top_speed = max(np.sqrt(np.mean(m.body[:, :2] ** 2)) for m in motions) or 1.0
-    top_turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
+    top_speed, top_turn = _top(motions, slice(2)), _top(motions, 2)
 
     def resist(m, share):
         """A push against the direction of motion, of size `share` (rows,)."""
@@ -196,8 +195,8 @@ def _angles(prediction, motions) -> Iterator[_Shapes]:
     """
     if prediction.replay.body.robot.driven != COMMAND or "encoder" not in prediction.replay.feeds:
         return
-    for wheel in np.eye(prediction.replay.body.wheels):
-        yield Generic(f"encoder_ripple_of_wheel_{1 + int(np.argmax(wheel))}", "motion", "wheel angle", 2), [
+    for number, wheel in enumerate(np.eye(prediction.replay.body.wheels), 1):
+        yield Generic(f"encoder_ripple_of_wheel_{number}", "motion", "wheel angle", 2), [
             [0.01 * wheel * wave(2.0 * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
 
@@ -217,14 +216,14 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
         [-0.05 * slip(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
     ]
     yield Generic("slip_of_speed", "motion", "speed", 1), [[-0.1 * slip(m, _speed(m)) for m in motions]]
-    top_turn = max(np.sqrt(np.mean(m.body[:, 2] ** 2)) for m in motions) or 1.0
+    top_turn = _top(motions, 2)
     yield Generic("slip_of_turning", "motion", "yaw rate", 1), [
         [-0.05 * slip(m, np.abs(m.body[:, 2]) / top_turn) for m in motions]
     ]
     if not len(wheels.sideways):
         often = np.lcm(2, len(wheels.wheels))  # as the same wheels come round, pushed or pulled
         yield Generic("slip_of_direction", "motion", "direction of motion", 3), [
-            [-0.05 * slip(m, wave(often * _heading(m))) for m in motions] for wave in (np.ones_like, np.cos, np.sin)
+            [-0.05 * slip(m, wave(often * _course(m))) for m in motions] for wave in (np.ones_like, np.cos, np.sin)
         ]
     yield Generic("understeer", "motion", "speed and turning", 1), [
         [_travelled(m, 0.0, 0.0, -0.2 * m.body[:, 2] * _speed(m) ** 2) for m in motions]
@@ -273,7 +272,12 @@ def _speed(m):
     return np.hypot(m.body[:, 0], m.body[:, 1])
 
 
-def _heading(m):
+def _top(motions, axes):
+    """The largest root mean square of a run's velocity along these axes of B; 1 where nothing moves."""
+    return max(np.sqrt(np.mean(m.body[:, axes] ** 2)) for m in motions) or 1.0
+
+
+def _course(m):
     """(rows,) direction of motion in B [rad]."""
     return np.arctan2(m.body[:, 1], m.body[:, 0])
 
