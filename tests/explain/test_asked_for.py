@@ -34,7 +34,7 @@ def asked(further, name=RADIUS, straight=(), alone=(), **hidden):
     )
     windows = [windows_of(case.prediction, i, {}) for i in range(3)]
     floors = dict.fromkeys(errors(case.prediction, 0, windows[0], {}), 1e-3)
-    _, without = plain_fit(case.prediction, windows, named, sizes, floors)
+    without = plain_fit(case.prediction, windows, named, sizes, floors).without
     return asked_for(case.prediction, windows, decision, without, floors, alone)
 
 

@@ -19,5 +19,5 @@ def test_a_size_near_its_bound_does_not_hold_up_the_others(delay_s):
     windows = [windows_of(case.prediction, i, {}) for i in range(2)]
     floors = dict.fromkeys(errors(case.prediction, 0, windows[0], {}), 1e-3)
     point, sizes = {marker: [0.0] * 3, delay: [delay_s]}, {marker: [1e-3] * 3, delay: [delay_s]}
-    found, _ = plain_fit(case.prediction, windows, point, sizes, floors)
+    found = plain_fit(case.prediction, windows, point, sizes, floors).point
     assert found[marker][0] == pytest.approx(0.04, abs=1e-3) and found[delay][0] < 2e-3

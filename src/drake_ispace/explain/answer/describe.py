@@ -3,7 +3,7 @@
 Names, sizes with intervals, the channels that show the disagreement, and the effects that these runs cannot show.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -92,12 +92,14 @@ def named_or_set(effects: Sequence[NamedEffect]) -> str:
 
 
 def with_sizes(
-    effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Point, without: Sequence[Point] = ()
+    effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Mapping[Candidate, Sequence[float | None]],
+    without: Sequence[Point] = (),
 ) -> list[NamedEffect]:
     """The effects at these sizes, beside those of plain least squares; intervals grow to hold the sizes.
 
-    sizes, plain: effects and their coordinates. without: the sizes without each run in turn; intervals then also hold
-    Student's interval of the jackknife, which knows how far runs disagree.
+    sizes, plain: effects and their coordinates, None for one that plain least squares cannot tell. without: the sizes
+    without each run in turn; intervals then also hold Student's interval of the jackknife, which knows how far runs
+    disagree.
     """
     by_name = {candidate.name: candidate for candidate in sizes}
 
@@ -106,11 +108,12 @@ def with_sizes(
         for i, parameter in enumerate(candidate.parameters):
             p = parameters[parameter.name]
             z, reach = sizes[candidate][i], _jackknife_reach([point[candidate][i] for point in without])
-            coordinates = np.clip([z, plain[candidate][i], z - reach, z + reach], *candidate.bounds[i])
-            at, by_plain, *ends = (_size(case.replay, candidate, i, one) for one in coordinates.tolist())
+            told = [size for size in plain[candidate][i : i + 1] if size is not None]
+            coordinates = np.clip([z, z - reach, z + reach, *told], *candidate.bounds[i])
+            at, low, high, *by_plain = (_size(case.replay, candidate, i, one) for one in coordinates.tolist())
             parameters[parameter.name] = replace(
-                p, estimate=at, ci90=(min(*p.ci90, *ends), max(*p.ci90, *ends)), least_squares=by_plain,
-                on_bound=_on_bound(case, sizes, candidate, i),
+                p, estimate=at, ci90=(min(*p.ci90, low, high), max(*p.ci90, low, high)),
+                least_squares=by_plain[0] if by_plain else None, on_bound=_on_bound(case, sizes, candidate, i),
             )
         return replace(effect, parameters=parameters)
 

@@ -28,8 +28,8 @@ class Estimate:
     Attributes:
         estimate, ci90, unit: value, 90 % interval (low, high), and their unit. on_bound: whether the value sits on the
             bound of what is physically possible, or beyond what a robot that drives about may have. least_squares: the
-            value with which free-run simulations come nearest to the training runs; None: not computed. called: the
-            name of a chosen wheel, "" where it has only its number.
+            value with which free-run simulations come nearest to the training runs; None: not computed, or they cannot
+            show it. called: the name of a chosen wheel, "" where it has only its number.
     """
 
     estimate: float

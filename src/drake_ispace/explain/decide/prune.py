@@ -95,7 +95,8 @@ def refitted(survey_at: Callable[..., Survey], decision: Decision, point: Point)
     survey_at: `survey` of these runs, called with a point.
     """
     end = survey_at(point)
-    return decision.with_named(end, fit(end.likelihood, point))
+    best = fit(end.likelihood, point)
+    return decision.with_named(end.moved(best), best)
 
 
 def without_each(survey: Survey, named: Fit) -> dict[Candidate, Fit]:

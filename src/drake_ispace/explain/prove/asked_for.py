@@ -47,10 +47,11 @@ def asked_for(
     left_with = partial(squared_error_left_out, training, windows, floors=floors, alone=alone)
     least = (1.0 - PREDICTED) * left_with(without) if tried else 0.0
     for effect, point in tried:
-        found, found_without = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
-        if not effect.makes_sense(found[effect]) or effect.has_become_another(found[effect]):
+        found = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)
+        size = found.point[effect]
+        if not effect.makes_sense(size) or effect.has_become_another(size):
             continue
-        left = left_with(found_without)
+        left = left_with(found.without)
         if left < least:
-            best, least = (effect, {**point, effect: found[effect]}), left
+            best, least = (effect, {**point, effect: size}), left
     return best

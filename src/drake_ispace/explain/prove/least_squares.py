@@ -4,6 +4,7 @@ It knows nothing of filters, innovations or a model of the noise. It begins at t
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -19,13 +20,34 @@ _MOST_TRIALS = 12  # evaluations
 _FAR = 1e3  # times what noise leaves: the error of a model that runs away
 
 
+@dataclass(frozen=True)
+class PlainFit:
+    """The sizes at which the squared errors of free runs are least.
+
+    Attributes:
+        point: effects and their coordinates. without: the same after a Gauss-Newton step that leaves the errors of each
+            run out. hidden: coordinates that free runs cannot show, and that are not fitted: in their whole size they
+            change all errors together by less than noise changes one.
+    """
+
+    point: Point
+    without: list[Point]
+    hidden: frozenset[tuple[Candidate, int]]
+
+    @property
+    def shown(self) -> dict[Candidate, list[float | None]]:
+        """The point, None for each coordinate that free runs cannot show."""
+        return {
+            candidate: [None if (candidate, i) in self.hidden else value for i, value in enumerate(z)]
+            for candidate, z in self.point.items()
+        }
+
+
 def plain_fit(
     prediction: Prediction, windows: Sequence[Windows], point: Point, sizes: Mapping[Candidate, Sequence[float]],
     floors: Mapping[Measure, float],
-) -> tuple[Point, list[Point]]:
-    """The point with the effects of `point` at which the squared errors of free runs are least, and without each run.
-
-    Without a run the sizes are those after a Gauss-Newton step that leaves its errors out.
+) -> PlainFit:
+    """Fit the effects of `point` to free runs.
 
     Args:
         prediction: of the runs to fit. windows: of each run. sizes: natural size of each coordinate. floors: measure ->
@@ -67,10 +89,14 @@ def plain_fit(
                 jac=lambda z, horizons: _slopes(lambda zs: residuals(zs, horizons), z, high),
             )
             start = best.x
-    if best is None:
-        return at(start), [at(start)] * len(windows)
-    ends = np.cumsum([len(part) for part in by_run([start], horizons)[0]])[:-1]
-    return at(start), [at(np.clip(z, low, high)) for z in _without_each(start, best, ends)]
+    given = np.array([point[candidate][i] for candidate, i in order]) / size
+    hidden = np.linalg.norm(best.jac, axis=0) < 1.0 if best else np.ones(len(order), bool)
+    without = [start] * len(windows)
+    if best is not None:
+        ends = np.cumsum([len(part) for part in by_run([start], horizons)[0]])[:-1]
+        without = [np.clip(z, low, high) for z in _without_each(start, best, ends)]
+    found, *without = (at(np.where(hidden, given, z)) for z in (start, *without))
+    return PlainFit(found, without, frozenset(order[k] for k in np.flatnonzero(hidden)))
 
 
 def _without_each(z, best, ends):

@@ -28,10 +28,11 @@ class Proof:
             there are none.
         rows: of the gap. remainders: what is left on unseen runs and is not noise; none where the answer suffices.
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
-            least_squares: those that free-run least squares finds; None where no effect is named. without: where these
-            are the answer's, the same without each training run in turn. plant: free parameters of a plant of the
-            user's own. asked: as of Decision. alone: names of training runs that alone tell some of the sizes, and are
-            therefore judged by sizes that were fitted to them, too; empty where other runs were held out.
+            least_squares: those that free-run least squares finds, None for each that free runs cannot show; None where
+            no effect is named. without: where these are the answer's, the same without each training run in turn.
+            plant: free parameters of a plant of the user's own. asked: as of Decision. alone: names of training runs
+            that alone tell some of the sizes, and are therefore judged by sizes that were fitted to them, too; empty
+            where other runs were held out.
     """
 
     by: str
@@ -39,7 +40,7 @@ class Proof:
     remainders: list[Remainder]
     noise: ProcessNoise | None
     sizes: Point
-    least_squares: Point | None
+    least_squares: dict[Candidate, list[float | None]] | None
     without: Sequence[Point] = ()
     plant: list[PlantParameter] = field(default_factory=list)
     asked: Callable[[], tuple[Candidate, Point] | None] | None = None

@@ -1,7 +1,7 @@
 """The proof of an answer: the gap on training and on unseen runs, and what is left there that is not noise."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from drake_ispace.explain.prove.adequacy import NOTHING, TOO_LARGE, Remainder, r
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.least_squares import plain_fit
 from drake_ispace.explain.prove.left_out import blocks_in, cut
 from drake_ispace.explain.prove.noise import (
     ProcessNoise,
@@ -32,7 +33,6 @@ from drake_ispace.explain.prove.sizes import (
     filtered_sizes,
     leads_nearer,
     left_by_uncertainty,
-    plain_sizes,
 )
 from drake_ispace.explain.threads import each
 from drake_ispace.robots.robot import TORQUE
@@ -113,11 +113,12 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     if alone:
         judged = judged_with(chosen.with_all(alone))
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)
-    plain = found = None
+    plain = fitted = None
     if chosen.point:
         noise, chance = fitted_to.part(slice(0, n))
         floors = {m: float(np.hypot(noise[m], chance[m])) for m in noise}
-        found = plain_sizes(training, fitted_to.windows[:n], decision, chosen, floors)
+        fitted = plain_fit(training, fitted_to.windows[:n], chosen.point, decision.end.likelihood.sizes, floors)
+        found = replace(chosen, point=fitted.point, without=fitted.without)  # taken for as certain as the filter's
         plain = found.point
         if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors, alone):
             chosen = found
@@ -134,9 +135,10 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     without = chosen.without if chosen.point and chosen.point is plain else ()
     left, asked = _distinct(_left(judged, every)), None
-    if left and found is not None:
-        asked = partial(asked_for, training, fitted_to.windows[:n], decision, found.without, floors, alone)
-    return Proof(by, rows, left, judged.noise, chosen.point, plain, without, asked=asked, alone=names)
+    if left and fitted is not None:
+        asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, alone)
+    shown = fitted and fitted.shown
+    return Proof(by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names)
 
 
 def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:

@@ -15,7 +15,7 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.free_run import Measure, Windows, changes, errors, rms
-from drake_ispace.explain.prove.least_squares import plain_fit, squared_error_left_out
+from drake_ispace.explain.prove.least_squares import squared_error_left_out
 from drake_ispace.explain.prove.left_out import groups_of, sizes_without
 from drake_ispace.robots.robot import COMMAND
 
@@ -64,25 +64,14 @@ def left_by_uncertainty(
     return {m: float(np.sqrt(square)) for m, square in squares.items()}
 
 
-def plain_sizes(
-    training: Prediction, windows: Sequence[Windows], decision: Decision, filtered: SizesByRun,
-    floors: Mapping[Measure, float],
-) -> SizesByRun:
-    """The sizes that free-run least squares finds, taken for as certain as the filter's.
-
-    training: model and runs. windows: of each run. floors: measure -> what noise leaves.
-    """
-    point, without = plain_fit(training, windows, filtered.point, decision.end.likelihood.sizes, floors)
-    return replace(filtered, point=point, without=without)
-
-
 def leads_nearer(
     plain: SizesByRun, filtered: SizesByRun, training: Prediction, windows: Sequence[Windows],
     floors: Mapping[Measure, float], alone: Collection[int],
 ) -> bool:
     """Whether plain sizes lead nearer to the path of each run than filtered ones do, neither fitted to the run.
 
-    training, windows, floors: as of `plain_sizes`. alone: runs that are passed over: others do not tell their sizes.
+    training: model and runs. windows: of each run. floors: measure -> what noise leaves. alone: runs that are passed
+    over: others do not tell their sizes.
     """
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
         return False
