@@ -29,13 +29,13 @@ FAULTS = (
     Fault(
         "half_track", "the full track typed as the half",
         "the model turns half as far, or twice as far, as the robot", "the data sheet says track, the model half of it",
-        "turns of wheels and camera differ by a factor of two", "correct the model's track",
+        "turns of wheels and camera differ by a factor of two", "correct the model's track", same=("effective_track",),
     ),
     Fault(
-        "effective_track", "wheels that skid as the robot turns",
-        "the robot turns less than its wheels say, as if its track were half as wide again",
-        "four tyres, tracks, or a caster that is dragged aside",
-        "turns of wheels and camera differ by a factor between one and two",
+        "effective_track", "another track than the model's",
+        "the robot turns less, or more, than its wheels say, as if its track were of another width",
+        "four tyres, tracks or a caster that skid as the robot turns make it wider; or the width is another robot's",
+        "turns of wheels and camera differ by a factor",
         "set the model's track to the width at which they agree",
     ),
     Fault(

@@ -424,6 +424,7 @@ def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
 
 @pytest.mark.parametrize(("dimension", "share", "fault"), [
     ("track_share", 0.6, "effective_track"), ("track_share", 1.0, "half_track"), ("track_share", 0.3, None),
+    ("track_share", 2.0, "effective_track"), ("track_share", -0.5, "half_track"),
     ("radius_share", -0.5, "counts_per_turn"), ("radius_share", -0.4, None), ("radius_share", 0.6, None),
 ])
 def test_another_size_is_no_factor_of_two(dimension, share, fault):
@@ -431,3 +432,10 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
         two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others={dimension: share}, in_step=True) for i in range(2)
     ]
     assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])
+
+
+def test_the_width_of_a_track_that_skids_is_measured():
+    others = {"track_share": 2.0}
+    runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others=others, in_step=True) for i in range(2)]
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert finding.advice == "make the model's track about 3 times as wide"

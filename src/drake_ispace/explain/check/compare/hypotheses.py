@@ -9,6 +9,7 @@ from scipy.constants import inch, kilo
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
+from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
@@ -17,7 +18,7 @@ LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
-_SKIDDING = 1.5  # times its track, between one and two: where robots on four tyres turn
+_TYPED = (0.5, 2.0)  # tracks and half tracks that are taken for each other
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 
 
@@ -41,8 +42,13 @@ class Reading:
     advice: str = ""
 
 
-def readings(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = ()) -> list[Reading]:
-    """All readings of a robot with these wheels, that as given first; gears: by which they may turn too little.
+def readings(
+    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0
+) -> list[Reading]:
+    """All readings of a robot with these wheels, that as given first.
+
+    gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
+    model.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, and wheels or a room of another size, which
     makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the way by the
@@ -55,7 +61,7 @@ def readings(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[fl
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in _SIZES),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
-        *_dimensions(unit), *_views(unit),
+        *_tracks(unit, times), *_views(unit),
     ]
 
 
@@ -104,11 +110,16 @@ def _factors(unit, counts_per_turn, gears):
             yield Reading(fault, f"wheel {i + 1} turns {1.0 / factor:.3g} times too far", "encoder", np.diag(diagonal))
 
 
-def _dimensions(unit):
-    for fault, times in (("half_track", 0.5), ("half_track", 2.0), ("effective_track", _SKIDDING)):
-        about = "about " if fault == "effective_track" else ""
-        yield Reading(fault, f"the model turns {about}{times:.3g} times as far as the robot", "model", unit,
-                      np.diag([1.0, 1.0, 1.0 / times]), advice=f"make the model's track {about}{times:g} times as wide")
+def _tracks(unit, times):
+    """What is taken for a half or a double track is one that is so within what physics may add."""
+    is_typed = any(abs(times / typed - 1.0) <= SLACK for typed in _TYPED)
+    for wide in _TYPED if is_typed else (*_TYPED, times):
+        fault, about = ("half_track", "") if wide in _TYPED else ("effective_track", "about ")
+        yield Reading(
+            fault, f"the model turns {about}{wide:.2g} times as far as the robot", "model", unit,
+            np.diag([1.0, 1.0, 1.0 / wide]), rare=wide not in _TYPED,
+            advice=f"make the model's track {about}{wide:.2g} times as wide",
+        )
 
 
 def _views(unit):

@@ -34,7 +34,8 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     if base is None:
         return None
     gears = {_gear(run, own) for run, own in zip(runs, bases, strict=True) if own is not None} - {1.0}
-    given = readings(base.geometry, float(base.settings.encoder.counts_per_turn), gears)
+    counts = float(base.settings.encoder.counts_per_turn)
+    given = readings(base.geometry, counts, gears, _turns(runs, bases))
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
@@ -47,18 +48,29 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     )
 
 
+def _motions(run, base):
+    """(n, 3) motions of windows as wheels and as camera say."""
+    link = None if base is None else camera_link(run, base)
+    if link is None:
+        return np.empty((0, 3)), np.empty((0, 3))
+    kept = inside(base, link.since_s, link.until_s)
+    return link.predicted(link.since_s[kept], link.until_s[kept]), link.measured[kept]
+
+
 def _gear(run, base):
     """The whole number, or one over it, that is nearest to how much farther the camera sees a robot go than its wheels.
     """
-    link = camera_link(run, base)
-    kept = np.zeros(0, bool) if link is None else inside(base, link.since_s, link.until_s)
-    if not kept.any():
-        return 1.0
-    wheels = np.linalg.norm(link.predicted(link.since_s[kept], link.until_s[kept]), axis=1).sum()
-    camera = np.linalg.norm(link.measured[kept], axis=1).sum()
+    wheels, camera = (np.linalg.norm(motion, axis=1).sum() for motion in _motions(run, base))
     if min(wheels, camera) <= 0.0:
         return 1.0
     return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
+
+
+def _turns(runs, bases):
+    """How many times as far as the camera sees, the wheels say that the robot turns."""
+    motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
+    wheels, camera = (np.linalg.norm(np.concatenate(one)[:, 2]) for one in zip(*motions, strict=True))
+    return float(wheels / camera) if min(wheels, camera) > 0.0 else 1.0
 
 
 def _by_drive(run, base, repairs):
