@@ -334,6 +334,13 @@ def test_one_effect_that_does_as_well_as_all_named_takes_their_place():
     assert gains(decision) == {"mixed": decision.total_gain}
 
 
+def test_what_is_left_beside_fewer_effects_is_measured_from_their_fit():
+    mixed = SHAPES["tilt"] + SHAPES["lag"]
+    decision = pruned(*forced(noise() + 0.8 * mixed, ("tilt", "lag"), SHAPES | {"mixed": mixed}))
+    assert decision.end.point == decision.named.point
+    assert decision.end.likelihood.deviance(decision.end.w) == pytest.approx(decision.named.deviance, rel=1e-12)
+
+
 def test_two_effects_that_do_as_well_as_three_take_their_place():
     gain, track, one, other = SHAPES["tilt"], SHAPES["lag"], pattern(17), pattern(19)
     shapes = {"gain": gain, "track": track, "a": gain + one, "b": track + other, "c": -one - other}
