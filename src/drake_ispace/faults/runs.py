@@ -32,10 +32,10 @@ FAULTS = (
         "turns of wheels and camera differ by a factor of two", "correct the model's track", same=("effective_track",),
     ),
     Fault(
-        "effective_track", "another track than the model's",
-        "the robot turns less, or more, than its wheels say, as if its track were of another width",
-        "four tyres, tracks or a caster that skid as the robot turns make it wider; or the width is another robot's",
-        "turns of wheels and camera differ by a factor",
+        "effective_track", "wheels that skid as the robot turns",
+        "the robot turns less than its wheels say, as if its track were wider",
+        "four tyres, tracks, or a caster that is dragged aside",
+        "the camera sees the robot turn less than its wheels say, by a factor that is not two",
         "set the model's track to the width at which they agree",
     ),
     Fault(

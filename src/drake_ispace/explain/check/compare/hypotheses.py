@@ -111,9 +111,12 @@ def _factors(unit, counts_per_turn, gears):
 
 
 def _tracks(unit, times):
-    """What is taken for a half or a double track is one that is so within what physics may add."""
-    is_typed = any(abs(times / typed - 1.0) <= SLACK for typed in _TYPED)
-    for wide in _TYPED if is_typed else (*_TYPED, times):
+    """A robot that skids turns less than its wheels say, never more.
+
+    Where it could be half a track that was typed, within what physics may add, it is taken for that.
+    """
+    skids = times > 1.0 and all(abs(times / typed - 1.0) > SLACK for typed in _TYPED)
+    for wide in (*_TYPED, times) if skids else _TYPED:
         fault, about = ("half_track", "") if wide in _TYPED else ("effective_track", "about ")
         yield Reading(
             fault, f"the model turns {about}{wide:.2g} times as far as the robot", "model", unit,
