@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision, LeftOver
+from drake_ispace.explain.decide.decision import Decision, LeftOver
 from drake_ispace.explain.decide.detect import detect, trials
 from drake_ispace.explain.decide.propose import Proposal
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import with_flaws
-from drake_ispace.explain.decide.unknown import generic_proposals
+from drake_ispace.explain.decide.unknown import believed, generic_proposals
 
 
 def left_over(
     decision: Decision, seed: int, proposals: Sequence[Proposal], largest: np.ndarray | None = None
 ) -> LeftOver | None:
-    """The clearest effect, or generic disagreement as large as a further effect must be, beside the named ones.
+    """The clearest effect, or generic disagreement as improbable as a further effect must be, beside the named ones.
 
     None where noise shows as much.
 
@@ -24,8 +24,7 @@ def left_over(
             known already.
     """
     end = decision.end
-    large = [proposal for proposal in generic_proposals(end) if proposal.gain >= LEAST_FURTHER]
-    clearest = max([*proposals, *large], key=lambda proposal: proposal.minus_log10_p, default=None)
+    clearest = max([*proposals, *believed(end)], key=lambda proposal: proposal.minus_log10_p, default=None)
     if clearest is None:
         return None
     largest = trials(end.screen, end.by_instant, seed) if largest is None else largest
