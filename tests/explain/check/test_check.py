@@ -434,6 +434,17 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
     assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])
 
 
+@pytest.mark.parametrize("seed", [100, 300])
+def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
+    runs = [generate("omni", motion, {}, 20.0, seed + i) for i, motion in enumerate(("square", "eight", "circle"))]
+    t, angles = runs[0].channels["encoder"].t, runs[0].channels["encoder"].values
+    spun = np.clip(t - 10.0, 0.0, 1.5)[:, None] * np.linspace(9.0, 13.0, angles.shape[1])
+    lifted = replace(runs[0].channels["encoder"], values=angles + spun)
+    runs[0] = replace(runs[0], channels=runs[0].channels | {"encoder": lifted})
+    (finding,) = check(MODEL["omni"], runs).findings
+    assert {finding.fault, *finding.rivals} >= {"robot_carried", "robot_lifted"} and finding.limited
+
+
 def test_the_width_of_a_track_that_skids_is_measured():
     others = {"track_share": 2.0}
     runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others=others, in_step=True) for i in range(2)]

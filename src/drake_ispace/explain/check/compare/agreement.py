@@ -113,17 +113,24 @@ def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
 def disagreement(
     rows: Sequence[Row], hypotheses: Sequence[Hypothesis], channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any], float] | None = None,
+    against: Callable[[int, Any], float] | None = None,
 ) -> Finding | None:
     """The hypothesis under which the runs agree with the wheels, as a finding; None where they do as given.
 
     rows: of each run. channel, repairs: of a hypothesis. casting: a log likelihood of a hypothesis by other channels,
-    which decides between those that are alike.
+    which decides between those that are alike. against: of a run's number and a hypothesis, how much parts of the run
+    speak against it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run.
     """
     each = gains(rows, hypotheses)
-    found = best(each)
-    if found is None:
-        return None
-    k, which, gain = found
+    while True:
+        found = best(each)
+        if found is None:
+            return None
+        k, which, gain = found
+        odd = [i for i in which if against is not None and each[i, k] > 0.0 and against(i, hypotheses[k]) > ALIKE]
+        if not odd:
+            break
+        each[odd, k] = -np.inf
     together = np.maximum(each, 0.0).sum(axis=0)
     alike = [j for j in np.flatnonzero(together > gain - ALIKE).tolist() if hypotheses[j].fault]
     if casting is not None and len({hypotheses[j].fault for j in alike}) > 1:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,8 +44,15 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
         undo = _repairs(reading, base)
         return sum(_by_drive(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
 
+    def against(i, reading):
+        """What the thirds of a run lose by the reading, of which a stretch of a few seconds leaves one as it is."""
+        tried = [*(other for other in given if not other.fault), replace(reading, fault="", rare=False)]
+        t = runs[i].channels["kinect"].t
+        thirds = [_row(runs[i], bases[i], tried, *ends).scored for ends in pairwise(np.linspace(t[0], t[-1], 4))]
+        return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
+
     return disagreement(
-        rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting
+        rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against
     )
 
 
@@ -83,14 +91,16 @@ def _by_drive(run, base, repairs):
     return 0.0 if part is None else float(part.scored[0])
 
 
-def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
+def _row(
+    run: Recording, base: Base | None, given: Sequence[Reading], from_s: float = -np.inf, to_s: float = np.inf
+) -> Row:
     if base is None:
         return row(given)
     views = {view: camera_link(run, base, view=view) for view in {reading.view for reading in given}}
     link = next(iter(views.values()))
     if link is None:
         return row(given)
-    kept = inside(base, link.since_s, link.until_s)
+    kept = inside(base, link.since_s, link.until_s) & (link.since_s >= from_s) & (link.until_s <= to_s)
     if kept.sum() < FEWEST:
         return row(given)
     since, until = link.since_s[kept], link.until_s[kept]
