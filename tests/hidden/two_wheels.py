@@ -15,7 +15,7 @@ from drake_ispace.scenario import Scenario, load_scenario
 RADIUS_M, HALF_TRACK_M = 0.05, 0.15
 COUNTS = 2048
 _STEP_S = 1e-3
-_FIX_RMS = (5e-4, 5e-4, 2e-3)
+FIX_RMS = (5e-4, 5e-4, 2e-3)
 _SLIP_RMS = 2e-3
 
 #: Neutral values of whatever else may be hidden.
@@ -97,7 +97,7 @@ def drive(
     x, y, phi = x * (1.0 + o["camera_share"]), y * (1.0 + o["camera_share"]), phi + o["warped_rad_m"] * x
     x = x + o["skewed_share"] * y
     seen = np.column_stack([np.interp(stamps - late_s, t, column) for column in (x, y, phi)])
-    seen += random.standard_normal(seen.shape) * _FIX_RMS
+    seen += random.standard_normal(seen.shape) * FIX_RMS
     seen[:, 2] = np.mod(seen[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     read = np.arange(0, n, round(1.0 / encoder_hz / _STEP_S))
     count = 2.0 * np.pi / COUNTS
