@@ -6,7 +6,7 @@ import drake_ispace as di
 from drake_ispace.explain.check.check import check
 from hidden import two_wheels
 
-pytest.importorskip("mujoco")
+pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'drake_ispace[physics]')")
 from hidden.mujoco_rover import Truth, drive
 
 
