@@ -94,7 +94,7 @@ def test_wheels_that_are_read_at_every_tick_lead_to_the_fixes_whether_or_not_the
 @pytest.mark.parametrize("has_command", [False, True])
 def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
-    monkeypatch.setattr(two_wheels, "_FIX_RMS", (1e-4, 1e-4, 4e-4))
+    monkeypatch.setattr(two_wheels, "FIX_RMS", (1e-4, 1e-4, 4e-4))
     runs = [
         two_wheels.drive(700 + i, 20.0, 0.0, 0.0, 0.0, camera_hz=10.0, encoder_hz=200.0, in_step=True) for i in range(3)
     ]

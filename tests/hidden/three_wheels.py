@@ -13,7 +13,7 @@ from hidden.two_wheels import wandering
 RADIUS_M, ARM_M = 0.05, 0.17
 COUNTS = 2048
 _STEP_S, _ENCODER_S, _CAMERA_S = 1e-3, 0.02, 1.0 / 30.0
-_FIX_RMS = (5e-4, 5e-4, 2e-3)
+FIX_RMS = (5e-4, 5e-4, 2e-3)
 _SLIP_RMS = 2e-3
 _AROUND = np.pi / 3.0 + 2.0 * np.pi * np.arange(3) / 3.0  # directions of the wheels from the middle
 
@@ -53,7 +53,7 @@ def drive(
     x, y = 1.0 + _sums(c * body[:, 0] - s * body[:, 1]), -0.5 + _sums(s * body[:, 0] + c * body[:, 1])
     stamps = np.arange(0.013, seconds - _STEP_S, _CAMERA_S)
     seen = np.column_stack([np.interp(stamps, t, column) for column in (x, y, phi)])
-    seen += random.standard_normal(seen.shape) * _FIX_RMS
+    seen += random.standard_normal(seen.shape) * FIX_RMS
     seen[:, 2] = np.mod(seen[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     read, count = np.arange(0, len(t), round(_ENCODER_S / _STEP_S)), 2.0 * np.pi / COUNTS
     angle = np.column_stack([_sums(column) for column in rate.T])
