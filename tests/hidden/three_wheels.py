@@ -8,12 +8,11 @@ from scipy.signal import lfilter
 
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import Scenario, load_scenario
-from hidden.two_wheels import wandering
+from hidden.two_wheels import FIX_RMS, wandering
 
 RADIUS_M, ARM_M = 0.05, 0.17
 COUNTS = 2048
 _STEP_S, _ENCODER_S, _CAMERA_S = 1e-3, 0.02, 1.0 / 30.0
-FIX_RMS = (5e-4, 5e-4, 2e-3)
 _SLIP_RMS = 2e-3
 _AROUND = np.pi / 3.0 + 2.0 * np.pi * np.arange(3) / 3.0  # directions of the wheels from the middle
 
