@@ -107,13 +107,13 @@ def with_sizes(
         candidate, parameters = by_name[effect.name], dict(effect.parameters)
         for i, parameter in enumerate(candidate.parameters):
             p = parameters[parameter.name]
-            z, reach = sizes[candidate][i], _jackknife_reach([point[candidate][i] for point in without])
-            told = [size for size in plain[candidate][i : i + 1] if size is not None]
-            coordinates = np.clip([z, z - reach, z + reach, *told], *candidate.bounds[i])
-            at, low, high, *by_plain = (_size(case.replay, candidate, i, one) for one in coordinates.tolist())
+            z, by_plain = sizes[candidate][i], plain[candidate][i]
+            reach = _jackknife_reach([point[candidate][i] for point in without])
+            at, *ends = (_size(case.replay, candidate, i, one) for one in (z, z - reach, z + reach))
             parameters[parameter.name] = replace(
-                p, estimate=at, ci90=(min(*p.ci90, low, high), max(*p.ci90, low, high)),
-                least_squares=by_plain[0] if by_plain else None, on_bound=_on_bound(case, sizes, candidate, i),
+                p, estimate=at, ci90=(min(*p.ci90, *ends), max(*p.ci90, *ends)),
+                least_squares=None if by_plain is None else _size(case.replay, candidate, i, by_plain),
+                on_bound=_on_bound(case, sizes, candidate, i),
             )
         return replace(effect, parameters=parameters)
 
@@ -194,8 +194,7 @@ def _wheels(body, candidate) -> dict[str, Estimate]:
 
 def _estimate(case, best: Fit | Sizes, candidate, i, ends) -> Estimate:
     """The Estimate of a coordinate of `best` whose interval ends at `ends`."""
-    low, high = candidate.bounds[i]
-    lower, upper = sorted(_size(case.replay, candidate, i, min(max(end, low), high)) for end in ends)
+    lower, upper = sorted(_size(case.replay, candidate, i, end) for end in ends)
     at = _size(case.replay, candidate, i, best.point[candidate][i])
     return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(case, best.point, candidate, i))
 
@@ -217,10 +216,11 @@ def _on_bound(case, point: Point, candidate, i) -> bool:
 
 
 def _size(replay, candidate, i, z) -> float:
-    """The parameter at a coordinate, on top of what the model has of the effect already."""
-    parameter = candidate.parameters[i]
+    """The parameter at a coordinate within its bounds, on top of what the model has of the effect already."""
+    (low, high), parameter = candidate.bounds[i], candidate.parameters[i]
     known = replay.known.get(candidate.name, {}).get(parameter.name, parameter.neutral)
-    return float(value_of(parameter, z) + (known - parameter.neutral if np.isfinite(known) else 0.0))
+    value = value_of(parameter, min(max(z, low), high))
+    return float(value + (known - parameter.neutral if np.isfinite(known) else 0.0))
 
 
 def _unknown(decision, explained) -> Unknown:

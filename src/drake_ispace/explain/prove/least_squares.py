@@ -89,12 +89,12 @@ def plain_fit(
                 jac=lambda z, horizons: _slopes(lambda zs: residuals(zs, horizons), z, high),
             )
             start = best.x
+    if best is None:
+        return PlainFit(point, [point] * len(windows), frozenset(order))
+    hidden = np.linalg.norm(best.jac, axis=0) < 1.0
     given = np.array([point[candidate][i] for candidate, i in order]) / size
-    hidden = np.linalg.norm(best.jac, axis=0) < 1.0 if best else np.ones(len(order), bool)
-    without = [start] * len(windows)
-    if best is not None:
-        ends = np.cumsum([len(part) for part in by_run([start], horizons)[0]])[:-1]
-        without = [np.clip(z, low, high) for z in _without_each(start, best, ends)]
+    ends = np.cumsum([len(part) for part in by_run([start], horizons)[0]])[:-1]
+    without = [np.clip(z, low, high) for z in _without_each(start, best, ends)]
     found, *without = (at(np.where(hidden, given, z)) for z in (start, *without))
     return PlainFit(found, without, frozenset(order[k] for k in np.flatnonzero(hidden)))
 

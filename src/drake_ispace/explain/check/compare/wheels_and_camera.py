@@ -34,9 +34,9 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
     base = next((base for base in bases if base is not None), None)
     if base is None:
         return None
-    gears = {_gear(run, own) for run, own in zip(runs, bases, strict=True) if own is not None} - {1.0}
-    counts = float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, _turns(runs, bases))
+    motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
+    gears, counts = {_gear(*both) for both in motions} - {1.0}, float(base.settings.encoder.counts_per_turn)
+    given = readings(base.geometry, counts, gears, _turns(motions))
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
@@ -65,18 +65,17 @@ def _motions(run, base):
     return link.predicted(link.since_s[kept], link.until_s[kept]), link.measured[kept]
 
 
-def _gear(run, base):
+def _gear(wheels, camera):
     """The whole number, or one over it, that is nearest to how much farther the camera sees a robot go than its wheels.
     """
-    wheels, camera = (np.linalg.norm(motion, axis=1).sum() for motion in _motions(run, base))
+    wheels, camera = (np.linalg.norm(motion, axis=1).sum() for motion in (wheels, camera))
     if min(wheels, camera) <= 0.0:
         return 1.0
     return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
 
 
-def _turns(runs, bases):
-    """How many times as far as the camera sees, the wheels say that the robot turns."""
-    motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
+def _turns(motions):
+    """How many times as far as the camera sees, the wheels say that the robot turns; motions: of each run."""
     wheels, camera = (np.linalg.norm(np.concatenate(one)[:, 2]) for one in zip(*motions, strict=True))
     return float(wheels / camera) if min(wheels, camera) > 0.0 else 1.0
 
