@@ -108,20 +108,20 @@ class _Trial:
         """By how much a path is more likely than any latency that a sound channel may have."""
         return self.scores([path])[0] - self.given
 
-    def rough(self, path: Path) -> float:
-        """Losses along a path: smooth, without physics."""
-        return float(np.nansum(_losses(self.link, self.base, path.at(self.link.since_s), path.at(self.link.until_s))))
+    def rough(self, paths: Sequence[Path]) -> np.ndarray:
+        """(paths,) losses along each path: smooth, without physics."""
+        since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
+        return np.nansum(_losses(self.link, self.base, since, until), axis=-1)
 
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own."""
-        return min((replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S), key=self.rough)
+        return _least(_shifted(path), self.rough)
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
         rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
         least = float(self.total[self.usual].min()) - 0.5 * SAID
-        rough = [path for path in rough if self.rough(path) < least]
-        paths = [self.sharpened(path) for path in rough]
+        paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
         gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
         return (paths[path], gained) if path >= 0 else (Path(), 0.0)
 
@@ -175,7 +175,7 @@ class _Trial:
 
     def interval(self, path: Path) -> tuple[float, float]:
         """The lags [s] that are about as likely, 90 %."""
-        near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
+        near = _shifted(path)
         scored = np.array(self.scores(near))
         likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
         return min(path.lag_s, *likely), max(path.lag_s, *likely)
@@ -256,8 +256,17 @@ def _common(trials, own):
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))
-    near = [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
-    return min(near, key=lambda path: sum(trial.rough(path) for trial in trials))
+    return _least(_shifted(path), lambda near: np.sum([trial.rough(near) for trial in trials], axis=0))
+
+
+def _shifted(path):
+    """The path with every lag near its own."""
+    return [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
+
+
+def _least(paths, losses):
+    """The path with the least loss; losses: gives those of several."""
+    return paths[int(np.argmin(losses(paths)))]
 
 
 def _losses(link, base, since, until):

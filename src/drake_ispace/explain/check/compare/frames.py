@@ -58,7 +58,6 @@ def _disagreement(kinect: Channel, base: Base) -> tuple[float, int]:
     inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
     if not inside.any():
         return 0.0, 0
-    return min(
-        float(np.median(np.linalg.norm((moved - base.moved(since + lag, until + lag)[:, :2])[inside], axis=1)))
-        for lag in LATENCIES_S
-    ), int(inside.sum())
+    since, until = (np.ravel(t[inside] + LATENCIES_S[:, None]) for t in (since, until))
+    turned = base.moved(since, until)[:, :2].reshape(len(LATENCIES_S), -1, 2)
+    return float(np.median(np.linalg.norm(moved[inside] - turned, axis=2), axis=1).min()), int(inside.sum())

@@ -60,7 +60,7 @@ def scores(
     """
     shares, residual, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
-    return _likelihood(residual, y, groups, noise) - improbable
+    return _likelihood(residual, _by_component(y), groups, noise) - improbable
 
 
 def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
@@ -68,65 +68,69 @@ def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) 
 
     Arguments as of `scores`; a noise of zeros stands for exact agreement.
     """
-    return _likelihood(np.broadcast_to(noise[:, None], y.shape), y, groups, noise)
+    y = _by_component(y)
+    return _likelihood(np.broadcast_to(noise[..., None], y.shape), y, groups, noise)
 
 
 def _likelihood(residual, y, groups, noise):
-    """(h,) logarithms of likelihood of residuals (h, n, d), over those of y unrelated to anything."""
+    """(h,) logarithms of likelihood of residuals (h, d, n), over those of y (h, d, n) unrelated to anything."""
     size = np.empty_like(noise)
     for group in groups:
-        size[:, group] = (_scale(y[:, :, group]) ** 2).sum(axis=-1, keepdims=True)
+        size[:, group] = (_scale(y[:, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
     ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
     # reading that shrinks a channel is not the likelier for it
-    left = (residual**2 + noise[:, None] ** 2) / (ratio * size)[:, None] ** 2
-    far = 0.5 * (_FREEDOM + 1.0) * np.log1p(left / _FREEDOM).mean(axis=1)
-    return -min(y.shape[1], MOST_ROWS) * (np.log(ratio) + far).sum(axis=-1)
+    left = (residual**2 + noise[..., None] ** 2) / (ratio * size)[..., None] ** 2
+    far = 0.5 * (_FREEDOM + 1.0) * np.log1p(left / _FREEDOM).mean(axis=-1)
+    return -min(y.shape[-1], MOST_ROWS) * (np.log(ratio) + far).sum(axis=-1)
 
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
     """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
-    return _fitted(x[None], y[None], z, PHYSICS)[1][0]
+    return _fitted(x[None], y[None], z, PHYSICS)[1][0].T
+
+
+def _by_component(motions):
+    """(h, d, n) motions (h, n, d), so that the windows of a component lie one after the other."""
+    return np.ascontiguousarray(np.swapaxes(motions, 1, 2))
 
 
 def _fitted(x, y, z, slack):
-    """S (h, d, d) and residuals (h, n, d) at the most probable S and f, by iteratively weighted least squares.
+    """S (h, d, d) and residuals (h, d, n) at the most probable S and f, by iteratively weighted least squares.
 
     Also (h,) how improbable f is, as a loss of log likelihood.
     """
     h, n, d = x.shape
     z = np.zeros((n, d, 0)) if z is None else z
-    k, size = z.shape[-1], np.sqrt((z**2).mean(axis=-3, keepdims=True) + 1e-24)
-    z, certain = z / size, 1.0 / (slack.besides * size[..., 0, :, :]) ** 2
-    design = np.concatenate([
-        np.broadcast_to(x[:, :, None, :], (h, n, d, d)), np.broadcast_to(z, (h, n, d, k))
-    ], axis=3)
+    k, size = z.shape[-1], np.sqrt((z**2).mean(axis=-3) + 1e-24)
+    certain, x = 1.0 / (slack.besides * size) ** 2, _by_component(x)
+    design = np.empty((h, d, d + k, n))
+    design[:, :, :d], design[:, :, d:] = x[:, None], np.moveaxis(z, -3, -1) / size[..., None]
     prior = np.zeros((*certain.shape[:-1], d + k, d + k))
     prior[..., range(d), range(d)] = 1.0 / slack.stds(d) ** 2
     prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
-    shares, residual = np.zeros((h, d, d + k)), y - x
+    apart = residual = _by_component(y) - x
     least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
     for _ in range(_ROUNDS):
-        scale = np.maximum(_scale(residual), least)
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale[:, None]) ** 2) / scale[:, None] ** 2
-        weight *= min(n, MOST_ROWS) / n
-        weighted = design * weight[..., None]
-        normal = np.einsum("hndi,hndj->hdij", weighted, design) + prior + steady * weight.sum(axis=1)[..., None, None]
-        moment = np.einsum("hndi,hnd->hdi", weighted, y - x)
-        shares = np.linalg.solve(normal, moment[..., None])[..., 0]
+        scale = np.maximum(_scale(residual), least)[..., None]
+        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale) ** 2) / scale**2 * (min(n, MOST_ROWS) / n)
+        weighted = design * weight[:, :, None]
+        normal = weighted @ np.swapaxes(design, 2, 3) + prior + steady * weight.sum(axis=-1)[..., None, None]
+        shares = np.linalg.solve(normal, weighted @ apart[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
-        residual = y - x - np.einsum("hndi,hdi->hnd", design, shares)
+        residual = apart - (shares[:, :, None] @ design)[:, :, 0]
     return shares[..., :d], residual, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
 
 
 def _scale(values):
-    """(h, d) scale of Student's distribution along axis 1."""
+    """(...,) scale of Student's distribution along the last axis."""
     squares = values**2
-    least = 1e-6 * squares.mean(axis=1) + 1e-24  # most values may be zero
-    scale = np.median(squares, axis=1) / 0.55 + least  # where the iteration begins: the median of t squared
+    least = 1e-6 * squares.mean(axis=-1) + 1e-24  # most values may be zero
+    scale = np.median(squares, axis=-1) / 0.55 + least  # where the iteration begins: the median of t squared
     for _ in range(_ROUNDS):
-        weights = (_FREEDOM + 1.0) / (_FREEDOM + squares / scale[:, None])
-        scale = (weights * squares).mean(axis=1) + least
+        # the mean of the weights times the squares, a weight being (freedom + 1) / (freedom + squares / scale)
+        bounded = squares / (_FREEDOM * scale[..., None] + squares)
+        scale = (_FREEDOM + 1.0) * scale * bounded.mean(axis=-1) + least
     return np.sqrt(scale)
