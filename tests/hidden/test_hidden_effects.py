@@ -155,6 +155,7 @@ def test_effects_that_look_alike_are_returned_together():
     assert record["closed"] is None or record["closed"] > 0.8
 
 
+@pytest.mark.slow  # with a few effects to choose from, and shorter runs: test_outside.py
 def test_an_effect_out_of_the_library_gets_no_wrong_name():
     record = told(Case("omni", "unknown", "cable_pull", 1.0, 1.0, 0))
     assert record["verdict"] in ("unknown", "set"), record

@@ -29,9 +29,9 @@ def test_a_turn_that_is_lost_at_speed_is_no_wrong_track():
     assert found.verdict == "unknown" and found.unknown.driver == "speed and turning"
 
 
-@pytest.mark.parametrize(
-    ("hidden", "driver"), [({"roller_slip": 0.05}, "direction of motion"), ({"slip_s": 0.05}, "yaw rate")]
-)
+@pytest.mark.parametrize(("hidden", "driver"), [
+    ({"roller_slip": 0.05}, "direction of motion"), pytest.param({"slip_s": 0.05}, "yaw rate", marks=pytest.mark.slow),
+])
 def test_slip_that_comes_and_goes_is_no_constant_slip(hidden, driver):
     found = told(ALIKE, **hidden)
     assert found.verdict == "unknown" and found.unknown.driver == driver

@@ -96,11 +96,11 @@ class _Trial:
             besides, without = link.besides(*times).reshape(*x.shape, -1), np.zeros_like(x)
             besides = np.concatenate([besides, besides])
         x = np.concatenate([x, without])
-        y, noise = (np.broadcast_to(one, (len(x), *one.shape)) for one in (measured, link.noise))
+        y, noise = measured[None], np.broadcast_to(link.noise, (len(x), len(link.noise)))
         related, unrelated = np.split(scores(x, y, link.groups, noise, besides, link.slack), [len(since)])
         if not must_follow:
             return related - unrelated
-        exact, unrelated = float(most(y[:1], link.groups, noise[:1])[0]), np.broadcast_to(unrelated, related.shape)
+        exact, unrelated = float(most(y, link.groups, noise[:1])[0]), np.broadcast_to(unrelated, related.shape)
         followed = [following(one, other, exact) for one, other in zip(related, unrelated, strict=True)]
         return np.where([f is not None and f >= RELATED for f in followed], related - unrelated, 0.0)
 
