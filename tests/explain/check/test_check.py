@@ -425,6 +425,7 @@ def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
 @pytest.mark.parametrize(("dimension", "share", "fault"), [
     ("track_share", 0.6, "effective_track"), ("track_share", 1.0, "half_track"), ("track_share", 0.3, None),
     ("track_share", 2.0, "effective_track"), ("track_share", -0.5, "half_track"),
+    ("track_share", -0.4, None),
     ("radius_share", -0.5, "counts_per_turn"), ("radius_share", -0.4, None), ("radius_share", 0.6, None),
 ])
 def test_another_size_is_no_factor_of_two(dimension, share, fault):
@@ -432,6 +433,14 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
         two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others={dimension: share}, in_step=True) for i in range(2)
     ]
     assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])
+
+
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("times", [0.3, 1.7, 2.0])
+def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, sound):
+    runs = [changed(run, "kinect", lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, times, 1.0)) for run in sound[robot]]
+    (finding,) = found(runs, robot)
+    assert finding.fault == "wrong_unit" and finding.channel == "kinect" and f"{times:g} times" in finding.what
 
 
 @pytest.mark.parametrize("seed", [100, 300])

@@ -78,7 +78,7 @@ class ConstantSlip(PlantEffect):
     def parameters_of(self, body):
         names = [f"ratio{axis}" for axis in _axes(body)]
         return tuple(
-            Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3, sensible=(-0.01, 0.5)) for name in names
+            Parameter(name, "1", 0.0, -0.5, 0.5, (0.03, 0.1), tolerance=1e-3, sensible=(-0.01, 0.2)) for name in names
         )
 
     def change(self, robot, plant, values):

@@ -9,7 +9,7 @@ from scipy.constants import inch, kilo
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.motion import AS_GIVEN, View
-from drake_ispace.explain.check.compare.regression import SLACK
+from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.wheels import WheelGeometry
 
@@ -18,7 +18,7 @@ LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
 ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
-_TYPED = (0.5, 2.0)  # tracks and half tracks that are taken for each other
+_TYPED = (0.5, 2.0)  # tracks and half tracks, or rooms, that are taken for each other
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 
 
@@ -43,16 +43,16 @@ class Reading:
 
 
 def readings(
-    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0
+    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
     gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
-    model.
+    model. room: how many times as far as the wheels say, the camera sees the robot go.
 
-    Some accuse nobody: as given, no relation at all, none but of the turns, and wheels or a room of another size, which
-    makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the way by the
-    wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
+    Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
+    size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
+    way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
     """
     n = len(geometry.wheels)
     unit = np.eye(n)
@@ -61,7 +61,7 @@ def readings(
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in _SIZES),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
-        *_tracks(unit, times), *_views(unit),
+        *_tracks(unit, times), *_views(unit), *_rooms(unit, room),
     ]
 
 
@@ -111,18 +111,37 @@ def _factors(unit, counts_per_turn, gears):
 
 
 def _tracks(unit, times):
-    """A robot that skids turns less than its wheels say, never more.
+    """A robot that skids turns less than its wheels say, never more; one that turns more has a narrower track.
 
     Where it could be half a track that was typed, within what physics may add, it is taken for that.
     """
-    skids = times > 1.0 and all(abs(times / typed - 1.0) > SLACK for typed in _TYPED)
-    for wide in (*_TYPED, times) if skids else _TYPED:
-        fault, about = ("half_track", "") if wide in _TYPED else ("effective_track", "about ")
-        yield Reading(
-            fault, f"the model turns {about}{wide:.2g} times as far as the robot", "model", unit,
-            np.diag([1.0, 1.0, 1.0 / wide]), rare=wide not in _TYPED,
-            advice=f"make the model's track {about}{wide:.2g} times as wide",
-        )
+    for wide in _TYPED:
+        yield _track(unit, "half_track", f"{wide:.2g} times", wide)
+    if times > 1.0 and _typed(times) is None:
+        yield _track(unit, "effective_track", f"about {times:.2g} times", times)
+    elif times < 1.0 and _typed(times) is None:
+        yield Reading("", "a narrower track", "", unit, np.diag([1.0, 1.0, 1.0 / times]))
+
+
+def _track(unit, fault, by, wide):
+    return Reading(
+        fault, f"the model turns {by} as far as the robot", "model", unit, np.diag([1.0, 1.0, 1.0 / wide]),
+        rare=wide not in _TYPED, advice=f"make the model's track {by} as wide",
+    )
+
+
+def _typed(times):
+    """The factor of two that may be meant, within what physics may add; None: neither."""
+    return next((typed for typed in _TYPED if abs(times / typed - 1.0) <= SLACK), None)
+
+
+def _rooms(unit, times):
+    """Places in a unit that nobody knows, so many times as large as physics cannot make them."""
+    size = _typed(times) or times
+    if 0.0 < times and abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
+        view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
+        said = f"places {'' if size in _TYPED else 'about '}{size:.2g} times as large as the wheels say"
+        yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _TYPED)
 
 
 def _views(unit):

@@ -36,7 +36,7 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
         return None
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
     gears, counts = {_gear(*both) for both in motions} - {1.0}, float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, _turns(motions))
+    given = readings(base.geometry, counts, gears, *_sizes(motions))
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
@@ -74,10 +74,15 @@ def _gear(wheels, camera):
     return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
 
 
-def _turns(motions):
-    """How many times as far as the camera sees, the wheels say that the robot turns; motions: of each run."""
-    wheels, camera = (np.linalg.norm(np.concatenate(one)[:, 2]) for one in zip(*motions, strict=True))
-    return float(wheels / camera) if min(wheels, camera) > 0.0 else 1.0
+def _sizes(motions):
+    """How many times as far as the camera sees, the wheels turn the robot, and how many times as far as the wheels say,
+    the camera sees it go; motions: of each run.
+    """
+    wheels, camera = map(np.concatenate, zip(*motions, strict=True))
+    turns, ways = (np.linalg.norm(wheels[:, part]) for part in (slice(2, 3), slice(2)))
+    seen_turns, seen_ways = (np.linalg.norm(camera[:, part]) for part in (slice(2, 3), slice(2)))
+    ratio = lambda one, other: float(one / other) if min(one, other) > 0.0 else 1.0  # noqa: E731
+    return ratio(turns, seen_turns), ratio(seen_ways, ways)
 
 
 def _by_drive(run, base, repairs):
