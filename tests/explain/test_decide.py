@@ -207,10 +207,11 @@ def test_an_effect_displaced_for_its_size_stays_a_rival_if_a_size_that_makes_sen
     assert list(sizes(decision)) == ["scale"] and rivals(decision, "scale") == equals
 
 
-def test_no_effect_takes_a_name_at_a_size_that_is_not_its_best():
+@pytest.mark.parametrize("most", [0.75, 0.3])
+def test_no_effect_takes_a_name_at_a_size_that_is_not_its_best(most):
     shapes = {"tilt": SHAPES["tilt"], "scale": SHAPES["tilt"] + 0.05 * pattern(7)}
     tried = [
-        replace(c, parameters=tuple(replace(p, sensible=(-0.1, 0.75)) for p in c.parameters)) for c in made(*shapes)
+        replace(c, parameters=tuple(replace(p, sensible=(-0.1, most)) for p in c.parameters)) for c in made(*shapes)
     ]
     decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], shapes), tried, 0, generics=no_generics)
     ((name, size),) = sizes(decision).items()

@@ -15,9 +15,9 @@ def with_rivals(decision: Decision) -> Decision:
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
-    nearest size that does. A rival whose best size makes sense takes the place of a named effect whose size makes none,
-    of one that does no better with more parameters, and of one that becomes the rival at some value of its shape. An
-    effect that was asked for stays.
+    nearest size that does, unless the named effect's size makes none either. A rival whose best size makes sense takes
+    the place of a named effect whose size makes none, of one that does no better with more parameters, and of one that
+    becomes the rival at some value of its shape. An effect that was asked for stays.
     """
     for effect in decision.named.point:
         fits_of = _rivals(decision, effect)
@@ -47,9 +47,9 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         if other.name not in taken and screen.knows(effect) and not other.generalises(effect)
         and (_changes_shape(effect, other) or screen.alike(effect, other, list(rest)) >= _LEAST_LIKENESS)
     ]
-    likelihood, rivals = decision.end.likelihood, []
+    likelihood, rivals, makes_sense = decision.end.likelihood, [], effect.makes_sense(named.point[effect])
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
-        fitted = _sensible(likelihood, other, best)
+        fitted = _sensible(likelihood, other, best) if makes_sense else best
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
         limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.total_gain)
         told = [rival.candidate.name for rival, _ in rivals]
