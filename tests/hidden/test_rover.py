@@ -29,6 +29,27 @@ def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     assert found.effects[0].parameters["share"].estimate == pytest.approx(0.015, abs=0.002)
 
 
+def test_a_room_far_too_small_may_be_slip_and_neither_makes_sense():
+    _, found = told({"camera_share": -0.3}, ["constant_slip", "camera_scale", "track_error"])
+    (effect,) = found.effects
+    assert found.verdict == "incomplete" and {effect.name, *effect.equivalents} == {"constant_slip", "camera_scale"}
+
+
+def test_a_drive_may_be_half_a_second_late():
+    runs = [two_wheels.drive(720 + i, 9.0, 0.0, 0.0, 0.0, others={"delay_s": 0.5}, in_step=True) for i in range(3)]
+    found = di.explain(two_wheels.model(), runs, (), [di.effects()[n] for n in ("velocity_delay", "velocity_lag")])
+    (effect,) = found.effects
+    assert found.verdict == "named" and effect.name == "velocity_delay"
+    assert effect.parameters["delay_s"].estimate == pytest.approx(0.5, abs=0.003)
+
+
+def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
+    _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
+    (effect,) = found.effects
+    assert found.verdict == "incomplete" and effect.name == "single_wheel_radius_error" and not found.data
+    assert effect.parameters["share"].estimate == pytest.approx(0.2, abs=0.002)
+
+
 def test_wheels_without_a_command_cannot_tell_a_larger_wheel_from_an_encoder_that_shows_less():
     run = two_wheels.drive(3, 6.0, left_share=0.0, late_s=0.0, lag_s=0.0)
     run = replace(run, channels={c: run.channels[c] for c in ("encoder", "kinect")})

@@ -34,7 +34,7 @@ class VelocityDelay(Delay, VelocityEffect):
         excitation="steps of the command: a lag rounds them, a delay shifts them; a late camera shifts the pose alone, "
         "not the encoders",
     )
-    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.3, (0.01, 0.05), tolerance=1e-3, shifts=True),)
+    parameters = (Parameter("delay_s", "s", 0.0, 0.0, 0.7, (0.01, 0.05), tolerance=1e-3, shifts=True),)
     output, update = delayed, remember_commands
 
 
