@@ -24,3 +24,7 @@ def test_groups_that_differ_spread_as_far_as_they_do():
 
 def test_a_group_whose_variance_nobody_knows_says_nothing():
     assert _spread(np.array([0.0, 100.0]), np.array([1.0, 0.0]), np.array([30.0, 0.0])) == 0.0
+
+
+def test_beside_a_group_that_outweighs_all_others_nobody_can_tell():
+    assert _spread(np.array([0.0, 3.0, 5.0]), np.array([1e-40, 1.0, 1.0]), np.full(3, 30.0)) == 0.0
