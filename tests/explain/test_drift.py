@@ -26,5 +26,6 @@ def test_a_group_whose_variance_nobody_knows_says_nothing():
     assert _spread(np.array([0.0, 100.0]), np.array([1.0, 0.0]), np.array([30.0, 0.0])) == 0.0
 
 
-def test_beside_a_group_that_outweighs_all_others_nobody_can_tell():
-    assert _spread(np.array([0.0, 3.0, 5.0]), np.array([1e-40, 1.0, 1.0]), np.full(3, 30.0)) == 0.0
+def test_a_group_that_outweighs_all_others_does_not_hide_that_they_differ():
+    spread = _spread(np.array([0.0, 3.0, 5.0]), np.array([1e-40, 1.0, 1.0]), np.full(3, 30.0))
+    assert spread == pytest.approx(np.sqrt((3.0**2 + 5.0**2 - 2.0) / 3.0))

@@ -78,7 +78,7 @@ def _spread(estimates, variances, freedoms):
     squares = np.sum(weights * (estimates - np.average(estimates, weights=weights)) ** 2)
     doubt = np.sum((1.0 - weights / weights.sum()) ** 2 / freedoms) / (groups**2 - 1.0)
     ratio = squares / by_chance / (1.0 + 2.0 * (groups - 2.0) * doubt)
-    spare = weights.sum() - np.sum(weights**2) / weights.sum()  # 0 where one outweighs all others: nobody can tell
-    if not spare > 0.0 or f.sf(ratio, by_chance, 1.0 / (3.0 * doubt)) >= CHANCE:
+    if f.sf(ratio, by_chance, 1.0 / (3.0 * doubt)) >= CHANCE:
         return 0.0
-    return float(np.sqrt((squares - by_chance) / spare * by_chance / groups))
+    variance = (squares - by_chance) / np.sum(weights * (1.0 - weights / weights.sum()))
+    return float(np.sqrt(variance * by_chance / groups))
