@@ -5,8 +5,9 @@ the deviance enough. They are taken away again where the others suffice. Every c
 same noise, which is learned anew with each effect: what a large effect explains says nothing of a small one.
 
 An effect that does nearly as well as a named one is its rival. Where a generic disagreement does better than every
-single effect, effects are tried together all the same: a model may lack several. If they do no better, the verdict is
-"unknown"; if they do, "unknown" is kept as the answer should they not suffice on unseen runs.
+single effect, effects are tried all the same: first those that do best under the noises that they leave themselves,
+then several together. If they do no better, the verdict is "unknown"; if they do, "unknown" is kept as the answer
+should they not suffice on unseen runs.
 """
 
 from collections.abc import Callable, Sequence
@@ -54,7 +55,7 @@ def decide(
     survey_at = partial(survey, prediction, candidates=candidates, generics=generics)
     tell("looking at every effect")
     current = survey_at({})
-    decision, doubt = None, None
+    decision, doubt, settled = None, None, None
     while True:
         largest = trials(current.screen, current.by_instant, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
@@ -64,6 +65,9 @@ def decide(
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
             doubt = Doubt(decision, current, unknown, _leader(proposals))
+            if settled is None and (known := _settled(survey_at, doubt, proposals, tell)) is not None:
+                settled, doubt, proposals, decision, current = doubt, None, None, known, known.end
+                continue
         is_further = bool(current.point) or doubt is not None
         leader = _leader([p for p in proposals if not is_further or p.gain >= least_further(p.candidate)])
         if not detection.found or leader is None or len(current.point) == MOST_EFFECTS:
@@ -81,12 +85,14 @@ def decide(
         proposals, decision = None, decision.with_named(current, best)
     known, near_best = (proposals, largest) if decision.end is current else (), partial(survey_at, near=True)
     if doubt is None:
-        return _finished(decision, near_best, seed, known)
+        finished = _finished(decision, near_best, seed, known)
+        finished.otherwise = settled and settled.otherwise
+        return finished
     if not doubt.is_resolved_by(decision):
         leaders = [] if doubt.leader is None else [doubt.leader]
         return _finished(doubt.decided, near_best, seed, () if doubt.before.named is not None else (leaders, None))
     finished = _finished(decision, survey_at, seed, known)
-    finished.otherwise = doubt.decided if doubt.before.named is None else None
+    finished.otherwise = (settled or doubt).otherwise
     return finished
 
 
@@ -100,6 +106,22 @@ def _far(survey_at, point) -> tuple[Survey, Fit]:
     before = survey_at(point)
     best = fit(before.likelihood, point)
     return survey_at(best.point, whitening=before.likelihood.whitening), best
+
+
+def _settled(survey_at, doubt, proposals, tell) -> Decision | None:
+    """The Decision that names the effect that does best under the noises that effects leave, if that ends the doubt.
+
+    Noise that was learned while an effect was missing may have swallowed most of it, and a generic disagreement with a
+    memory of its own takes up what is left.
+    """
+    if doubt.leader is None:
+        return None
+    point = _best_near(doubt.survey, proposals, doubt.leader, 0.0).point
+    tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
+    end = survey_at(point, near=True)
+    best = fit(end.likelihood, point)
+    decision = doubt.before.with_named(end.moved(best), best)
+    return decision if not believed(decision.end) and doubt.is_resolved_by(decision) else None
 
 
 def _finished(decision, survey_at, seed, known=()) -> Decision:
@@ -154,14 +176,18 @@ def detection_of(
     return detection
 
 
-def _best_near(current: Survey, proposals: Sequence[Proposal], leader: Proposal) -> Fit:
+def _best_near(
+    current: Survey, proposals: Sequence[Proposal], leader: Proposal, least: float = _NEAR_GAIN
+) -> Fit:
     """The fit of the leader, or of a proposal near it that does better under the noises that all of these leave.
 
     Under noise that was learned while an effect was missing, a look-alike may gain more than the effect.
+
+    least: share of the leader's gain from which on a proposal is near.
     """
     near = [
         proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)
-        if proposal.penalised_gain > _NEAR_GAIN * leader.penalised_gain and proposal is not leader
+        if proposal.penalised_gain > least * leader.penalised_gain and proposal is not leader
     ]
     followed = [leader, *near[:_MOST_NEAR]]
     settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]

@@ -77,6 +77,11 @@ class Doubt:
         nearest = None if self.leader is None else (self.leader.candidate, self.leader.gain)
         return replace(self.before, unknown=(self.unknown.generic, self.unknown.gain), nearest=nearest)
 
+    @property
+    def otherwise(self) -> Decision | None:
+        """The disagreement as the answer should effects that end the doubt not suffice; None where some were named."""
+        return self.decided if self.before.named is None else None
+
     def is_resolved_by(self, decision: Decision) -> bool:
         """Whether the effects that `decision` names explain as much.
 
