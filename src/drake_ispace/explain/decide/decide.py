@@ -65,7 +65,7 @@ def decide(
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
             doubt = Doubt(decision, current, unknown, _leader(proposals))
-            if settled is None and (known := _settled(survey_at, doubt, proposals, tell)) is not None:
+            if (known := _settled(survey_at, doubt, proposals, tell)) is not None:
                 settled, doubt, proposals, decision, current = doubt, None, None, known, known.end
                 continue
         is_further = bool(current.point) or doubt is not None
@@ -111,10 +111,10 @@ def _far(survey_at, point) -> tuple[Survey, Fit]:
 def _settled(survey_at, doubt, proposals, tell) -> Decision | None:
     """The Decision that names the effect that does best under the noises that effects leave, if that ends the doubt.
 
-    Noise that was learned while an effect was missing may have swallowed most of it, and a generic disagreement with a
+    None if it does not, or if the doubt is beside effects that are named already. Noise that was learned while an effect was missing may have swallowed most of it, and a generic disagreement with a
     memory of its own takes up what is left.
     """
-    if doubt.leader is None:
+    if doubt.leader is None or doubt.before.named is not None:
         return None
     point = _best_near(doubt.survey, proposals, doubt.leader, 0.0).point
     tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
