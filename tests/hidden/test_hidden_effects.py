@@ -155,6 +155,13 @@ def test_effects_that_look_alike_are_returned_together():
     assert record["closed"] is None or record["closed"] > 0.8
 
 
+@pytest.mark.slow
+def test_an_effect_that_noise_swallows_is_not_unknown():
+    """A pitch inertia of 2.25 times: noise learned without it takes most of it, a drag that is not there the rest."""
+    record = diagnose(Case("pendulum", "effect", "inertia_error", 0.5, 1.0, 0))
+    assert record["verdict"] == "named" and record["names"] == ["inertia_error"], record
+
+
 @pytest.mark.slow  # with a few effects to choose from, and shorter runs: test_outside.py
 def test_an_effect_out_of_the_library_gets_no_wrong_name():
     record = told(Case("omni", "unknown", "cable_pull", 1.0, 1.0, 0))
