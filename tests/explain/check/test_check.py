@@ -438,7 +438,8 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
 @pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize("times", [0.3, 1.7, 2.0])
 def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, sound):
-    runs = [changed(run, "kinect", lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, times, 1.0)) for run in sound[robot]]
+    larger = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, times, 1.0)  # noqa: E731
+    runs = [changed(run, "kinect", larger) for run in sound[robot]]
     (finding,) = found(runs, robot)
     assert finding.fault == "wrong_unit" and finding.channel == "kinect" and f"{times:g} times" in finding.what
 

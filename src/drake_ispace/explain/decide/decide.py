@@ -84,15 +84,13 @@ def decide(
             current, best = _far(survey_at, leader.fit.point)
         proposals, decision = None, decision.with_named(current, best)
     known, near_best = (proposals, largest) if decision.end is current else (), partial(survey_at, near=True)
-    if doubt is None:
-        finished = _finished(decision, near_best, seed, known)
-        finished.otherwise = settled and settled.otherwise
-        return finished
-    if not doubt.is_resolved_by(decision):
+    if doubt is None or doubt.is_resolved_by(decision):
+        finished = _finished(decision, near_best if doubt is None else survey_at, seed, known)
+    else:
         leaders = [] if doubt.leader is None else [doubt.leader]
-        return _finished(doubt.decided, near_best, seed, () if doubt.before.named is not None else (leaders, None))
-    finished = _finished(decision, survey_at, seed, known)
-    finished.otherwise = (settled or doubt).otherwise
+        finished = _finished(doubt.decided, near_best, seed, () if doubt.before.named is not None else (leaders, None))
+    first = settled or doubt
+    finished.otherwise = first.otherwise if first is not None and finished.named is not None else None
     return finished
 
 
@@ -111,8 +109,8 @@ def _far(survey_at, point) -> tuple[Survey, Fit]:
 def _settled(survey_at, doubt, proposals, tell) -> Decision | None:
     """The Decision that names the effect that does best under the noises that effects leave, if that ends the doubt.
 
-    None if it does not, or if the doubt is beside effects that are named already. Noise that was learned while an effect was missing may have swallowed most of it, and a generic disagreement with a
-    memory of its own takes up what is left.
+    None if it does not, or if the doubt is beside effects that are named already. Noise that was learned while an
+    effect was missing may have swallowed most of it, and a disagreement with a memory of its own takes up what is left.
     """
     if doubt.leader is None or doubt.before.named is not None:
         return None
@@ -181,9 +179,8 @@ def _best_near(
 ) -> Fit:
     """The fit of the leader, or of a proposal near it that does better under the noises that all of these leave.
 
-    Under noise that was learned while an effect was missing, a look-alike may gain more than the effect.
-
-    least: share of the leader's gain from which on a proposal is near.
+    Under noise that was learned while an effect was missing, a look-alike may gain more than the effect. least: share
+    of the leader's gain from which on a proposal is near.
     """
     near = [
         proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)

@@ -138,7 +138,7 @@ def _typed(times):
 def _rooms(unit, times):
     """Places in a unit that nobody knows, so many times as large as physics cannot make them."""
     size = _typed(times) or times
-    if 0.0 < times and abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
+    if abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
         said = f"places {'' if size in _TYPED else 'about '}{size:.2g} times as large as the wheels say"
         yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _TYPED)

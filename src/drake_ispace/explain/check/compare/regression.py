@@ -55,8 +55,8 @@ def scores(
 
     Args:
         x, y: (h, n, d) of n windows, in units in which the d components compare; y also (1, n, d), the same for all
-            hypotheses. groups: of components that share a scale. noise: (h, d) standard deviation of y that sensors alone make. z: (n, d, k), the same for all
-            hypotheses, or (h, n, d, k) motions of any share. slack: of S.
+            hypotheses. groups: of components that share a scale. noise: (h, d) standard deviation of y that sensors
+            alone make. z: (n, d, k), the same for all hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
     shares, residual, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0

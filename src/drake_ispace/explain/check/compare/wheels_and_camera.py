@@ -36,7 +36,7 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
         return None
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
     gears, counts = {_gear(*both) for both in motions} - {1.0}, float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, *_sizes(motions))
+    given = readings(base.geometry, counts, gears, *_ratios(motions))
     rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
@@ -74,7 +74,7 @@ def _gear(wheels, camera):
     return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
 
 
-def _sizes(motions):
+def _ratios(motions):
     """How many times as far as the camera sees, the wheels turn the robot, and how many times as far as the wheels say,
     the camera sees it go; motions: of each run.
     """
