@@ -115,7 +115,7 @@ def test_a_diagram_without_commands_leaves_them_out():
 
 @pytest.mark.parametrize("override, message", [
     ("velocity_delay.delay_s=-0.01", r"rover.effects.velocity_delay.delay_s: expected at least 0 \[s\], got -0.01"),
-    ("velocity_delay.delay_s=0.4", r"expected at most 0.3 \[s\]"),
+    ("velocity_delay.delay_s=0.8", r"expected at most 0.7 \[s\]"),
     ("velocity_saturation.limit_m_s=0", r"velocity_saturation.limit_m_s: expected at least 1e-06 \[m/s\], got 0"),
     ("velocity_gain.share=0.1", "velocity_gain.share: unknown parameter, did you mean 'share_y'"),
     ("velocity_lag.time_constant_s=.inf", "expected a finite number"),
