@@ -53,6 +53,7 @@ def decide(
             every step. generics: signatures of generic disagreements.
     """
     survey_at = partial(survey, prediction, candidates=candidates, generics=generics)
+    near_best = partial(survey_at, near=True)
     tell("looking at every effect")
     current = survey_at({})
     decision, doubt, settled = None, None, None
@@ -65,7 +66,7 @@ def decide(
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
             doubt = Doubt(decision, current, unknown, _leader(proposals))
-            if (known := _settled(survey_at, doubt, proposals, tell)) is not None:
+            if (known := _settled(near_best, doubt, proposals, tell)) is not None:
                 settled, doubt, proposals, decision, current = doubt, None, None, known, known.end
                 continue
         is_further = bool(current.point) or doubt is not None
@@ -76,14 +77,12 @@ def decide(
             point = _best_near(current, proposals, leader).point
             tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
             decision, current = decision.light(), None  # two surveys at once would take twice the memory
-            current = survey_at(point, near=True)
-            best = fit(current.likelihood, point)
-            current = current.moved(best)
+            decision = refitted(near_best, decision, point)
         else:  # far from the best point, where the past of the residuals is mostly effects and not the noise's memory
             tell(f"looking again with {', '.join(candidate.label for candidate in leader.fit.point)}")
-            current, best = _far(survey_at, leader.fit.point)
-        proposals, decision = None, decision.with_named(current, best)
-    known, near_best = (proposals, largest) if decision.end is current else (), partial(survey_at, near=True)
+            decision = decision.with_named(*_far(survey_at, leader.fit.point))
+        proposals, current = None, decision.end
+    known = (proposals, largest) if decision.end is current else ()
     if doubt is None or doubt.is_resolved_by(decision):
         finished = _finished(decision, near_best if doubt is None else survey_at, seed, known)
     else:
@@ -100,13 +99,13 @@ def _leader(proposals) -> Proposal | None:
 
 
 def _far(survey_at, point) -> tuple[Survey, Fit]:
-    """The effects of `point` fitted under the noise that they leave there, and the survey at the fit."""
+    """The survey at the fit of the effects of `point` under the noise that they leave there, and the fit."""
     before = survey_at(point)
     best = fit(before.likelihood, point)
     return survey_at(best.point, whitening=before.likelihood.whitening), best
 
 
-def _settled(survey_at, doubt, proposals, tell) -> Decision | None:
+def _settled(near_best, doubt, proposals, tell) -> Decision | None:
     """The Decision that names the effect that does best under the noises that effects leave, if that ends the doubt.
 
     None if it does not, or if the doubt is beside effects that are named already. Noise that was learned while an
@@ -116,9 +115,7 @@ def _settled(survey_at, doubt, proposals, tell) -> Decision | None:
         return None
     point = _best_near(doubt.survey, proposals, doubt.leader, 0.0).point
     tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
-    end = survey_at(point, near=True)
-    best = fit(end.likelihood, point)
-    decision = doubt.before.with_named(end.moved(best), best)
+    decision = refitted(near_best, doubt.before, point)
     return decision if not believed(decision.end) and doubt.is_resolved_by(decision) else None
 
 

@@ -117,12 +117,13 @@ def _at_lag(link, base, lag_s, spoilt):
     for group in map(list, link.groups):
         x, y, noise = predicted[:, group], link.measured[kept][:, group], link.noise[group]
         z, slack = None if besides is None else besides[:, group], link.slack
-        if others := [j for j in range(len(link.noise)) if j not in group and link.channel == "kinect"]:
+        if link.channel == "kinect":
+            others = [j for j in range(len(link.noise)) if j not in group]
             z, slack = np.stack([predicted[:, others]] * len(group), axis=1), replace(slack, besides=SLACK)
         # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
         own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
         if all(moving(motion, noise) for motion in own):
-            both, every = (np.stack([x, 0.0 * x]), np.stack([y, y])), (tuple(range(len(group))),)
+            both, every = (np.stack([x, 0.0 * x]), y[None]), (tuple(range(len(group))),)
             given, unrelated = scores(*both, every, np.stack([noise, noise]), z, slack)
             found.append(_related(float(given), float(unrelated), float(most(y[None], every, noise[None])[0])))
     return min((one for one in found if one is not None), key=lambda one: one.share, default=None)

@@ -117,9 +117,11 @@ def _tracks(unit, times):
     """
     for wide in _TYPED:
         yield _track(unit, "half_track", f"{wide:.2g} times", wide)
-    if times > 1.0 and _typed(times) is None:
+    if _typed(times) is not None:
+        return
+    if times > 1.0:
         yield _track(unit, "effective_track", f"about {times:.2g} times", times)
-    elif times < 1.0 and _typed(times) is None:
+    elif times < 1.0:
         yield Reading("", "a narrower track", "", unit, np.diag([1.0, 1.0, 1.0 / times]))
 
 

@@ -58,9 +58,10 @@ def scores(
             hypotheses. groups: of components that share a scale. noise: (h, d) standard deviation of y that sensors
             alone make. z: (n, d, k), the same for all hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
+    x, y = _by_component(x), _by_component(y)
     shares, residual, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
-    return _likelihood(residual, _by_component(y), groups, noise) - improbable
+    return _likelihood(residual, y, groups, noise) - improbable
 
 
 def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
@@ -88,7 +89,7 @@ def _likelihood(residual, y, groups, noise):
 
 def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
     """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
-    return _fitted(x[None], y[None], z, PHYSICS)[1][0].T
+    return _fitted(x.T[None], y.T[None], z, PHYSICS)[1][0].T
 
 
 def _by_component(motions):
@@ -99,19 +100,19 @@ def _by_component(motions):
 def _fitted(x, y, z, slack):
     """S (h, d, d) and residuals (h, d, n) at the most probable S and f, by iteratively weighted least squares.
 
-    Also (h,) how improbable f is, as a loss of log likelihood.
+    Also (h,) how improbable f is, as a loss of log likelihood. x, y: (h, d, n); z: as of `scores`.
     """
-    h, n, d = x.shape
+    h, d, n = x.shape
     z = np.zeros((n, d, 0)) if z is None else z
     k, size = z.shape[-1], np.sqrt((z**2).mean(axis=-3) + 1e-24)
-    certain, x = 1.0 / (slack.besides * size) ** 2, _by_component(x)
+    certain = 1.0 / (slack.besides * size) ** 2
     design = np.empty((h, d, d + k, n))
     design[:, :, :d], design[:, :, d:] = x[:, None], np.moveaxis(z, -3, -1) / size[..., None]
     prior = np.zeros((*certain.shape[:-1], d + k, d + k))
     prior[..., range(d), range(d)] = 1.0 / slack.stds(d) ** 2
     prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
-    apart = residual = _by_component(y) - x
+    apart = residual = y - x
     least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
     for _ in range(_ROUNDS):
         scale = np.maximum(_scale(residual), least)[..., None]
