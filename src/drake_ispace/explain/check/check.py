@@ -149,8 +149,8 @@ class _Search:
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
-        follows = repaired and command_columns_of(*recorded) is None  # such a drive makes the wheels' mistake
-        self._agreed(COMMAND, (lambda runs, bases: None) if follows else command_columns_of)
+        follows = repaired and not command_columns_of(*recorded)  # such a drive makes the wheels' mistake
+        self._agreed(COMMAND, (lambda runs, bases: []) if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))
@@ -194,7 +194,7 @@ class _Search:
             columns = find(self.runs, self._bases())
             times = self._clocks(channel)
             late = sum(finding.drop_in_deviance for finding in times)
-            found = [columns] if columns is not None and columns.drop_in_deviance >= late else times
+            found = columns if columns and columns[0].drop_in_deviance >= late else times
             if not {(finding.fault, finding.runs) for finding in found} - known:
                 return
             known |= {(finding.fault, finding.runs) for finding in found}

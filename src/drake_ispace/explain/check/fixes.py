@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.explain.check.compare.links import Base
-from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion
+from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, step_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Dropped, Turned
 from drake_ispace.files.recording import Recording
@@ -24,22 +24,23 @@ def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     if kinect is None or len(kinect.t) < 2:
         return
     place, phi = kinect.values[:, :2], kinect.column("phi")
-    spikes = _spikes(kinect.t, lambda i, j: np.linalg.norm(place[j] - place[i], axis=-1))
+    rounded = 2.0 * max(step_of(column) for column in place.T)  # makes less of no motion
+    spikes = _spikes(kinect.t, lambda i, j: np.linalg.norm(place[j] - place[i], axis=-1), least=rounded)
     if np.ptp(phi) <= 6.0 * _QUARTER:  # a turn to wrap by and half a turn; beyond, headings may be in degrees
         spikes += _spikes(kinect.t, lambda i, j: np.abs(wrap(phi[j] - phi[i])), 0.5 * _QUARTER)
     if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
         yield off(kinect.t, sorted(set(spikes)), number)
 
 
-def _spikes(t, distance, no_motion=None):
+def _spikes(t, distance, no_motion=None, least=0.0):
     """The first and the last fix of each group that is off, the shortest groups first.
 
     distance: between fixes i and j. no_motion: what no motion makes from one fix to the next; after such a step near
-    the run's begin, or before one near its end, fixes are right, and those beyond it are off. None: not known.
+    the run's begin, or before one near its end, fixes are right, and those beyond it are off. None: not known. least: step that is not large.
     """
     k = np.arange(len(t) - 1)
     steps = distance(k, k + 1)
-    large = np.flatnonzero(steps > max(no_motion or 0.0, _SPIKE_STEPS * np.quantile(steps, 0.9)))
+    large = np.flatnonzero(steps > max(no_motion or least, _SPIKE_STEPS * np.quantile(steps, 0.9)))
     ends = np.searchsorted(t[large], t[large + 1] + WINDOW_S, side="right")
     pairs = [(int(large[m]), int(j)) for m, end in enumerate(ends) for j in large[m + 1 : end]]
     spikes, used = [], set()

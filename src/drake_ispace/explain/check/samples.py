@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.motion import WINDOW_S
+from drake_ispace.explain.check.compare.motion import WINDOW_S, step_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without
@@ -29,14 +29,16 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
         size = np.abs(steps)
         if len(size) < 2 * _BLOCK or not (size > 0.0).any():
             continue
-        usual = max(np.quantile(size, 0.98), np.median(size[size > 0.0]))
+        # of steps that are far enough below a turn to be told from it, no more than that share starts anew
+        usual = max(np.quantile(size, 1.0 - 1.0 / LEAP), np.median(size[size > 0.0]))
         far = size > LEAP * usual
         if not far.any():
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
         exact = np.abs(steps[far] - motion)
         alike = np.abs(exact - np.median(exact)) < usual  # which is how far a wheel moves besides
-        if np.mean(alike) > 0.5 and np.mean(np.sign(steps[far][alike]) == np.sign(motion[alike])) < 0.2:
+        along = np.sign(steps[far]) * motion  # at rest near the end of a turn a wheel starts anew either way
+        if np.mean(alike) > 0.5 and np.maximum(along, 0.0)[alike].sum() < 0.2 * np.abs(along)[alike].sum():
             heights.append(exact[alike])
             columns.append(name)
             off = max(off, usual)
@@ -212,16 +214,12 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
             continue
         coarse = []
         for column in channel.columns[: 3 if name == "kinect" else None]:
-            values = np.unique(channel.column(column))
-            if len(values) < 3 or len(values) > len(channel.t) / 4:
-                continue
-            steps = np.diff(values)
-            step = float(steps.min())
-            whole = np.abs(steps / step - np.rint(steps / step)).max() < 1e-3
+            values = channel.column(column)
+            step = step_of(values)
             is_coarse = step > max(np.ptp(values) / _STEPS, _FINE if name == "kinect" else 0.0)
             if name == "encoder" and counts_per_turn > 0.0:
                 is_coarse = round(step * counts_per_turn / (2.0 * np.pi)) > 1
-            if whole and is_coarse:
+            if is_coarse:
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
             yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)

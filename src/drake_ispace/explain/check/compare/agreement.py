@@ -27,14 +27,15 @@ UNRELATED = "no relation"
 class Hypothesis(Protocol):
     """A way to read a channel: fault (empty: as given), in words, and advice.
 
-    rare: whether it is less probable than others, such as two mistakes at the same time; it is then no rival of another
-    one that explains as much.
+    rare: whether it is less probable than others, such as a mistake of many wheels; it is then no rival of another one
+    that explains as much. of: the mistakes that it consists of; empty: it is one, or none.
     """
 
     fault: str
     what: str
     rare: bool
     advice: str
+    of: tuple["Hypothesis", ...]
 
 
 @dataclass(frozen=True)
@@ -66,14 +67,22 @@ def following(related: float, unrelated: float, exact: float) -> float | None:
     return (related - unrelated) / (exact - unrelated)
 
 
+def mistakes(hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
+    """Those that a hypothesis consists of, each by itself."""
+    return hypothesis.of or (hypothesis,) if hypothesis.fault else ()
+
+
 def row(hypotheses: Sequence[Hypothesis], *parts: Part | None) -> Row:
     """All comparisons of one run. Of many mistakes that are tried each is as many times less probable."""
     present = [part for part in parts if part is not None]
     if not present:
         return Row(np.zeros(len(hypotheses)))
-    many = np.log(len(hypotheses))
-    losses = np.array([ALIKE * hypothesis.rare + many * bool(hypothesis.fault) for hypothesis in hypotheses])
-    return Row(sum(part.scored for part in present) - losses, sum(part.most for part in present))
+    return Row(sum(part.scored for part in present) - _losses(hypotheses), sum(part.most for part in present))
+
+
+def _losses(hypotheses):
+    many = np.log(sum(not hypothesis.of for hypothesis in hypotheses))
+    return np.array([ALIKE * hypothesis.rare + many * len(mistakes(hypothesis)) for hypothesis in hypotheses])
 
 
 def part(
@@ -86,14 +95,15 @@ def part(
 def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:
     """(runs, hypotheses) by how much each is more likely than those that accuse nobody.
 
-    One that leaves the channel nearly as unrelated to the motion as before is no explanation, and gains nothing.
+    One that leaves the channel nearly as unrelated to the motion as before is no explanation, and gains nothing; two
+    mistakes at once must explain what made them be tried.
     """
+    required = np.array([(2.0 if hypothesis.of else 1.0) * RELATED for hypothesis in hypotheses])
     innocent = [not hypothesis.fault for hypothesis in hypotheses]
-    unrelated = [hypothesis.what == UNRELATED for hypothesis in hypotheses].index(True)
-    found = []
+    unrelated, found = _unrelated(hypotheses), []
     for one in rows:
         gain = one.scored - one.scored[innocent].max()
-        least = one.scored[unrelated] + max(RELATED * (one.most - one.scored[unrelated]), SAID)
+        least = one.scored[unrelated] + np.maximum(required * (one.most - one.scored[unrelated]), SAID)
         found.append(np.where(one.scored >= least, gain, np.minimum(gain, 0.0)))
     return np.array(found)
 
@@ -111,40 +121,59 @@ def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
 
 
 def disagreement(
-    rows: Sequence[Row], hypotheses: Sequence[Hypothesis], channel: Callable[[Any], str],
+    rows_of: Callable[[Sequence[Any]], list[Row]], hypotheses: Sequence[Hypothesis],
+    pairs: Callable[[], Sequence[Hypothesis]], channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any], float] | None = None,
     against: Callable[[int, Any], float] | None = None,
-) -> Finding | None:
-    """The hypothesis under which the runs agree with the wheels, as a finding; None where they do as given.
+) -> list[Finding]:
+    """The hypothesis under which the runs agree with the wheels, as a finding for each of its mistakes.
 
-    rows: of each run. channel, repairs: of a hypothesis. casting: a log likelihood of a hypothesis by other channels,
-    which decides between those that are alike. against: of a run's number and a hypothesis, how much parts of the run
-    speak against it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run.
+    Empty where they do as given. Two mistakes at once are tried where after any single one no run follows the wheels well.
+
+    rows_of: some hypotheses, of each run. pairs: hypotheses of two mistakes. channel, repairs: of a hypothesis.
+    casting: a log likelihood of a hypothesis by other channels, which decides between those that are alike.
+    against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
+    likelihood: what explains some seconds is no mistake of the whole run.
     """
+    rows = rows_of(hypotheses)
+    told = [follows for follows in (_follows(one, hypotheses) for one in rows) if follows is not None]
+    if told and max(told) < 2.0 * RELATED:
+        hypotheses = [*hypotheses, *pairs()]
+        rows = rows_of(hypotheses)
     each = gains(rows, hypotheses)
     while True:
         found = best(each)
         if found is None:
-            return None
+            return []
         k, which, gain = found
         odd = [i for i in which if against is not None and each[i, k] > 0.0 and against(i, hypotheses[k]) > ALIKE]
         if not odd:
             break
         each[odd, k] = -np.inf
     together = np.maximum(each, 0.0).sum(axis=0)
-    alike = [j for j in np.flatnonzero(together > gain - ALIKE).tolist() if hypotheses[j].fault]
-    if casting is not None and len({hypotheses[j].fault for j in alike}) > 1:
-        k = max(alike, key=lambda j: together[j] + casting(hypotheses[j]))
+    alike = [j for j in np.argsort(-together).tolist() if together[j] > gain - ALIKE and hypotheses[j].fault]
+    if casting is not None:
+        plain = together + sum(bool(one.scored.any()) for one in rows) * _losses(hypotheses)
+        equal = [j for j in np.flatnonzero(plain > plain[k] - ALIKE).tolist() if hypotheses[j].fault and together[j] > 0.0]
+        k = max(equal, key=lambda j: together[j] + casting(hypotheses[j])) if len(equal) > 1 else k
         which = tuple(np.flatnonzero(each[:, k] >= -ALIKE).tolist())
-    chosen, rivals = hypotheses[k], []
-    for j in np.argsort(-together):
-        name = hypotheses[j].fault
-        if together[j] > gain - ALIKE and name not in ("", chosen.fault, *rivals):
-            rivals.append(name)
-    return Finding(
-        chosen.fault, chosen.what, "", which, channel(chosen), drop_in_deviance=2.0 * gain, rivals=tuple(rivals),
-        repairs=repairs(chosen), advice=chosen.advice,
-    )
+    chosen = mistakes(hypotheses[k])
+    names = dict.fromkeys(one.fault for j in alike for one in mistakes(hypotheses[j]))
+    rivals = tuple(name for name in names if name not in [one.fault for one in chosen])
+    return [
+        Finding(one.fault, one.what, "", which, channel(one), drop_in_deviance=2.0 * gain, rivals=rivals,
+                repairs=repairs(one), advice=one.advice)
+        for one in chosen
+    ]
+
+
+def _follows(one, hypotheses):
+    """How well a run follows the wheels at best, as `following`."""
+    return following(one.scored.max(), one.scored[_unrelated(hypotheses)], one.most)
+
+
+def _unrelated(hypotheses):
+    return [hypothesis.what == UNRELATED for hypothesis in hypotheses].index(True)
 
 
 def compared(

@@ -1,5 +1,6 @@
 """Mistakes that the columns of torque, command and IMU may have: signs, order and units, each as a matrix on them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
 
@@ -23,7 +24,7 @@ class Columns:
 
     Attributes:
         fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel
-            says nothing of the robot's motion. advice: none, the data are at fault.
+            says nothing of the robot's motion. advice: none, the data are at fault. of: as of Hypothesis.
     """
 
     fault: str
@@ -33,12 +34,33 @@ class Columns:
     offset: np.ndarray | None = None
     related: float = 1.0
     advice: str = ""
+    of: tuple["Columns", ...] = ()
+
+    def then(self, other: "Columns") -> "Columns":
+        """This mistake and another, of which this one is undone first."""
+        offset = other.offset
+        if self.offset is not None:
+            offset = other.matrix @ self.offset + (0.0 if offset is None else offset)
+        return Columns(
+            f"{self.fault}, {other.fault}", f"{self.what}, and {other.what}", other.matrix @ self.matrix,
+            self.rare or other.rare, offset, of=(self, other),
+        )
 
 
 def innocent(columns: int) -> list[Columns]:
     """The two readings of a channel that accuse nobody."""
     unit = np.eye(columns)
     return [Columns("", "as given", unit), Columns("", UNRELATED, unit, related=0.0)]
+
+
+def pairs(singles: Sequence[Columns]) -> list[Columns]:
+    """All readings in another unit with another mistake besides, but for those that are rare by themselves.
+
+    The unit is undone first.
+    """
+    units = [one for one in singles if one.fault == "wrong_unit"]
+    others = [one for one in singles if one.fault not in ("", "wrong_unit") and not one.rare]
+    return [one.then(other) for one, other in product(units, others)]
 
 
 def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:

@@ -12,6 +12,7 @@ from drake_ispace.explain.check.compare.columns import (
     command_columns,
     gyro_columns,
     innocent,
+    pairs,
     torque_columns,
 )
 from drake_ispace.explain.check.compare.links import (
@@ -42,23 +43,23 @@ _OF_THE_WHEELS = {
 Runs, Bases = Sequence[Recording], Sequence[Base | None]
 
 
-def torque_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+def torque_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
     """The mistake of the torques' columns under which they agree with the wheels' acceleration."""
     base = _first(bases)
     if base is None or base.robot.driven != TORQUE:
-        return None
+        return []
     given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
 
-    def one(run, own):
+    def one(run, own, tried):
         link = torque_link(run, own) if TORQUE in run.channels else None
-        return row(given, None if link is None else _of_wheels(run, own, link, given, effort))
+        return row(tried, None if link is None else _of_wheels(run, own, link, tried, effort))
 
-    finding = _found(runs, bases, given, one, TORQUE, None)
-    if finding is None or base.robot.in_si:
-        return finding
-    return replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault]))
+    found = _found(runs, bases, given, one, TORQUE, None)
+    if base.robot.in_si:
+        return found
+    return [replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault])) for finding in found]
 
 
 def _of_wheels(run, base, link, given, effort):
@@ -78,22 +79,22 @@ def _related(given):
     return np.array([columns.related for columns in given])[:, None, None]
 
 
-def command_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+def command_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
     """The mistake of the command's columns under which it agrees with the wheels' motion."""
     base, given = _first(bases), command_columns()
     if base is None or base.robot.driven != COMMAND:
-        return None
+        return []
     unit = np.array([1.0, 1.0, arm(base.geometry)])
-    matrices = [columns.matrix * unit[:, None] / unit for columns in given]
 
-    def one(run, own):
+    def one(run, own, tried):
         link = command_link(run, own) if COMMAND in run.channels else None
-        return row(given, None if link is None else compared(link, own, matrices, _related(given)))
+        matrices = [columns.matrix * unit[:, None] / unit for columns in tried]
+        return row(tried, None if link is None else compared(link, own, matrices, _related(tried)))
 
     return _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"))
 
 
-def imu_columns_of(runs: Runs, bases: Bases) -> Finding | None:
+def imu_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
     """The mistake of the IMU's columns under which it agrees with gravity and the wheels' motion.
 
     A body that shakes faster than rates can be told from counts leans otherwise than these comparisons say, by which no
@@ -105,8 +106,8 @@ def imu_columns_of(runs: Runs, bases: Bases) -> Finding | None:
     given += [_six(force, force.matrix, unit) for force in accelerometer_columns()]
     given += [_six(both, both.matrix, both.matrix) for both in gyro_columns() if both.fault == "imu_axes"]
 
-    def one(run, own):
-        return row(given, *_imu_parts(run, own, given)) if "imu" in run.channels else row(given)
+    def one(run, own, tried):
+        return row(tried, *_imu_parts(run, own, tried)) if "imu" in run.channels else row(tried)
 
     return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS))
 
@@ -163,11 +164,12 @@ def _first(bases):
 
 
 def _found(runs, bases, given, one, channel, columns):
-    rows = [row(given) if base is None else one(run, base) for run, base in zip(runs, bases, strict=True)]
+    def rows_of(tried):
+        return [row(tried) if base is None else one(run, base, tried) for run, base in zip(runs, bases, strict=True)]
 
     def repairs(reading):
         names = columns or next(run.channels[channel].columns for run in runs if channel in run.channels)
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
-    return disagreement(rows, given, lambda reading: channel, repairs)
+    return disagreement(rows_of, given, lambda: pairs(given), lambda reading: channel, repairs)

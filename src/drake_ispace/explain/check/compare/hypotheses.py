@@ -29,7 +29,7 @@ class Reading:
     Attributes:
         fault: its name; empty: as given. what: in words. channel: that is at fault. rare: as of Hypothesis.
         wheels: (n, n) matrix on the wheels' angles. body: (3, 3) matrix on the motion that the model makes of them.
-        view: of the camera. advice: what to do where the model is at fault.
+        view: of the camera. advice: what to do where the model is at fault. of: as of Hypothesis.
     """
 
     fault: str
@@ -40,6 +40,14 @@ class Reading:
     view: View = AS_GIVEN
     rare: bool = False
     advice: str = ""
+    of: tuple["Reading", ...] = ()
+
+    def then(self, other: "Reading") -> "Reading":
+        """This mistake and another, of which this one is undone first."""
+        return Reading(
+            f"{self.fault}, {other.fault}", f"{self.what}, and {other.what}", other.channel, other.wheels @ self.wheels,
+            other.body @ self.body, self.view.then(other.view), self.rare or other.rare, of=(self, other),
+        )
 
 
 def readings(
@@ -54,15 +62,26 @@ def readings(
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
     way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
     """
-    n = len(geometry.wheels)
-    unit = np.eye(n)
+    unit = np.eye(len(geometry.wheels))
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in _SIZES),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
-        *_tracks(unit, times), *_views(unit), *_rooms(unit, room),
+        *_tracks(unit, times), *_axes(unit), *_units(unit), *_rooms(unit, room),
     ]
+
+
+def pairs(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = ()) -> list[Reading]:
+    """All readings of two mistakes at once, of different kinds; arguments as of `readings`.
+
+    Of several wheels that count backwards or change places only the usual ones, and of axes. Places and headings in
+    other units are one mistake in these.
+    """
+    unit = np.eye(len(geometry.wheels))
+    signs, orders, axes = ([one for one in kind(unit) if not one.rare] for kind in (_wheel_signs, _wheel_orders, _axes))
+    kinds = [list(_factors(unit, counts_per_turn, gears)), signs, orders, list(_units(unit)), axes]
+    return [one.then(other) for kind, others in combinations(kinds, 2) for one, other in product(kind, others)]
 
 
 def _wheel_signs(unit):
@@ -146,10 +165,8 @@ def _rooms(unit, times):
         yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _TYPED)
 
 
-def _views(unit):
-    """Axes of the room and sense and zero of the heading; then units of places and headings."""
-    for fault, what, view, rare in _axes():
-        yield Reading(fault, what, "kinect", unit, view=view, rare=rare)
+def _units(unit):
+    """Units of places and headings."""
     for (length, metre), (angle, radian) in product({"m": 1.0, **LENGTHS}.items(), {"rad": 1.0, **ANGLES}.items()):
         units = (f"places in {length}", metre), (f"headings in {angle}", radian)
         wrong = [text for text, factor in units if factor != 1.0]
@@ -158,8 +175,13 @@ def _views(unit):
             yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, rare=len(wrong) > 1)
 
 
-def _axes():
+def _axes(unit):
     """Every distinct way to mistake axes and heading; a room turned by a quarter is a heading that is off by one."""
+    for fault, what, view, rare in _views():
+        yield Reading(fault, what, "kinect", unit, view=view, rare=rare)
+
+
+def _views():
     mirrored = {
         "the y axis is mirrored": ((1.0, 0.0), (0.0, -1.0)), "the x axis is mirrored": ((-1.0, 0.0), (0.0, 1.0)),
     }

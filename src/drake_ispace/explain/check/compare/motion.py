@@ -19,6 +19,11 @@ class View:
     scale: float = 1.0
     offset_rad: float = 0.0
 
+    def then(self, other: "View") -> "View":
+        """This reading, and another of what it gives."""
+        axes = tuple(map(tuple, (np.array(other.axes) @ self.axes).tolist()))
+        return View(axes, other.scale * self.scale, other.scale * self.offset_rad + other.offset_rad)
+
 
 AS_GIVEN = View()
 
@@ -82,12 +87,25 @@ def arm(geometry: WheelGeometry) -> float:
 def camera_noise(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
     """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor.
 
-    From third differences, in which a smooth motion nearly vanishes; a tenth of the fixes may be off.
+    From third differences, in which a smooth motion nearly vanishes; a tenth of the fixes may be off. Places in steps
+    that are rare hide their rounding there.
     """
     values = np.column_stack([kinect.values[:, :2] @ np.array(view.axes).T, heading(kinect, view)])
     if len(values) < 5:
         return np.zeros(3)
-    return np.quantile(np.abs(np.diff(values, n=3, axis=0)), 0.9, axis=0) / (1.645 * np.sqrt(20.0))
+    rounding = np.array([step_of(column) for column in values.T]) / np.sqrt(12.0)
+    changes = np.quantile(np.abs(np.diff(values, n=3, axis=0)), 0.9, axis=0) / (1.645 * np.sqrt(20.0))
+    return np.maximum(rounding, changes)
+
+
+def step_of(values: np.ndarray) -> float:
+    """The step that values (n,) are whole numbers of; 0 where they are not, or where most are different."""
+    levels = np.unique(values)
+    if len(levels) < 3 or len(levels) > len(values) / 4:
+        return 0.0
+    steps = np.diff(levels)
+    step = float(steps.min())
+    return step if np.abs(steps / step - np.rint(steps / step)).max() < 1e-3 else 0.0
 
 
 def has_motion(recording: Recording) -> bool:

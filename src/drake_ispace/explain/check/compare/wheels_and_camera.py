@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import ALIKE, Part, Row, compared, disagreement, part, row
-from drake_ispace.explain.check.compare.hypotheses import Reading, readings
+from drake_ispace.explain.check.compare.agreement import ALIKE, Part, Row, compared, disagreement, mistakes, part, row
+from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     Base,
@@ -25,34 +25,37 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 
-def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> Finding | None:
-    """The mistake of wheels, camera or the model's dimensions under which wheels and camera agree.
+def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Finding]:
+    """The mistakes of wheels, camera or the model's dimensions under which wheels and camera agree.
 
     Where a gyro is there, it takes part: it tells wheels that are mistaken for each other from a mirrored room. So do
     torques or a command, where these two are alike.
     """
     base = next((base for base in bases if base is not None), None)
     if base is None:
-        return None
+        return []
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
     gears, counts = {_gear(*both) for both in motions} - {1.0}, float(base.settings.encoder.counts_per_turn)
     given = readings(base.geometry, counts, gears, *_ratios(motions))
-    rows = [_row(run, own, given) for run, own in zip(runs, bases, strict=True)]
+
+    def rows_of(tried):
+        return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
 
     def casting(reading):
         """How well torques or command agree with the wheels as they are then."""
-        undo = _repairs(reading, base)
+        undo = [repair for one in mistakes(reading) for repair in _repairs(one, base)]
         return sum(_by_drive(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
 
     def against(i, reading):
         """What the thirds of a run lose by the reading, of which a stretch of a few seconds leaves one as it is."""
-        tried = [*(other for other in given if not other.fault), replace(reading, fault="", rare=False)]
+        tried = [*(other for other in given if not other.fault), replace(reading, fault="", rare=False, of=())]
         t = runs[i].channels["kinect"].t
         thirds = [_row(runs[i], bases[i], tried, *ends).scored for ends in pairwise(np.linspace(t[0], t[-1], 4))]
         return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
 
     return disagreement(
-        rows, given, lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against
+        rows_of, given, lambda: pairs(base.geometry, counts, gears), lambda reading: reading.channel,
+        lambda reading: _repairs(reading, base), casting, against,
     )
 
 
