@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.agreement import Agreement
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -17,7 +18,7 @@ from drake_ispace.explain.check.compare.command.setpoints import setpoint_findin
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, links
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, links
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -36,6 +37,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
+_LATE_S = 5.0  # by which a clock may be off that is looked for with other mistakes
 _SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
 
 
@@ -149,8 +151,8 @@ class _Search:
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)
-        follows = repaired and not command_columns_of(*recorded)  # such a drive makes the wheels' mistake
-        self._agreed(COMMAND, (lambda runs, bases: []) if follows else command_columns_of)
+        follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
+        self._agreed(COMMAND, (lambda *runs: Agreement([])) if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))
@@ -191,14 +193,31 @@ class _Search:
         """
         known = set()
         while True:
-            columns = find(self.runs, self._bases())
-            times = self._clocks(channel)
-            late = sum(finding.drop_in_deviance for finding in times)
+            agreement, times = find(self.runs, self._bases()), self._clocks(channel)
+            columns, late = agreement.findings, sum(finding.drop_in_deviance for finding in times)
             found = columns if columns and columns[0].drop_in_deviance >= late else times
+            having = {i for i, run in enumerate(self.runs) if channel in run.channels}
+            if not agreement.explained and not any(set(finding.runs) >= having for finding in found):
+                found = self._late(channel, find) or found
             if not {(finding.fault, finding.runs) for finding in found} - known:
                 return
             known |= {(finding.fault, finding.runs) for finding in found}
             self._add(found)
+
+    def _late(self, channel, find):
+        """The mistakes of a channel whose clock is off as well, by the same in all runs; empty: that explains nothing.
+
+        What the clock is off by is found once they are repaired.
+        """
+        tried = []
+        window_s = LATENCY_S if channel == TORQUE else WINDOW_S
+        for lag_s in lags(_LATE_S, 0.5 * window_s).tolist():
+            clock = Clock(channel, 1.0, lag_s)
+            runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
+            agreement = find(runs, self._bases(), True)
+            if agreement.findings and agreement.explained:
+                tried.append((agreement.findings[0].drop_in_deviance, lag_s, agreement.findings))
+        return max(tried, key=lambda one: one[0])[-1] if tried else []
 
     def _encoder_clock(self):
         """The wheels' own clock, where two channels or more are off against it by the same."""

@@ -32,13 +32,17 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
         # of steps that are far enough below a turn to be told from it, no more than that share starts anew
         usual = max(np.quantile(size, 1.0 - 1.0 / LEAP), np.median(size[size > 0.0]))
         far = size > LEAP * usual
-        if not far.any():
+        again = far[1:] & far[:-1] & (steps[1:] * steps[:-1] > 0.0)
+        if not far.any() or again.any():  # no counter starts anew twice in a row
             continue
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
         exact = np.abs(steps[far] - motion)
         alike = np.abs(exact - np.median(exact)) < usual  # which is how far a wheel moves besides
-        along = np.sign(steps[far]) * motion  # at rest near the end of a turn a wheel starts anew either way
-        if np.mean(alike) > 0.5 and np.maximum(along, 0.0)[alike].sum() < 0.2 * np.abs(along)[alike].sum():
+        if np.mean(alike) <= 0.5:
+            continue
+        along = (np.sign(steps[far]) * motion)[alike]
+        # at rest near the end of a turn a wheel starts anew either way: the faster it turns, the more its sense counts
+        if np.mean(along > 0.0) < 0.5 and np.maximum(along, 0.0).sum() < 0.2 * np.abs(along).sum():
             heights.append(exact[alike])
             columns.append(name)
             off = max(off, usual)

@@ -21,6 +21,7 @@ SAID = -np.log(CHANCE)
 ALIKE = 2.0  # below which two readings cannot be told apart
 #: Of what agreement gains over no relation at all, the share below which a channel follows no robot.
 RELATED = 0.3
+WELL = 2.0 * RELATED  # above which it does well
 UNRELATED = "no relation"
 
 
@@ -55,6 +56,19 @@ class Row:
 
     scored: np.ndarray
     most: float = 0.0
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What makes a channel agree with the wheels.
+
+    Attributes:
+        findings: one for each mistake; empty: it agrees as given, or in no way. explained: whether most runs follow the
+            wheels well in some reading, or none can say.
+    """
+
+    findings: list[Finding]
+    explained: bool = True
 
 
 def following(related: float, unrelated: float, exact: float) -> float | None:
@@ -95,81 +109,100 @@ def part(
 def gains(rows: Sequence[Row], hypotheses: Sequence[Hypothesis]) -> np.ndarray:
     """(runs, hypotheses) by how much each is more likely than those that accuse nobody.
 
-    One that leaves the channel nearly as unrelated to the motion as before is no explanation, and gains nothing; two
-    mistakes at once must explain what made them be tried.
+    One that leaves the channel nearly as unrelated to the motion as before is no explanation, and gains nothing.
     """
-    required = np.array([(2.0 if hypothesis.of else 1.0) * RELATED for hypothesis in hypotheses])
     innocent = [not hypothesis.fault for hypothesis in hypotheses]
     unrelated, found = _unrelated(hypotheses), []
     for one in rows:
         gain = one.scored - one.scored[innocent].max()
-        least = one.scored[unrelated] + np.maximum(required * (one.most - one.scored[unrelated]), SAID)
+        least = one.scored[unrelated] + max(RELATED * (one.most - one.scored[unrelated]), SAID)
         found.append(np.where(one.scored >= least, gain, np.minimum(gain, 0.0)))
     return np.array(found)
 
 
-def best(gain: np.ndarray) -> tuple[int, tuple[int, ...], float] | None:
-    """The hypothesis that gains most (runs, hypotheses): its number, the runs that have it, and what it gains.
+class _Choice:
+    """What all runs say of some hypotheses.
 
-    It is of all runs unless a run speaks against it. None where nothing gains enough.
+    rows: of each run. each (runs, hypotheses), together (hypotheses,): what they gain. number: of the best hypothesis;
+    None: nothing gains enough.
     """
-    together = np.maximum(gain, 0.0).sum(axis=0)
-    k = int(np.argmax(together))
-    if together[k] < SAID:
-        return None
-    return k, tuple(np.flatnonzero(gain[:, k] >= -ALIKE).tolist()), float(together[k])
+
+    def __init__(self, rows, hypotheses, against):
+        self.rows, self.hypotheses, self.each = rows, hypotheses, gains(rows, hypotheses)
+        # each mistake must be worth what is said of a fault
+        self.worth = SAID * np.array([max(len(mistakes(hypothesis)) - 1, 0) for hypothesis in hypotheses])
+        while True:
+            self.together = np.maximum(self.each, 0.0).sum(axis=0) - self.worth
+            best = int(np.argmax(self.together))
+            self.number = best if self.together[best] >= SAID else None
+            odd = [] if self.number is None or against is None else [
+                i for i in self.runs(best) if self.each[i, best] > 0.0 and against(i, hypotheses[best]) > ALIKE
+            ]
+            if not odd:
+                return
+            self.each[odd, best] = -np.inf
+
+    def runs(self, k):
+        """Numbers of the runs that have a mistake: all, unless they speak against it."""
+        return tuple(np.flatnonzero(self.each[:, k] >= -ALIKE).tolist())
+
+    def alike(self):
+        """Numbers of the hypotheses that explain about as much, the best first."""
+        near = np.flatnonzero(self.together > self.together[self.number] - ALIKE)
+        return [j for j in near[np.argsort(-self.together[near])].tolist() if self.hypotheses[j].fault]
+
+    def cast(self, casting):
+        """The number of the hypothesis that other channels prefer among those under which the channel agrees alike."""
+        there = sum(bool(one.scored.any()) for one in self.rows)
+        plain = self.together + self.worth + there * _losses(self.hypotheses)  # some are less probable, none agrees less
+        equal = np.flatnonzero((plain > plain[self.number] - ALIKE) & (self.together > 0.0)).tolist()
+        return max(equal, key=lambda j: self.together[j] + casting(self.hypotheses[j])) if len(equal) > 1 else self.number
+
+    def follows(self):
+        """How well most runs follow the wheels in their best reading, as `following`; 1 where none can say."""
+        unrelated = _unrelated(self.hypotheses)
+        told = [following(one.scored.max(), one.scored[unrelated], one.most) for one in self.rows]
+        told = [follows for follows in told if follows is not None]
+        return float(np.median(told)) if told else 1.0
+
+    def suffices(self, well):
+        """Whether no second mistake is to be looked for: a usual one, or none, does well."""
+        if self.number is None:
+            return self.follows() >= well
+        return self.follows() >= WELL and not self.hypotheses[self.number].rare
 
 
 def disagreement(
     rows_of: Callable[[Sequence[Any]], list[Row]], hypotheses: Sequence[Hypothesis],
-    pairs: Callable[[], Sequence[Hypothesis]], channel: Callable[[Any], str],
+    pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any], float] | None = None,
-    against: Callable[[int, Any], float] | None = None,
-) -> list[Finding]:
-    """The hypothesis under which the runs agree with the wheels, as a finding for each of its mistakes.
+    against: Callable[[int, Any], float] | None = None, well: float = WELL,
+) -> Agreement:
+    """The hypothesis under which the runs agree with the wheels; two mistakes at once where no single one suffices.
 
-    Empty where they do as given. Two mistakes at once are tried where after any single one no run follows the wheels well.
-
-    rows_of: some hypotheses, of each run. pairs: hypotheses of two mistakes. channel, repairs: of a hypothesis.
-    casting: a log likelihood of a hypothesis by other channels, which decides between those that are alike.
-    against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
-    likelihood: what explains some seconds is no mistake of the whole run.
+    rows_of: some hypotheses, of each run. pairs: hypotheses of two mistakes; None: none are tried. channel, repairs: of
+    a hypothesis. casting: a log likelihood of a hypothesis by other channels, which decides between those that are
+    alike. against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
+    likelihood: what explains some seconds is no mistake of the whole run. well: share, as of `following`, above which
+    a sound channel follows the wheels.
     """
-    rows = rows_of(hypotheses)
-    told = [follows for follows in (_follows(one, hypotheses) for one in rows) if follows is not None]
-    if told and max(told) < 2.0 * RELATED:
-        hypotheses = [*hypotheses, *pairs()]
-        rows = rows_of(hypotheses)
-    each = gains(rows, hypotheses)
-    while True:
-        found = best(each)
-        if found is None:
-            return []
-        k, which, gain = found
-        odd = [i for i in which if against is not None and each[i, k] > 0.0 and against(i, hypotheses[k]) > ALIKE]
-        if not odd:
-            break
-        each[odd, k] = -np.inf
-    together = np.maximum(each, 0.0).sum(axis=0)
-    alike = [j for j in np.argsort(-together).tolist() if together[j] > gain - ALIKE and hypotheses[j].fault]
-    if casting is not None:
-        plain = together + sum(bool(one.scored.any()) for one in rows) * _losses(hypotheses)
-        equal = [j for j in np.flatnonzero(plain > plain[k] - ALIKE).tolist() if hypotheses[j].fault and together[j] > 0.0]
-        k = max(equal, key=lambda j: together[j] + casting(hypotheses[j])) if len(equal) > 1 else k
-        which = tuple(np.flatnonzero(each[:, k] >= -ALIKE).tolist())
-    chosen = mistakes(hypotheses[k])
-    names = dict.fromkeys(one.fault for j in alike for one in mistakes(hypotheses[j]))
+    choice = _Choice(rows_of(hypotheses), hypotheses, against)
+    if pairs is not None and not choice.suffices(well):
+        two = [*hypotheses, *pairs()]
+        at_once = _Choice(rows_of(two), two, against)
+        choice = at_once if at_once.follows() >= well else choice
+    explained = choice.follows() >= well
+    if choice.number is None:
+        return Agreement([], explained)
+    k = choice.number if casting is None else choice.cast(casting)
+    chosen, alike = mistakes(choice.hypotheses[k]), choice.alike()
+    names = dict.fromkeys(one.fault for j in alike for one in mistakes(choice.hypotheses[j]))
     rivals = tuple(name for name in names if name not in [one.fault for one in chosen])
-    return [
-        Finding(one.fault, one.what, "", which, channel(one), drop_in_deviance=2.0 * gain, rivals=rivals,
-                repairs=repairs(one), advice=one.advice)
+    return Agreement([
+        Finding(one.fault, one.what, "", choice.runs(k), channel(one), rivals=rivals, repairs=repairs(one),
+                drop_in_deviance=2.0 * float(choice.together[choice.number]), advice=one.advice)
         for one in chosen
-    ]
-
-
-def _follows(one, hypotheses):
-    """How well a run follows the wheels at best, as `following`."""
-    return following(one.scored.max(), one.scored[_unrelated(hypotheses)], one.most)
+    ], explained)
 
 
 def _unrelated(hypotheses):

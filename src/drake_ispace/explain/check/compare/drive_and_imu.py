@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import compared, disagreement, part, row
+from drake_ispace.explain.check.compare.agreement import WELL, Agreement, compared, disagreement, part, row
 from drake_ispace.explain.check.compare.columns import (
     Columns,
     accelerometer_columns,
@@ -27,7 +27,6 @@ from drake_ispace.explain.check.compare.links import (
     turn_link,
 )
 from drake_ispace.explain.check.compare.motion import arm
-from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -40,14 +39,19 @@ _OF_THE_WHEELS = {
     "torque_sign": ("encoder_sign", "wheel_sign"), "torques_swapped": ("wheels_swapped",),
     "wrong_unit": ("counts_per_turn", "gear"),
 }
+#: Vibration hides some of what a sound IMU follows, friction and the room's forces most of what a torque does.
+_WELL = {COMMAND: WELL, "imu": 0.5 * WELL, TORQUE: 0.25 * WELL}
 Runs, Bases = Sequence[Recording], Sequence[Base | None]
 
 
-def torque_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
-    """The mistake of the torques' columns under which they agree with the wheels' acceleration."""
+def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
+    """The mistakes of the torques' columns under which they agree with the wheels' acceleration.
+
+    single: as of wheels_or_camera.
+    """
     base = _first(bases)
     if base is None or base.robot.driven != TORQUE:
-        return []
+        return Agreement([])
     given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
@@ -56,14 +60,19 @@ def torque_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
         link = torque_link(run, own) if TORQUE in run.channels else None
         return row(tried, None if link is None else _of_wheels(run, own, link, tried, effort))
 
-    found = _found(runs, bases, given, one, TORQUE, None)
+    found = _found(runs, bases, given, one, TORQUE, None, single)
     if base.robot.in_si:
         return found
-    return [replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault])) for finding in found]
+    return replace(found, findings=[
+        replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault])) for finding in found.findings
+    ])
 
 
 def _of_wheels(run, base, link, given, effort):
-    """As `compared`, of the torque of each wheel: some of their sums push nothing, and are not in the link."""
+    """As `compared`, of the torque of each wheel: some of their sums push nothing, and are not in the link.
+
+    Of a reading counts what it gains over no relation to the wheels: forces of any share tell of no reading.
+    """
     kept = inside(base, link.since_s, link.until_s)
     if kept.sum() < FEWEST:
         return None
@@ -71,19 +80,23 @@ def _of_wheels(run, base, link, given, effort):
     impulses = held_integral(run.channels[TORQUE], since, until)
     y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
     x = _related(given) * link.predicted(since, until)
-    noise = np.broadcast_to(link.noise, (len(y), y.shape[2]))
-    return part(x, y, link.groups, noise, link.besides(since, until), link.slack)
+    noise, besides = np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until)
+    related, unrelated = (part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x))
+    return replace(related, scored=related.scored - unrelated.scored + unrelated.scored[0])
 
 
 def _related(given):
     return np.array([columns.related for columns in given])[:, None, None]
 
 
-def command_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
-    """The mistake of the command's columns under which it agrees with the wheels' motion."""
+def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
+    """The mistakes of the command's columns under which it agrees with the wheels' motion.
+
+    single: as of wheels_or_camera.
+    """
     base, given = _first(bases), command_columns()
     if base is None or base.robot.driven != COMMAND:
-        return []
+        return Agreement([])
     unit = np.array([1.0, 1.0, arm(base.geometry)])
 
     def one(run, own, tried):
@@ -91,11 +104,13 @@ def command_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
         matrices = [columns.matrix * unit[:, None] / unit for columns in tried]
         return row(tried, None if link is None else compared(link, own, matrices, _related(tried)))
 
-    return _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"))
+    return _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
 
 
-def imu_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
-    """The mistake of the IMU's columns under which it agrees with gravity and the wheels' motion.
+def imu_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
+    """The mistakes of the IMU's columns under which it agrees with gravity and the wheels' motion.
+
+    single: as of wheels_or_camera.
 
     A body that shakes faster than rates can be told from counts leans otherwise than these comparisons say, by which no
     column is to blame: other axes must do better than no lean at all.
@@ -109,7 +124,7 @@ def imu_columns_of(runs: Runs, bases: Bases) -> list[Finding]:
     def one(run, own, tried):
         return row(tried, *_imu_parts(run, own, tried)) if "imu" in run.channels else row(tried)
 
-    return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS))
+    return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS), single)
 
 
 def _six(columns, force, gyro):
@@ -163,7 +178,7 @@ def _first(bases):
     return next((base for base in bases if base is not None), None)
 
 
-def _found(runs, bases, given, one, channel, columns):
+def _found(runs, bases, given, one, channel, columns, single):
     def rows_of(tried):
         return [row(tried) if base is None else one(run, base, tried) for run, base in zip(runs, bases, strict=True)]
 
@@ -172,4 +187,5 @@ def _found(runs, bases, given, one, channel, columns):
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
-    return disagreement(rows_of, given, lambda: pairs(given), lambda reading: channel, repairs)
+    tried = None if single else lambda: pairs(given)
+    return disagreement(rows_of, given, tried, lambda reading: channel, repairs, well=_WELL[channel])

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import ALIKE, Part, Row, compared, disagreement, mistakes, part, row
+from drake_ispace.explain.check.compare.agreement import ALIKE, Agreement, Part, Row, compared, disagreement, mistakes, part, row
 from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
@@ -19,24 +19,28 @@ from drake_ispace.explain.check.compare.links import (
 )
 from drake_ispace.explain.check.compare.motion import arm, turned
 from drake_ispace.explain.check.compare.regression import scores
-from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 
-def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Finding]:
+def wheels_or_camera(
+    runs: Sequence[Recording], bases: Sequence[Base | None], single: bool = False
+) -> Agreement:
     """The mistakes of wheels, camera or the model's dimensions under which wheels and camera agree.
+
+    single: whether one mistake is looked for only.
 
     Where a gyro is there, it takes part: it tells wheels that are mistaken for each other from a mirrored room. So do
     torques or a command, where these two are alike.
     """
     base = next((base for base in bases if base is not None), None)
     if base is None:
-        return []
+        return Agreement([])
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
-    gears, counts = {_gear(*both) for both in motions} - {1.0}, float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, *_ratios(motions))
+    gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in (slice(2), slice(2, 3))}
+    counts = float(base.settings.encoder.counts_per_turn)
+    given = readings(base.geometry, counts, gears - {1.0}, *_ratios(motions))
 
     def rows_of(tried):
         return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
@@ -54,8 +58,8 @@ def wheels_or_camera(runs: Sequence[Recording], bases: Sequence[Base | None]) ->
         return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
 
     return disagreement(
-        rows_of, given, lambda: pairs(base.geometry, counts, gears), lambda reading: reading.channel,
-        lambda reading: _repairs(reading, base), casting, against,
+        rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears - {1.0}),
+        lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
     )
 
 
@@ -69,7 +73,7 @@ def _motions(run, base):
 
 
 def _gear(wheels, camera):
-    """The whole number, or one over it, that is nearest to how much farther the camera sees a robot go than its wheels.
+    """The whole number, or one over it, that is nearest to how much farther the camera sees motions go than the wheels.
     """
     wheels, camera = (np.linalg.norm(motion, axis=1).sum() for motion in (wheels, camera))
     if min(wheels, camera) <= 0.0:
