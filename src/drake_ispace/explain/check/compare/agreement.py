@@ -156,7 +156,9 @@ class _Choice:
         there = sum(bool(one.scored.any()) for one in self.rows)
         plain = self.together + self.worth + there * _losses(self.hypotheses)  # some are less probable, none agrees less
         equal = np.flatnonzero((plain > plain[self.number] - ALIKE) & (self.together > 0.0)).tolist()
-        return max(equal, key=lambda j: self.together[j] + casting(self.hypotheses[j])) if len(equal) > 1 else self.number
+        if len(equal) < 2:
+            return self.number
+        return max(equal, key=lambda j: self.together[j] + casting(self.hypotheses[j], self.runs(j)))
 
     def follows(self):
         """How well most runs follow the wheels in their best reading, as `following`; 1 where none can say."""
@@ -175,14 +177,14 @@ class _Choice:
 def disagreement(
     rows_of: Callable[[Sequence[Any]], list[Row]], hypotheses: Sequence[Hypothesis],
     pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
-    repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any], float] | None = None,
+    repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
 ) -> Agreement:
     """The hypothesis under which the runs agree with the wheels; two mistakes at once where no single one suffices.
 
     rows_of: some hypotheses, of each run. pairs: hypotheses of two mistakes; None: none are tried. channel, repairs: of
-    a hypothesis. casting: a log likelihood of a hypothesis by other channels, which decides between those that are
-    alike. against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
+    a hypothesis. casting: of a hypothesis and the runs that have it, a log likelihood by other channels, which decides
+    between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
     likelihood: what explains some seconds is no mistake of the whole run. well: share, as of `following`, above which
     a sound channel follows the wheels.
     """

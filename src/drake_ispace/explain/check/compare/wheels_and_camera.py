@@ -45,10 +45,10 @@ def wheels_or_camera(
     def rows_of(tried):
         return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
 
-    def casting(reading):
-        """How well torques or command agree with the wheels as they are then."""
+    def casting(reading, having):
+        """How much better torques or command agree with the wheels as they are then than with no motion."""
         undo = [repair for one in mistakes(reading) for repair in _repairs(one, base)]
-        return sum(_by_drive(run, own, undo) for run, own in zip(runs, bases, strict=True) if own is not None)
+        return sum(_by_drive(runs[i], bases[i], undo) for i in having if bases[i] is not None)
 
     def against(i, reading):
         """What the thirds of a run lose by the reading, of which a stretch of a few seconds leaves one as it is."""
@@ -98,8 +98,9 @@ def _by_drive(run, base, repairs):
     driven = base.robot.driven
     link_of = {TORQUE: torque_link, COMMAND: command_link}[driven]
     link = link_of(run, replace(base, encoder=run.channels["encoder"])) if driven in run.channels else None
-    part = None if link is None else compared(link, base, [np.eye(link.measured.shape[1])])
-    return 0.0 if part is None else float(part.scored[0])
+    as_given = None if link is None else [np.eye(link.measured.shape[1])] * 2
+    part = None if link is None else compared(link, base, as_given, np.array([1.0, 0.0])[:, None, None])
+    return 0.0 if part is None else float(part.scored[0] - part.scored[1])
 
 
 def _row(
