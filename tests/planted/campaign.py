@@ -4,7 +4,9 @@
 
 prints a line for each miss, then the shares: of the right name first, and among the first two. A mistake that the data
 do not show (by less than five times their noise) does not count: `plain_to_see` says so without the checks.
-`--sound N` counts findings in N sound sets. `--explain` asks `explain` for its verdict as well.
+`--sound N` counts findings in N sound sets. `--explain` asks `explain` for its verdict as well. `--pairs N` plants N
+times two mistakes at once into each set instead, drawn at random, and counts in how many both are found and nothing
+else; some are the same to the data as one other mistake, or hide each other.
 """
 
 import argparse
@@ -99,6 +101,52 @@ def planted(base, model, originals, name, place, with_explain=False) -> Result |
     return looked_for(base, model, written, name, corruption.expected, shown, with_explain)
 
 
+def planted_together(model, originals, names, place) -> list[str] | None:
+    """What is found of several mistakes at once, planted one after the other; None where one does not fit."""
+    folders, written = [Folder(path) for path in originals], []
+    for name in names:
+        if not all(fits(CORRUPTIONS[name], folder, robot_of(folder)) for folder in folders):
+            return None
+    for i, folder in enumerate(folders):
+        for name in names:
+            if i == 0 or CORRUPTIONS[name].every:
+                CORRUPTIONS[name].change(folder, Folder(originals[1 if i == 0 else 0]))
+        written.append(folder.write(place / f"run_{i}"))
+    try:
+        return [finding.fault for finding in check(model, written).findings]
+    except InputError as error:
+        return [f"refused: {error}"]
+
+
+def robot_of(folder: Folder) -> str:
+    """The robot of a recording."""
+    return folder.data["robot"]
+
+
+def pairs(base, model, originals, count, seed, place) -> tuple[int, int]:
+    """How many of so many pairs of mistakes are found, both and nothing else, and how many there were.
+
+    Mistakes that leave nothing to compare, and two of the same kind in one channel, are no pair.
+    """
+    generator, exact, tried = np.random.default_rng(seed), 0, 0
+    usual = [name for name in CORRUPTIONS if not any(word in name for word in ("always", "elsewhere"))]
+    while tried < count:
+        names = generator.choice(usual, 2, replace=False).tolist()
+        one, other = (CORRUPTIONS[name] for name in names)
+        if (one.channel, one.expected) == (other.channel, other.expected):
+            continue
+        found = planted_together(model, originals, names, place)
+        if found is None:
+            continue
+        tried += 1
+        both = all(any(fault in mistake.expected for fault in found) for mistake in (one, other))
+        if both and set(found) <= one.expected | other.expected:
+            exact += 1
+        else:
+            print(f"{base}: {' + '.join(names)}: {', '.join(found[:4]) or 'nothing'}", flush=True)
+    return exact, tried
+
+
 def looked_for(base, model, runs, name, expected, shown, with_explain=False) -> Result:
     """What the checks, and `explain` where asked, make of runs."""
     started = time.perf_counter()
@@ -152,14 +200,20 @@ def main(arguments=None):
     parser.add_argument("--seconds", type=float, default=20.0, help="of the simulated runs")
     parser.add_argument("--seed", type=int, default=100, help="of the simulated runs")
     parser.add_argument("--sound", type=int, default=0, help="number of sound sets")
+    parser.add_argument("--pairs", type=int, default=0, help="number of pairs of mistakes in each set")
     parser.add_argument("--explain", action="store_true", help="ask for the verdict as well")
     options = parser.parse_args(arguments)
-    results = []
+    results, together = [], []
     with tempfile.TemporaryDirectory() as temporary:
         for base, (model, runs) in bases(options.bases, options.seconds, options.seed).items():
             own, originals = [], [Path(temporary) / "sound" / str(i) for i in range(len(runs))]
             for run, path in zip(runs, originals, strict=True):
                 run.save(path)
+            if options.pairs:
+                place = Path(temporary) / "planted"
+                together.append(pairs(base, model, originals, options.pairs, options.seed, place))
+                print(f"{base}: both of {together[-1][0]} of {together[-1][1]} pairs, and nothing else", flush=True)
+                continue
             for name in options.only:
                 result = planted(base, model, originals, name, Path(temporary) / "planted", options.explain)
                 own += [result] if result is not None else []
@@ -178,6 +232,8 @@ def main(arguments=None):
         verdicts = [result.verdict for result in results if result.shown and result.verdict]
         if verdicts:
             print("verdicts: " + ", ".join(f"{v} {verdicts.count(v)}" for v in sorted(set(verdicts))))
+    if together:
+        print("all: both of {} of {} pairs, and nothing else".format(*np.sum(together, axis=0)))
     if options.sound:
         print(f"sound: {sound(options.sound, options.seed)} of {options.sound} sets with a finding")
 

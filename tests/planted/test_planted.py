@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from planted.bases import bases, simulated
-from planted.campaign import looked_for, planted, sound, totals
+from planted.campaign import looked_for, planted, planted_together, sound, totals
 from planted.corruptions import CORRUPTIONS
 from planted.files import Folder
 
@@ -45,6 +45,12 @@ def test_every_mistake_changes_the_files_that_it_fits(originals, tmp_path):
 def test_the_totals_count_what_can_be_seen(originals):
     seen = looked_for("omni", "omni_multirate", originals, "none", {"wrong_unit"}, True)
     assert totals([seen])["nothing found"] == 1 and totals([seen])["first"] == 0.0
+
+
+def test_two_planted_mistakes_are_both_found(originals, tmp_path):
+    names = ["camera in inches", "headings off by 90 degrees"]
+    found = planted_together("omni_multirate", originals, names, tmp_path)
+    assert sorted(found) == ["heading_offset", "wrong_unit"]
 
 
 def test_sound_sets_have_no_finding():

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import Agreement
+from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks import clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -210,12 +210,12 @@ class _Search:
         What the clock is off by is found once they are repaired.
         """
         tried = []
-        window_s = LATENCY_S if channel == TORQUE else WINDOW_S
+        window_s = LATENCY_S if channel in (TORQUE, "imu") else WINDOW_S
         for lag_s in lags(_LATE_S, 0.5 * window_s).tolist():
             clock = Clock(channel, 1.0, lag_s)
             runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
             agreement = find(runs, self._bases(), True)
-            if agreement.findings and agreement.explained:
+            if agreement.findings and agreement.follows >= RELATED:  # there is always some lag at which some would do
                 tried.append((agreement.findings[0].drop_in_deviance, lag_s, agreement.findings))
         return max(tried, key=lambda one: one[0])[-1] if tried else []
 

@@ -36,7 +36,8 @@ def _spikes(t, distance, no_motion=None, least=0.0):
     """The first and the last fix of each group that is off, the shortest groups first.
 
     distance: between fixes i and j. no_motion: what no motion makes from one fix to the next; after such a step near
-    the run's begin, or before one near its end, fixes are right, and those beyond it are off. None: not known. least: step that is not large.
+    the run's begin, or before one near its end, fixes are right, and those beyond it are off. None: not known. least:
+    a step that is not large.
     """
     k = np.arange(len(t) - 1)
     steps = distance(k, k + 1)

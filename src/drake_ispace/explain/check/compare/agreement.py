@@ -21,7 +21,7 @@ SAID = -np.log(CHANCE)
 ALIKE = 2.0  # below which two readings cannot be told apart
 #: Of what agreement gains over no relation at all, the share below which a channel follows no robot.
 RELATED = 0.3
-WELL = 2.0 * RELATED  # above which it does well
+WELL = 1.5 * RELATED  # above which it does well: a sound camera follows by half and more
 UNRELATED = "no relation"
 
 
@@ -63,11 +63,12 @@ class Agreement:
     """What makes a channel agree with the wheels.
 
     Attributes:
-        findings: one for each mistake; empty: it agrees as given, or in no way. explained: whether most runs follow the
-            wheels well in some reading, or none can say.
+        findings: one for each mistake; empty: it agrees as given, or in no way. follows: how well most runs follow the
+            wheels in their best reading, as `following`. explained: whether that is as well as a sound channel does.
     """
 
     findings: list[Finding]
+    follows: float = 1.0
     explained: bool = True
 
 
@@ -127,17 +128,19 @@ class _Choice:
     None: nothing gains enough.
     """
 
-    def __init__(self, rows, hypotheses, against):
+    def __init__(self, rows, hypotheses, well, against):
         self.rows, self.hypotheses, self.each = rows, hypotheses, gains(rows, hypotheses)
+        self.unrelated = _unrelated(hypotheses)
         # each mistake must be worth what is said of a fault
         self.worth = SAID * np.array([max(len(mistakes(hypothesis)) - 1, 0) for hypothesis in hypotheses])
         while True:
             self.together = np.maximum(self.each, 0.0).sum(axis=0) - self.worth
             best = int(np.argmax(self.together))
             self.number = best if self.together[best] >= SAID else None
-            odd = [] if self.number is None or against is None else [
-                i for i in self.runs(best) if self.each[i, best] > 0.0 and against(i, hypotheses[best]) > ALIKE
-            ]
+            having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
+            odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
+            if not odd and (self.each[:, best] < -ALIKE).any():  # of some runs only, but of none that is like a sound one
+                odd = [i for i in having if self._share(rows[i], 0) >= well]
             if not odd:
                 return
             self.each[odd, best] = -np.inf
@@ -154,7 +157,7 @@ class _Choice:
     def cast(self, casting):
         """The number of the hypothesis that other channels prefer among those under which the channel agrees alike."""
         there = sum(bool(one.scored.any()) for one in self.rows)
-        plain = self.together + self.worth + there * _losses(self.hypotheses)  # some are less probable, none agrees less
+        plain = self.together + self.worth + there * _losses(self.hypotheses)  # how well they agree, however probable
         equal = np.flatnonzero((plain > plain[self.number] - ALIKE) & (self.together > 0.0)).tolist()
         if len(equal) < 2:
             return self.number
@@ -162,16 +165,19 @@ class _Choice:
 
     def follows(self):
         """How well most runs follow the wheels in their best reading, as `following`; 1 where none can say."""
-        unrelated = _unrelated(self.hypotheses)
-        told = [following(one.scored.max(), one.scored[unrelated], one.most) for one in self.rows]
-        told = [follows for follows in told if follows is not None]
+        told = [self._share(one, int(one.scored.argmax())) for one in self.rows]
+        told = [share for share in told if np.isfinite(share)]
         return float(np.median(told)) if told else 1.0
 
-    def suffices(self, well):
-        """Whether no second mistake is to be looked for: a usual one, or none, does well."""
-        if self.number is None:
-            return self.follows() >= well
-        return self.follows() >= WELL and not self.hypotheses[self.number].rare
+    def _share(self, one, k):
+        """How well a run follows the wheels by a hypothesis, as `following`; NaN where it cannot say."""
+        share = following(one.scored[k], one.scored[self.unrelated], one.most)
+        return np.nan if share is None else share
+
+    def is_better_than(self, other, well):
+        """Whether two mistakes at once explain what another choice leaves: of one mistake, or of none."""
+        least = well if other.number is None else other.follows() + RELATED * (1.0 - other.follows())
+        return self.follows() >= least
 
 
 def disagreement(
@@ -180,22 +186,22 @@ def disagreement(
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
 ) -> Agreement:
-    """The hypothesis under which the runs agree with the wheels; two mistakes at once where no single one suffices.
+    """The hypothesis under which the runs agree with the wheels: of one mistake, or of two at once.
 
     rows_of: some hypotheses, of each run. pairs: hypotheses of two mistakes; None: none are tried. channel, repairs: of
     a hypothesis. casting: of a hypothesis and the runs that have it, a log likelihood by other channels, which decides
-    between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against it, as a loss of log
-    likelihood: what explains some seconds is no mistake of the whole run. well: share, as of `following`, above which
-    a sound channel follows the wheels.
+    between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against
+    it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run. well: share, as of
+    `following`, above which a sound channel follows the wheels.
     """
-    choice = _Choice(rows_of(hypotheses), hypotheses, against)
-    if pairs is not None and not choice.suffices(well):
+    choice = _Choice(rows_of(hypotheses), hypotheses, well, against)
+    if pairs is not None and (choice.number is not None or choice.follows() < well):
         two = [*hypotheses, *pairs()]
-        at_once = _Choice(rows_of(two), two, against)
-        choice = at_once if at_once.follows() >= well else choice
-    explained = choice.follows() >= well
+        at_once = _Choice(rows_of(two), two, well, against)
+        choice = at_once if at_once.is_better_than(choice, well) else choice
+    follows = choice.follows()
     if choice.number is None:
-        return Agreement([], explained)
+        return Agreement([], follows, follows >= well)
     k = choice.number if casting is None else choice.cast(casting)
     chosen, alike = mistakes(choice.hypotheses[k]), choice.alike()
     names = dict.fromkeys(one.fault for j in alike for one in mistakes(choice.hypotheses[j]))
@@ -204,7 +210,7 @@ def disagreement(
         Finding(one.fault, one.what, "", choice.runs(k), channel(one), rivals=rivals, repairs=repairs(one),
                 drop_in_deviance=2.0 * float(choice.together[choice.number]), advice=one.advice)
         for one in chosen
-    ], explained)
+    ], follows, follows >= well)
 
 
 def _unrelated(hypotheses):

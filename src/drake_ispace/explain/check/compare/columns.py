@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 
@@ -54,13 +54,12 @@ def innocent(columns: int) -> list[Columns]:
 
 
 def pairs(singles: Sequence[Columns]) -> list[Columns]:
-    """All readings in another unit with another mistake besides, but for those that are rare by themselves.
+    """All readings of two mistakes at once, of different faults, but for those that are rare by themselves.
 
-    The unit is undone first.
+    Units are undone first.
     """
-    units = [one for one in singles if one.fault == "wrong_unit"]
-    others = [one for one in singles if one.fault not in ("", "wrong_unit") and not one.rare]
-    return [one.then(other) for one, other in product(units, others)]
+    usual = sorted((one for one in singles if one.fault and not one.rare), key=lambda one: one.fault != "wrong_unit")
+    return [one.then(other) for one, other in combinations(usual, 2) if one.fault != other.fault]
 
 
 def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:

@@ -6,7 +6,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import ALIKE, Agreement, Part, Row, compared, disagreement, mistakes, part, row
+from drake_ispace.explain.check.compare.agreement import (
+    ALIKE,
+    Agreement,
+    Part,
+    Row,
+    compared,
+    disagreement,
+    mistakes,
+    part,
+    row,
+)
 from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,

@@ -1,0 +1,83 @@
+"""Logs with two mistakes at once, of which neither alone explains anything."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.check.check import check
+from drake_ispace.hiding import hide
+
+DEG = np.pi / 180.0
+#: What is done to a channel's stamps (n,) and values (n, d), the first columns of which count.
+CHANGES = {
+    "inches": ("kinect", lambda t, v: (t, v * ([1.0 / 0.0254] * 2 + [1.0]))),
+    "millimetres and degrees": ("kinect", lambda t, v: (t, v * [1e3, 1e3, 1.0 / DEG])),
+    "headings in degrees": ("kinect", lambda t, v: (t, v * [1.0, 1.0, 1.0 / DEG])),
+    "headings a quarter off": ("kinect", lambda t, v: (t, v + [0.0, 0.0, np.pi / 2.0])),
+    "x mirrored": ("kinect", lambda t, v: (t, v * [-1.0, 1.0, 1.0])),
+    "camera late": ("kinect", lambda t, v: (t + 2.0, v)),
+    "revolutions": ("encoder", lambda t, v: (t, v / (2.0 * np.pi))),
+    "wheel backwards": ("encoder", lambda t, v: (t, v * ([-1.0] + [1.0] * (v.shape[1] - 1)))),
+    "torque in N cm": ("torque", lambda t, v: (t, 100.0 * v)),
+    "torque backwards": ("torque", lambda t, v: (t, v * ([1.0, -1.0] + [1.0] * (v.shape[1] - 2)))),
+    "gyro in degrees": ("imu", lambda t, v: (t, v * ([1.0] * 3 + [1.0 / DEG] * 3))),
+    "imu late": ("imu", lambda t, v: (t + 2.0, v)),
+}
+FAULTS = {
+    "inches": "wrong_unit", "millimetres and degrees": "wrong_unit", "headings in degrees": "wrong_unit",
+    "headings a quarter off": "heading_offset", "x mirrored": "camera_axis_mirrored", "camera late": "clock_offset",
+    "revolutions": "wrong_unit", "wheel backwards": "wheel_sign", "torque in N cm": "wrong_unit",
+    "torque backwards": "torque_sign", "gyro in degrees": "wrong_unit",
+    "imu late": "clock_offset",
+}
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """Robot -> three sound runs."""
+    return {robot: list(hide(f"{robot}_multirate", robot, {}, ["square", "figure_eight", "circle"], 4, 14.0).values())
+            for robot in ("omni", "pendulum")}
+
+
+def mistaken(run, names):
+    """A copy of a run with mistakes, one after the other."""
+    for name in names:
+        channel, change = CHANGES[name]
+        old = run.channels[channel]
+        kept = 3 if channel == "kinect" else old.values.shape[1]
+        t, values = change(old.t.copy(), old.values[:, :kept].copy())
+        new = replace(old, t=t, values=values, columns=old.columns[:kept], period_s=None)
+        run = replace(run, channels=run.channels | {channel: new})
+    return run
+
+
+@pytest.mark.parametrize(("robot", "one", "other"), [
+    ("omni", "inches", "headings a quarter off"),
+    ("omni", "headings in degrees", "revolutions"),
+    pytest.param("omni", "millimetres and degrees", "wheel backwards", marks=pytest.mark.slow),
+    ("omni", "headings a quarter off", "camera late"),
+    pytest.param("omni", "x mirrored", "camera late", marks=pytest.mark.slow),
+    ("omni", "torque in N cm", "torque backwards"),
+    ("pendulum", "inches", "x mirrored"),
+    ("pendulum", "revolutions", "headings a quarter off"),
+    pytest.param("pendulum", "gyro in degrees", "imu late", marks=pytest.mark.slow),
+])
+def test_both_mistakes_are_found_and_nothing_else(sound, robot, one, other):
+    runs = [mistaken(run, (one, other)) for run in sound[robot]]
+    found = check(f"{robot}_multirate", runs)
+    assert sorted(finding.fault for finding in found.findings) == sorted([FAULTS[one], FAULTS[other]])
+    assert all(finding.run == "all" for finding in found.findings)
+
+
+def test_repairs_of_both_give_the_sound_motion_again(sound):
+    runs = [mistaken(run, ("millimetres and degrees", "headings a quarter off")) for run in sound["omni"]]
+    for before, after in zip(sound["omni"], check("omni_multirate", runs).repaired, strict=True):
+        before, after = (run.channels["kinect"].values[:, :2] for run in (before, after))
+        assert np.abs(np.diff(after, axis=0) - np.diff(before, axis=0)).max() < 1e-9
+
+
+def test_one_mistake_of_one_run_is_not_made_two_of_all(sound):
+    first, *others = sound["omni"]
+    (finding,) = check("omni_multirate", [mistaken(first, ("headings a quarter off",)), *others]).findings
+    assert finding.fault == "heading_offset" and finding.runs == (0,)
