@@ -139,7 +139,7 @@ class _Choice:
             self.number = best if self.together[best] >= SAID else None
             having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
             odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
-            if not odd and (self.each[:, best] < -ALIKE).any():  # of some runs only, but of none that is like a sound one
+            if not odd and (self.each[:, best] < -ALIKE).any():  # of some runs only, but of no sound one
                 odd = [i for i in having if self._share(rows[i], 0) >= well]
             if not odd:
                 return
