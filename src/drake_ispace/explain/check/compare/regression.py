@@ -14,6 +14,7 @@ SLACK, MOST_SLACK = 0.10, 0.45
 _FREEDOM = 4.0  # of Student's distribution
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
+_AT_ONCE = 100_000  # windows of all hypotheses that are held in memory together
 _FREE = np.sqrt(np.finfo(float).eps)  # precision of the prior of f beside that of the data: motions may be the same
 
 
@@ -58,6 +59,16 @@ def scores(
             hypotheses. groups: of components that share a scale. noise: (h, d) standard deviation of y that sensors
             alone make. z: (n, d, k), the same for all hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
+    many = max(1, _AT_ONCE // max(x.shape[1], 1))
+    return np.concatenate([
+        _scores(
+            x[part], y[part] if len(y) == len(x) else y, groups, noise[part], z[part] if np.ndim(z) == 4 else z, slack
+        )
+        for part in (slice(first, first + many) for first in range(0, len(x), many))
+    ])
+
+
+def _scores(x, y, groups, noise, z, slack):
     x, y = _by_component(x), _by_component(y)
     shares, residual, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
