@@ -88,39 +88,35 @@ def plain_to_see(before: Folder, after: Folder) -> bool:
 
 def planted(base, model, originals, name, place, with_explain=False) -> Result | None:
     """Plant one mistake into a set of recordings and look for it; None where it does not fit."""
-    corruption, robot = CORRUPTIONS[name], base.partition("+")[0]
-    folders = [Folder(path) for path in originals]
-    if not all(fits(corruption, folder, robot) for folder in folders):
+    written = plant(originals, [name], place)
+    if written is None:
         return None
-    written, shown = [], False
+    shown = any(plain_to_see(Folder(before), Folder(after)) for before, after in zip(originals, written, strict=True))
+    return looked_for(base, model, written, name, CORRUPTIONS[name].expected, shown, with_explain)
+
+
+def plant(originals, names, place) -> list[Path] | None:
+    """Folders of the recordings with mistakes planted, one after the other; None where one does not fit."""
+    folders = [Folder(path) for path in originals]
+    mistakes = [CORRUPTIONS[name] for name in names]
+    if not all(fits(mistake, folder, folder.data["robot"]) for mistake in mistakes for folder in folders):
+        return None
     for i, folder in enumerate(folders):
-        if i == 0 or corruption.every:
-            corruption.change(folder, folders[1] if i == 0 else folders[0])
-            shown = shown or plain_to_see(Folder(originals[i]), folder)
-        written.append(folder.write(place / f"run_{i}"))
-    return looked_for(base, model, written, name, corruption.expected, shown, with_explain)
+        for mistake in mistakes:
+            if i == 0 or mistake.every:
+                mistake.change(folder, Folder(originals[1 if i == 0 else 0]))
+    return [folder.write(place / f"run_{i}") for i, folder in enumerate(folders)]
 
 
 def planted_together(model, originals, names, place) -> list[str] | None:
     """What is found of several mistakes at once, planted one after the other; None where one does not fit."""
-    folders, written = [Folder(path) for path in originals], []
-    for name in names:
-        if not all(fits(CORRUPTIONS[name], folder, robot_of(folder)) for folder in folders):
-            return None
-    for i, folder in enumerate(folders):
-        for name in names:
-            if i == 0 or CORRUPTIONS[name].every:
-                CORRUPTIONS[name].change(folder, Folder(originals[1 if i == 0 else 0]))
-        written.append(folder.write(place / f"run_{i}"))
+    written = plant(originals, names, place)
+    if written is None:
+        return None
     try:
         return [finding.fault for finding in check(model, written).findings]
     except InputError as error:
         return [f"refused: {error}"]
-
-
-def robot_of(folder: Folder) -> str:
-    """The robot of a recording."""
-    return folder.data["robot"]
 
 
 def pairs(base, model, originals, count, seed, place) -> tuple[int, int]:

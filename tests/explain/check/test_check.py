@@ -150,6 +150,25 @@ def test_an_odd_leap_of_one_wheel_hides_no_wraps(begin, end):
     assert finding.fault == "angle_wrap"
 
 
+@pytest.mark.parametrize("moved", [
+    lambda t: 4.5 * t,  # 0.18 rad a step: every 35th starts anew
+    lambda t: np.where(t < 30.0, -1e-3 * (np.rint(25.0 * t) % 200 == 100), -0.5 * (t - 30.0)),  # shakes at rest, goes
+], ids=["fast", "rests"])
+def test_wheels_that_start_anew_often_or_at_rest_are_continued(moved):
+    t = 0.04 * np.arange(1500)
+    angles = moved(t)
+    run = Recording("omni", channels={"encoder": Channel(t, ("theta_1",), angles[:, None] % (2.0 * np.pi))})
+    (finding,) = wrap_findings(run, 0, 2000.0)
+    turned = finding.repairs[0].apply(run).channels["encoder"].values[:, 0] - angles
+    assert np.allclose(turned, turned[0])
+
+
+def test_places_in_steps_of_10_cm_are_coarse_and_nothing_else(sound):
+    rough = [changed(run, "kinect", lambda t, v: np.column_stack([np.round(v[:, :2], 1), v[:, 2:]]))
+             for run in sound["omni"]]
+    assert {finding.fault for finding in found(rough, "omni")} == {"channel_quantised"}
+
+
 def test_counters_that_wrap_are_continued(sound):
     wrapped = [changed(run, "encoder", lambda t, v: v % (2.0 * np.pi)) for run in sound["omni"]]
     checked = check(MODEL["omni"], wrapped)

@@ -9,27 +9,20 @@ from drake_ispace.explain.check.check import check
 from drake_ispace.hiding import hide
 
 DEG = np.pi / 180.0
-#: What is done to a channel's stamps (n,) and values (n, d), the first columns of which count.
+#: Channel, fault, and what is done to the channel's stamps (n,) and values (n, d).
 CHANGES = {
-    "inches": ("kinect", lambda t, v: (t, v * ([1.0 / 0.0254] * 2 + [1.0]))),
-    "millimetres and degrees": ("kinect", lambda t, v: (t, v * [1e3, 1e3, 1.0 / DEG])),
-    "headings in degrees": ("kinect", lambda t, v: (t, v * [1.0, 1.0, 1.0 / DEG])),
-    "headings a quarter off": ("kinect", lambda t, v: (t, v + [0.0, 0.0, np.pi / 2.0])),
-    "x mirrored": ("kinect", lambda t, v: (t, v * [-1.0, 1.0, 1.0])),
-    "camera late": ("kinect", lambda t, v: (t + 2.0, v)),
-    "revolutions": ("encoder", lambda t, v: (t, v / (2.0 * np.pi))),
-    "wheel backwards": ("encoder", lambda t, v: (t, v * ([-1.0] + [1.0] * (v.shape[1] - 1)))),
-    "torque in N cm": ("torque", lambda t, v: (t, 100.0 * v)),
-    "torque backwards": ("torque", lambda t, v: (t, v * ([1.0, -1.0] + [1.0] * (v.shape[1] - 2)))),
-    "gyro in degrees": ("imu", lambda t, v: (t, v * ([1.0] * 3 + [1.0 / DEG] * 3))),
-    "imu late": ("imu", lambda t, v: (t + 2.0, v)),
-}
-FAULTS = {
-    "inches": "wrong_unit", "millimetres and degrees": "wrong_unit", "headings in degrees": "wrong_unit",
-    "headings a quarter off": "heading_offset", "x mirrored": "camera_axis_mirrored", "camera late": "clock_offset",
-    "revolutions": "wrong_unit", "wheel backwards": "wheel_sign", "torque in N cm": "wrong_unit",
-    "torque backwards": "torque_sign", "gyro in degrees": "wrong_unit",
-    "imu late": "clock_offset",
+    "inches": ("kinect", "wrong_unit", lambda t, v: (t, v * ([1.0 / 0.0254] * 2 + [1.0]))),
+    "millimetres and degrees": ("kinect", "wrong_unit", lambda t, v: (t, v * [1e3, 1e3, 1.0 / DEG])),
+    "headings in degrees": ("kinect", "wrong_unit", lambda t, v: (t, v * [1.0, 1.0, 1.0 / DEG])),
+    "headings a quarter off": ("kinect", "heading_offset", lambda t, v: (t, v + [0.0, 0.0, np.pi / 2.0])),
+    "x mirrored": ("kinect", "camera_axis_mirrored", lambda t, v: (t, v * [-1.0, 1.0, 1.0])),
+    "camera late": ("kinect", "clock_offset", lambda t, v: (t + 2.0, v)),
+    "revolutions": ("encoder", "wrong_unit", lambda t, v: (t, v / (2.0 * np.pi))),
+    "wheel backwards": ("encoder", "wheel_sign", lambda t, v: (t, v * ([-1.0] + [1.0] * (v.shape[1] - 1)))),
+    "torque in N cm": ("torque", "wrong_unit", lambda t, v: (t, 100.0 * v)),
+    "torque backwards": ("torque", "torque_sign", lambda t, v: (t, v * ([1.0, -1.0] + [1.0] * (v.shape[1] - 2)))),
+    "gyro in degrees": ("imu", "wrong_unit", lambda t, v: (t, v * ([1.0] * 3 + [1.0 / DEG] * 3))),
+    "imu late": ("imu", "clock_offset", lambda t, v: (t + 2.0, v)),
 }
 
 
@@ -43,7 +36,7 @@ def sound():
 def mistaken(run, names):
     """A copy of a run with mistakes, one after the other."""
     for name in names:
-        channel, change = CHANGES[name]
+        channel, _, change = CHANGES[name]
         old = run.channels[channel]
         kept = 3 if channel == "kinect" else old.values.shape[1]
         t, values = change(old.t.copy(), old.values[:, :kept].copy())
@@ -66,7 +59,7 @@ def mistaken(run, names):
 def test_both_mistakes_are_found_and_nothing_else(sound, robot, one, other):
     runs = [mistaken(run, (one, other)) for run in sound[robot]]
     found = check(f"{robot}_multirate", runs)
-    assert sorted(finding.fault for finding in found.findings) == sorted([FAULTS[one], FAULTS[other]])
+    assert sorted(finding.fault for finding in found.findings) == sorted([CHANGES[one][1], CHANGES[other][1]])
     assert all(finding.run == "all" for finding in found.findings)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
-from drake_ispace.explain.check.compare.clocks import clocks
+from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
 from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings
@@ -37,7 +37,6 @@ from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
-_LATE_S = 5.0  # by which a clock may be off that is looked for with other mistakes
 _SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
 
 
@@ -209,15 +208,15 @@ class _Search:
 
         What the clock is off by is found once they are repaired.
         """
-        tried = []
+        bases, tried = self._bases(), []
         window_s = LATENCY_S if channel in (TORQUE, "imu") else WINDOW_S
-        for lag_s in lags(_LATE_S, 0.5 * window_s).tolist():
+        for lag_s in lags(LATEST_S, 0.5 * window_s).tolist():
             clock = Clock(channel, 1.0, lag_s)
             runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
-            agreement = find(runs, self._bases(), True)
+            agreement = find(runs, bases, True)
             if agreement.findings and agreement.follows >= RELATED:  # there is always some lag at which some would do
-                tried.append((agreement.findings[0].drop_in_deviance, lag_s, agreement.findings))
-        return max(tried, key=lambda one: one[0])[-1] if tried else []
+                tried.append(agreement.findings)
+        return max(tried, key=lambda findings: findings[0].drop_in_deviance, default=[])
 
     def _encoder_clock(self):
         """The wheels' own clock, where two channels or more are off against it by the same."""

@@ -175,7 +175,7 @@ class _Choice:
         return np.nan if share is None else share
 
     def is_better_than(self, other, well):
-        """Whether two mistakes at once explain what another choice leaves: of one mistake, or of none."""
+        """Whether two mistakes explain RELATED of what a single one leaves, or as much as a sound channel does."""
         least = well if other.number is None else other.follows() + RELATED * (1.0 - other.follows())
         return self.follows() >= least
 

@@ -24,7 +24,8 @@ from drake_ispace.explain.check.compare.regression import SLACK, most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 
-_LAGS_S = lags(5.0, RATE_S)  # that are looked at
+LATEST_S = 5.0  # by which a clock may be off that is looked for
+_LAGS_S = lags(LATEST_S, RATE_S)
 _FASTEST = 0.05  # rate at which a clock may drift
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 

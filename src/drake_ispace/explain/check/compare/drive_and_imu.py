@@ -187,5 +187,5 @@ def _found(runs, bases, given, one, channel, columns, single):
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
-    tried = None if single else lambda: pairs(given)
-    return disagreement(rows_of, given, tried, lambda reading: channel, repairs, well=_WELL[channel])
+    both = None if single else lambda: pairs(given)
+    return disagreement(rows_of, given, both, lambda reading: channel, repairs, well=_WELL[channel])

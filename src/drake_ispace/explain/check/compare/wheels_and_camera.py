@@ -48,9 +48,10 @@ def wheels_or_camera(
     if base is None:
         return Agreement([])
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
-    gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in (slice(2), slice(2, 3))}
+    parts = slice(2), slice(2, 3)
+    gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in parts} - {1.0}
     counts = float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears - {1.0}, *_ratios(motions))
+    given = readings(base.geometry, counts, gears, *_ratios(motions))
 
     def rows_of(tried):
         return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
@@ -68,7 +69,7 @@ def wheels_or_camera(
         return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
 
     return disagreement(
-        rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears - {1.0}),
+        rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears),
         lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
     )
 
@@ -108,8 +109,10 @@ def _by_drive(run, base, repairs):
     driven = base.robot.driven
     link_of = {TORQUE: torque_link, COMMAND: command_link}[driven]
     link = link_of(run, replace(base, encoder=run.channels["encoder"])) if driven in run.channels else None
-    as_given = None if link is None else [np.eye(link.measured.shape[1])] * 2
-    part = None if link is None else compared(link, base, as_given, np.array([1.0, 0.0])[:, None, None])
+    if link is None:
+        return 0.0
+    unit, as_given_or_unrelated = np.eye(link.measured.shape[1]), np.array([1.0, 0.0])[:, None, None]
+    part = compared(link, base, [unit, unit], as_given_or_unrelated)
     return 0.0 if part is None else float(part.scored[0] - part.scored[1])
 
 
