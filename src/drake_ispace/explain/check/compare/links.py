@@ -11,9 +11,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.motion import (
-    AS_GIVEN,
     WINDOW_S,
-    View,
     arm,
     camera_noise,
     has_motion,
@@ -29,6 +27,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
 UNKNOWN_INERTIA = Slack.of_factor(5.0)  # of a plant of one's own, of which a parameter may be free
+PLACES_AND_TURNS = ((0, 1), (2,))  # components of a motion that share a scale
 FEWEST = 6  # windows, below which a channel is not compared
 RATE_S = 0.05  # half of the time over which angles are differentiated: no motion is told in more detail
 
@@ -127,16 +126,16 @@ def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
     return found
 
 
-def camera_link(run: Recording, base: Base, starts: int = 1, view: View = AS_GIVEN) -> Link | None:
+def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The camera's motion, in body axes; turns as lengths."""
     if not has_motion(run):
         return None
     kinect = run.channels["kinect"]
     stretches, unit = windows(kinect, starts=starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
-        "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches, view) * unit,
-        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)),
-        np.hypot(np.sqrt(2.0) * camera_noise(kinect, view), base.noise) * unit,
+        "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
+        lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,
+        np.hypot(np.sqrt(2.0) * camera_noise(kinect), base.noise) * unit,
     )
 
 
@@ -203,7 +202,7 @@ def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     stretches, unit = _grid(command, base, WINDOW_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
-        lambda since, until: base.moved(since, until) * unit, ((0, 1), (2,)), base.noise * unit,
+        lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS, base.noise * unit,
         usual_s=(-LATENCY_S, WINDOW_S),  # a drive may follow its command: later, it does nothing of it in the window
     )
 

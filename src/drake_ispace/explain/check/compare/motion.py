@@ -1,6 +1,7 @@
 """One run as the checks see it: the motion that the camera saw, and what the model makes of the wheels' motion."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -18,6 +19,11 @@ class View:
     axes: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
     scale: float = 1.0
     offset_rad: float = 0.0
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(2, 2) axes: in another order, of another sense or unit."""
+        return np.array(self.axes)
 
     def then(self, other: "View") -> "View":
         """This reading, and another of what it gives."""
@@ -52,19 +58,36 @@ def windows(kinect: Channel, window_s: float = WINDOW_S, starts: int = 1) -> Win
     return Windows(kinect.t[first], kinect.t[last], first, last)
 
 
-def seen(kinect: Channel, stretches: Windows, view: View = AS_GIVEN) -> np.ndarray:
+class Camera:
+    """The motion that a camera saw in some stretches of a run, however its poses are to be read."""
+
+    def __init__(self, kinect: Channel, stretches: Windows):
+        self._places, self._first, self._last = kinect.values[:, :2], stretches.first, stretches.last
+        self._heading = cache(lambda scale: np.unwrap(scale * kinect.column("phi")))  # (k,) [rad], continuous
+        self._noise_of_places = cache(lambda: np.array([noise_of(column) for column in self._places.T]))
+        self._noise_of_heading = cache(lambda scale: noise_of(self._heading(scale)))
+
+    def motion(self, view: View = AS_GIVEN) -> np.ndarray:
+        """(n, 3) motion [m, m, rad] in the body's axes at mid-heading."""
+        moved, phi = (self._places[self._last] - self._places[self._first]) @ view.matrix.T, self._heading(view.scale)
+        middle = 0.5 * (phi[self._last] + phi[self._first]) + view.offset_rad
+        c, s = np.cos(middle), np.sin(middle)
+        along, across = c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1]
+        return np.column_stack([along, across, phi[self._last] - phi[self._first]])
+
+    def noise(self, view: View = AS_GIVEN) -> np.ndarray:
+        """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor."""
+        return np.append(np.abs(view.matrix) @ self._noise_of_places(), self._noise_of_heading(view.scale))
+
+
+def seen(kinect: Channel, stretches: Windows) -> np.ndarray:
     """(n, 3) motion [m, m, rad] in the body's axes at mid-heading, as the camera saw it."""
-    place, phi = kinect.values[:, :2] @ np.array(view.axes).T, heading(kinect, view)
-    moved = place[stretches.last] - place[stretches.first]
-    middle = 0.5 * (phi[stretches.last] + phi[stretches.first])
-    c, s = np.cos(middle), np.sin(middle)
-    along, across = c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1]
-    return np.column_stack([along, across, phi[stretches.last] - phi[stretches.first]])
+    return Camera(kinect, stretches).motion()
 
 
-def heading(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
+def heading(kinect: Channel) -> np.ndarray:
     """(k,) heading [rad] of the fixes, continuous."""
-    return np.unwrap(view.scale * kinect.column("phi")) + view.offset_rad
+    return np.unwrap(kinect.column("phi"))
 
 
 def turned(encoder: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
@@ -84,18 +107,21 @@ def arm(geometry: WheelGeometry) -> float:
     return float(np.sqrt(np.mean([wheel.x_m**2 + wheel.y_m**2 for wheel in geometry.wheels]))) or 1.0
 
 
-def camera_noise(kinect: Channel, view: View = AS_GIVEN) -> np.ndarray:
-    """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor.
+def camera_noise(kinect: Channel) -> np.ndarray:
+    """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor."""
+    return np.array([noise_of(column) for column in (*kinect.values[:, :2].T, heading(kinect))])
 
-    From third differences, in which a smooth motion nearly vanishes; a tenth of the fixes may be off. Places in steps
-    that are rare hide their rounding there.
+
+def noise_of(values: np.ndarray) -> float:
+    """The standard deviation of what changes from value to value (n,) beside a smooth motion.
+
+    From third differences, in which that nearly vanishes; a tenth of the values may be off. Steps that are rare hide
+    their rounding there.
     """
-    values = np.column_stack([kinect.values[:, :2] @ np.array(view.axes).T, heading(kinect, view)])
     if len(values) < 5:
-        return np.zeros(3)
-    rounding = np.array([step_of(column) for column in values.T]) / np.sqrt(12.0)
-    changes = np.quantile(np.abs(np.diff(values, n=3, axis=0)), 0.9, axis=0) / (1.645 * np.sqrt(20.0))
-    return np.maximum(rounding, changes)
+        return 0.0
+    changes = np.quantile(np.abs(np.diff(values, n=3)), 0.9) / (1.645 * np.sqrt(20.0))
+    return max(step_of(values) / np.sqrt(12.0), float(changes))
 
 
 def step_of(values: np.ndarray) -> float:

@@ -14,7 +14,7 @@ SLACK, MOST_SLACK = 0.10, 0.45
 _FREEDOM = 4.0  # of Student's distribution
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
-_AT_ONCE = 100_000  # windows of all hypotheses that are held in memory together
+_AT_ONCE = 150_000  # numbers of all hypotheses that are compared together, so that they stay in the processor's cache
 _FREE = np.sqrt(np.finfo(float).eps)  # precision of the prior of f beside that of the data: motions may be the same
 
 
@@ -59,7 +59,9 @@ def scores(
             hypotheses. groups: of components that share a scale. noise: (h, d) standard deviation of y that sensors
             alone make. z: (n, d, k), the same for all hypotheses, or (h, n, d, k) motions of any share. slack: of S.
     """
-    many = max(1, _AT_ONCE // max(x.shape[1], 1))
+    _, n, d = x.shape
+    numbers = n * d * (d + (0 if z is None else z.shape[-1]))
+    many = max(1, _AT_ONCE // max(numbers, 1))
     return np.concatenate([
         _scores(
             x[part], y[part] if len(y) == len(x) else y, groups, noise[part], z[part] if np.ndim(z) == 4 else z, slack
@@ -70,9 +72,9 @@ def scores(
 
 def _scores(x, y, groups, noise, z, slack):
     x, y = _by_component(x), _by_component(y)
-    shares, residual, improbable = _fitted(x, y, z, slack)
+    shares, residual, scale, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
-    return _likelihood(residual, y, groups, noise) - improbable
+    return _likelihood(residual, _scale(residual, scale), y, groups, noise) - improbable
 
 
 def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
@@ -81,16 +83,16 @@ def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) 
     Arguments as of `scores`; a noise of zeros stands for exact agreement.
     """
     y = _by_component(y)
-    return _likelihood(np.broadcast_to(noise[..., None], y.shape), y, groups, noise)
+    return _likelihood(noise[..., None], noise, y, groups, noise)
 
 
-def _likelihood(residual, y, groups, noise):
-    """(h,) logarithms of likelihood of residuals (h, d, n), over those of y (h, d, n) unrelated to anything."""
+def _likelihood(residual, scale, y, groups, noise):
+    """(h,) logarithms of likelihood of residuals (h, d, n) of a scale (h, d), over those of y unrelated to anything."""
     size = np.empty_like(noise)
     for group in groups:
         size[:, group] = (_scale(y[:, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
-    ratio = np.clip(np.sqrt(_scale(residual) ** 2 + noise**2) / size, SLACK, 1.0)
+    ratio = np.clip(np.sqrt(scale**2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
     # reading that shrinks a channel is not the likelier for it
     left = (residual**2 + noise[..., None] ** 2) / (ratio * size)[..., None] ** 2
@@ -111,7 +113,8 @@ def _by_component(motions):
 def _fitted(x, y, z, slack):
     """S (h, d, d) and residuals (h, d, n) at the most probable S and f, by iteratively weighted least squares.
 
-    Also (h,) how improbable f is, as a loss of log likelihood. x, y: (h, d, n); z: as of `scores`.
+    Also (h, d) the scale of the residuals, and (h,) how improbable f is, as a loss of log likelihood. x, y: (h, d, n);
+    z: as of `scores`.
     """
     h, d, n = x.shape
     z = np.zeros((n, d, 0)) if z is None else z
@@ -125,23 +128,28 @@ def _fitted(x, y, z, slack):
     steady = np.diag([0.0] * d + [_FREE] * k)
     apart = residual = y - x
     least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
+    scale = None
     for _ in range(_ROUNDS):
-        scale = np.maximum(_scale(residual), least)[..., None]
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / scale) ** 2) / scale**2 * (min(n, MOST_ROWS) / n)
+        scale = _scale(residual, scale)
+        near = np.maximum(scale, least)[..., None]
+        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / near) ** 2) / near**2 * (min(n, MOST_ROWS) / n)
         weighted = design * weight[:, :, None]
         normal = weighted @ np.swapaxes(design, 2, 3) + prior + steady * weight.sum(axis=-1)[..., None, None]
         shares = np.linalg.solve(normal, weighted @ apart[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
         residual = apart - (shares[:, :, None] @ design)[:, :, 0]
-    return shares[..., :d], residual, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
+    return shares[..., :d], residual, scale, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
 
 
-def _scale(values):
-    """(...,) scale of Student's distribution along the last axis."""
+def _scale(values, near=None):
+    """(...,) scale of Student's distribution along the last axis, by iteration.
+
+    near: one that was right for values that hardly differ, of which the iteration goes on; None: it begins anew.
+    """
     squares = values**2
     least = 1e-6 * squares.mean(axis=-1) + 1e-24  # most values may be zero
-    scale = np.median(squares, axis=-1) / 0.55 + least  # where the iteration begins: the median of t squared
-    for _ in range(_ROUNDS):
+    scale = np.median(squares, axis=-1) / 0.55 + least if near is None else near**2  # the median of t squared
+    for _ in range(_ROUNDS if near is None else 1):
         # the mean of the weights times the squares, a weight being (freedom + 1) / (freedom + squares / scale)
         bounded = squares / (_FREEDOM * scale[..., None] + squares)
         scale = (_FREEDOM + 1.0) * scale * bounded.mean(axis=-1) + least

@@ -20,6 +20,7 @@ from drake_ispace.explain.check.compare.agreement import (
 from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
+    PLACES_AND_TURNS,
     Base,
     camera_link,
     command_link,
@@ -27,7 +28,7 @@ from drake_ispace.explain.check.compare.links import (
     integral,
     torque_link,
 )
-from drake_ispace.explain.check.compare.motion import arm, turned
+from drake_ispace.explain.check.compare.motion import Camera, arm, has_motion, turned, windows
 from drake_ispace.explain.check.compare.regression import scores
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
@@ -119,26 +120,28 @@ def _by_drive(run, base, repairs):
 def _row(
     run: Recording, base: Base | None, given: Sequence[Reading], from_s: float = -np.inf, to_s: float = np.inf
 ) -> Row:
-    if base is None:
+    if base is None or not has_motion(run):
         return row(given)
-    views = {view: camera_link(run, base, view=view) for view in {reading.view for reading in given}}
-    link = next(iter(views.values()))
-    if link is None:
-        return row(given)
-    kept = inside(base, link.since_s, link.until_s) & (link.since_s >= from_s) & (link.until_s <= to_s)
+    kinect = run.channels["kinect"]
+    stretches = windows(kinect)
+    since, until = stretches.since_s, stretches.until_s
+    kept = inside(base, since, until) & (since >= from_s) & (until <= to_s)
     if kept.sum() < FEWEST:
         return row(given)
-    since, until = link.since_s[kept], link.until_s[kept]
+    since, until, camera = since[kept], until[kept], Camera(kinect, stretches)
     angles, unit = turned(base.encoder, since, until), np.array([1.0, 1.0, arm(base.geometry)])
+    views = {
+        view: (camera.motion(view)[kept], np.hypot(np.sqrt(2.0) * camera.noise(view), base.noise))
+        for view in {reading.view for reading in given}
+    }
     x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
-    y = np.stack([views[reading.view].measured[kept] for reading in given])
-    noise = np.stack([views[reading.view].noise for reading in given])
+    y, noise = (np.stack(values) * unit for values in zip(*(views[r.view] for r in given), strict=True))
     gyro = None  # it decides between readings that are alike, and accuses nobody
     if "imu" in run.channels:
         turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
         gyro = scores(x[:, :, 2:] / unit[2], turn, ((0,),), np.zeros((len(given), 1)))
         gyro = Part(np.clip(gyro - gyro[0], -ALIKE, ALIKE), 0.0)
-    return row(given, part(x, y, link.groups, noise), gyro)
+    return row(given, part(x, y, PLACES_AND_TURNS, noise), gyro)
 
 
 def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
