@@ -100,7 +100,7 @@ def whiten(y, classes, a, shrink, unit, rates, out):
                 of_lags[(lags - 1 - k) * p + j, i] = a[k * p + j, i]
     for t in range(rows):
         for i in range(p):
-            own[t, i] = e[t, i] = y[t, i]
+            own[t, i] = e[t, i] = y[t, i]  # y may be of single precision
         for m in range(count):
             for i in range(p):
                 past[t, m * p + i] = mean[m * p + i]
@@ -119,10 +119,8 @@ def whiten(y, classes, a, shrink, unit, rates, out):
                     e[first + (w + 1) * lags, i] -= predicted[w, i]
     for t in range(lags, rows):
         for i in range(p):
-            total = 0.0
-            for j in range(p):
-                total += unit[i, j] * (e[t, j] * shrink[classes[t], j])
-            out[(t - lags) * p + i] = total
+            e[t, i] *= shrink[classes[t], i]
+    np.dot(e[lags:], unit.T, out.reshape(rows - lags, p))
 
 
 @kernel(nogil=True)
@@ -134,22 +132,21 @@ def transpose(z, classes, a, shrink, unit, rates, y):
     rows, p, count = y.shape[0], y.shape[1], rates.shape[0]
     lags = rows - z.shape[0]
     e, later = np.zeros((rows, p)), np.zeros(count * p)
+    np.dot(z, unit, e[lags:])
     for t in range(lags, rows):
-        for j in range(p):
-            total = 0.0
-            for i in range(p):
-                total += unit[i, j] * z[t - lags, i]
-            e[t, j] = total * shrink[classes[t], j]
+        for i in range(p):
+            e[t, i] *= shrink[classes[t], i]
     into_past = np.dot(e, a)
     for t in range(rows - 1, -1, -1):
         for i in range(p):
-            total = e[t, i]
-            for k in range(min(lags, rows - 1 - t)):
-                total -= into_past[t + 1 + k, k * p + i]
-            for m in range(count):
-                total -= rates[m] * later[m * p + i]
+            y[t, i] = e[t, i]
+        for k in range(min(lags, rows - 1 - t)):
+            for i in range(p):
+                y[t, i] -= into_past[t + 1 + k, k * p + i]
+        for m in range(count):
+            for i in range(p):
+                y[t, i] -= rates[m] * later[m * p + i]
                 later[m * p + i] = into_past[t, (lags + m) * p + i] + (1.0 - rates[m]) * later[m * p + i]
-            y[t, i] = total
 
 
 def past(y: np.ndarray, lags: int, means: Sequence[float]) -> np.ndarray:
