@@ -65,11 +65,16 @@ def plain_fit(
             moved[candidate][i] = float(value)
         return moved
 
+    known: dict[tuple, np.ndarray] = {}  # where the fit stands, errors are asked for several times
+
     def by_run(zs, horizons):
         """For each z the errors of each run."""
         def one(job):
             z, i = job
-            return scaled_errors(prediction, i, windows[i], merged(at(z)), floors, horizons[i])
+            key = z.tobytes(), i, *sorted(horizons[i])
+            if key not in known:
+                known[key] = scaled_errors(prediction, i, windows[i], merged(at(z)), floors, horizons[i])
+            return known[key]
 
         jobs = [(z, i) for z in zs for i in range(len(windows))]
         found, n = each(one, jobs), len(windows)
