@@ -275,10 +275,10 @@ def _windows(prediction, track, windows, simulation, fixes, lengths):
         ends = {name: start + lengths[name] for name in long if windows.has(name, k)}
         ends = {name: end for name, end in ends.items() if end < track.ticks}
         rows_of = {name: rows[rows[:, 0] == k, 1:] for name, rows in fixes.items()}
-        last = max([*ends.values(), *(int(track.fix_ticks[b]) for rows in rows_of.values() for _, b in rows)], default=0)
-        if not last:
+        fixes_at = [int(track.fix_ticks[b]) for rows in rows_of.values() for _, b in rows]
+        if not (ends or fixes_at):
             continue
-        logs = simulation.free(start, last - start + LEAD_TICKS)
+        logs = simulation.free(start, max(*ends.values(), *fixes_at, start) - start + LEAD_TICKS)
         for name, end in ends.items():  # the innovation of a tick stands in the row after it
             sensed[name].append(logs["innovation"][end + 1, prediction.columns].copy())
         for name, rows in rows_of.items():
