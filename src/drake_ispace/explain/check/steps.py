@@ -5,7 +5,15 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import chi2
 
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, moving
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    LATENCY_S,
+    Base,
+    camera_link,
+    inside,
+    moving,
+    seen_of_wheels,
+)
 from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
@@ -80,12 +88,13 @@ def _camera_steps(run, base, number):
     k = np.arange(len(kinect.t))
     each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    difference = _unexplained(kinect, base, each)
+    seen_of = seen_of_wheels(run, base)
+    difference = _unexplained(kinect, base, seen_of, each)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     large, spikes = np.flatnonzero(short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))), []
     for i in large.tolist():
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
-        spike = _spike(kinect, base, i, difference[i])
+        spike = _spike(kinect, base, seen_of, i, difference[i])
         if spike is not None:
             spikes.append(spike)
             continue
@@ -95,12 +104,16 @@ def _camera_steps(run, base, number):
         yield off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
 
 
-def _unexplained(kinect, base, pairs):
-    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them."""
-    return np.linalg.norm((seen(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s))[:, :2], axis=1)
+def _unexplained(kinect, base, seen_of, pairs):
+    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them.
+
+    seen_of: what `seen_of_wheels` gives of the run.
+    """
+    ways = seen(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s) @ seen_of
+    return np.linalg.norm(ways[:, :2], axis=1)
 
 
-def _spike(kinect, base, i, step):
+def _spike(kinect, base, seen_of, i, step):
     """The first and the last fix that are off, where a step [m] after fix `i` goes or comes back soon; else None."""
     t = kinect.t
     first, last = np.searchsorted(t, t[i] - WINDOW_S), np.searchsorted(t, t[i + 1] + WINDOW_S, side="right")
@@ -108,14 +121,15 @@ def _spike(kinect, base, i, step):
     if not spans:
         return None
     begins, ends = np.array(sorted(spans, key=lambda span: span[1] - span[0])).T
-    left = _unexplained(kinect, base, Windows(t[begins], t[ends], begins, ends))
+    left = _unexplained(kinect, base, seen_of, Windows(t[begins], t[ends], begins, ends))
     back = np.flatnonzero(left < 0.5 * step)
     return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
 
 def _frozen(run, base, number):
     """Rows of the encoder that repeat while the camera moves."""
-    kinect, encoder, usual = run.channels["kinect"], run.channels["encoder"], _as_wheels_say(run, base)
+    kinect, encoder = run.channels["kinect"], run.channels["encoder"]
+    of_seen = np.linalg.pinv(seen_of_wheels(run, base))
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
         for first, last in stretches(repeats(encoder.values[:, column])):
             since, until = float(encoder.t[first]), float(encoder.t[last])
@@ -123,7 +137,7 @@ def _frozen(run, base, number):
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
             pair = Windows(kinect.t[[first_fix]], kinect.t[[end - 1]], np.array([first_fix]), np.array([end - 1]))
-            turned = base.geometry.inverse @ (seen(kinect, pair) @ usual)[0]
+            turned = base.geometry.inverse @ (seen(kinect, pair) @ of_seen)[0]
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
             if missed < _SHOWS_M:
@@ -142,18 +156,6 @@ def _frozen(run, base, number):
                 return
 
 
-def _as_wheels_say(run, base):
-    """(3, 3) what turns motions that the camera sees (n, 3) into those that wheels make, all in all.
-
-    It is not the identity where the marker is beside the robot's middle, or the wheels are larger than believed.
-    """
-    kinect = run.channels["kinect"]
-    stretches = windows(kinect)
-    kept = inside(base, stretches.since_s, stretches.until_s)
-    camera, wheels = seen(kinect, stretches)[kept], base.moved(stretches.since_s, stretches.until_s)[kept]
-    return np.eye(3) + np.linalg.lstsq(camera, wheels - camera, rcond=None)[0]
-
-
 def _carried(run, base, number):
     """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common."""
     link = camera_link(run, base, _SERIES)
@@ -162,7 +164,7 @@ def _carried(run, base, number):
         return
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
     x = link.predicted(since, until)
-    left = residuals(x, y)
+    left = residuals(x, y, slack=link.slack)
     size, far = np.linalg.norm(left, axis=1), np.zeros(len(left), bool)
     for group in map(list, link.groups):
         part, larger = np.linalg.norm(left[:, group], axis=1), np.maximum(*(

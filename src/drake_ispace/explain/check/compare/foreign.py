@@ -119,7 +119,9 @@ def _at_lag(link, base, lag_s, spoilt):
         z, slack = None if besides is None else besides[:, group], link.slack
         if link.channel == "kinect":
             others = [j for j in range(len(link.noise)) if j not in group]
-            z, slack = np.stack([predicted[:, others]] * len(group), axis=1), replace(slack, besides=SLACK)
+            share = slack.marker if others == [2] else SLACK
+            z, slack = np.stack([predicted[:, others]] * len(group), axis=1), replace(slack, besides=share)
+            z = np.stack([z, 0.0 * z])  # a marker that goes along as the wheels turn the robot is related to them
         # what goes on besides, such as the steady push into a circle, says nothing of whose motion it is
         own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
         if all(moving(motion, noise) for motion in own):
@@ -140,5 +142,5 @@ def _free_gain(run, base):
     matrix = np.linalg.lstsq(angles[::2], y[::2], rcond=None)[0]
     x, y = (angles @ matrix)[1::2][None], y[1::2][None]
     noise = link.noise[None]
-    free, unrelated = scores(x, y, link.groups, noise)[0], scores(0.0 * x, y, link.groups, noise)[0]
+    free, unrelated = (scores(motion, y, link.groups, noise, slack=link.slack)[0] for motion in (x, 0.0 * x))
     return _related(float(free), float(unrelated), float(most(y, link.groups, noise)[0]))

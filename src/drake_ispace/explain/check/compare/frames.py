@@ -6,11 +6,11 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base, seen_of_wheels
 from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import Recording
 
 _BINS = 16  # to a step, into which stamps are sorted to find its length
 
@@ -20,10 +20,11 @@ def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[F
     if base is None or not has_motion(run):
         return
     kinect = run.channels["kinect"]
-    (given, count), best = _disagreement(kinect, base), None
+    (given, count), best = _disagreement(run, base), None
     for repair in (Evened("kinect"), _grid(kinect.t)):
-        even = repair.apply(run).channels["kinect"]
-        left, off_s = max(_disagreement(even, base)[0], np.finfo(float).tiny), float(np.std(kinect.t - even.t))
+        even = repair.apply(run)
+        left = max(_disagreement(even, base)[0], np.finfo(float).tiny)
+        off_s = float(np.std(kinect.t - even.channels["kinect"].t))
         if 2.0 * left**2 < given**2 and (best is None or left < best[0]):
             best = left, repair, off_s
     if best is not None and count * np.log(given / best[0]) >= SAID:
@@ -46,11 +47,12 @@ def _grid(t: np.ndarray) -> Gridded:
     return Gridded("kinect", float(step_s), float(since_s))
 
 
-def _disagreement(kinect: Channel, base: Base) -> tuple[float, int]:
+def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
     """Median distance [m] between the motions from fix to fix that camera and wheels tell of, and number of these.
 
     At the best latency.
     """
+    kinect = run.channels["kinect"]
     first = np.arange(len(kinect.t) - 1)
     since, until = kinect.t[:-1], kinect.t[1:]
     steps = Windows(since, until, first, first + 1)
@@ -59,5 +61,5 @@ def _disagreement(kinect: Channel, base: Base) -> tuple[float, int]:
     if not inside.any():
         return 0.0, 0
     since, until = (np.ravel(t[inside] + LATENCIES_S[:, None]) for t in (since, until))
-    turned = base.moved(since, until)[:, :2].reshape(len(LATENCIES_S), -1, 2)
+    turned = (base.moved(since, until) @ seen_of_wheels(run, base))[:, :2].reshape(len(LATENCIES_S), -1, 2)
     return float(np.median(np.linalg.norm(moved[inside] - turned, axis=2), axis=1).min()), int(inside.sum())

@@ -19,7 +19,7 @@ from drake_ispace.explain.check.compare.motion import (
     turned,
     windows,
 )
-from drake_ispace.explain.check.compare.regression import MOST_ROWS, PHYSICS, SLACK, Slack
+from drake_ispace.explain.check.compare.regression import CAMERA, MOST_ROWS, PHYSICS, SLACK, Slack, relation
 from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -135,8 +135,21 @@ def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(
         "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,
-        np.hypot(np.sqrt(2.0) * camera_noise(kinect), base.noise) * unit,
+        np.hypot(np.sqrt(2.0) * camera_noise(kinect), base.noise) * unit, slack=CAMERA,
     )
+
+
+def seen_of_wheels(run: Recording, base: Base) -> np.ndarray:
+    """(3, 3) what turns motions [m, m, rad] (n, 3) that wheels make into those that the camera sees, all in all.
+
+    It is not the identity where the marker is beside the robot's middle, or the wheels are larger than believed.
+    """
+    link, unit = camera_link(run, base), np.array([1.0, 1.0, arm(base.geometry)])
+    kept = inside(base, link.since_s, link.until_s)
+    if not kept.any():
+        return np.eye(3)
+    wheels = link.predicted(link.since_s[kept], link.until_s[kept])
+    return relation(wheels[None], link.measured[kept][None], link.slack)[0] * unit[:, None] / unit
 
 
 def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:

@@ -23,12 +23,15 @@ class Slack:
     """What S may be on its diagonal: standard deviation, least and most. Elsewhere it is that of physics.
 
     besides: standard deviation of the share of every motion z, in units of y over those of z; infinite: any share.
+    marker: standard deviation of what a turn, the last of three components, adds to the other two: a marker that is not
+        at the middle of the robot goes along as it turns.
     """
 
     std: float = SLACK
     least: float = -MOST_SLACK
     most: float = MOST_SLACK
     besides: float = np.inf
+    marker: float = SLACK
 
     @classmethod
     def of_factor(cls, times: float) -> "Slack":
@@ -37,15 +40,20 @@ class Slack:
 
     def stds(self, d: int) -> np.ndarray:
         """(d, d) of S."""
-        return np.where(np.eye(d) > 0.0, self.std, SLACK)
+        stds = np.where(np.eye(d) > 0.0, self.std, SLACK)
+        if d == 3:
+            stds[:2, 2] = self.marker
+        return stds
 
     def bounded(self, shares: np.ndarray) -> np.ndarray:
         """S (h, d, d) within its bounds."""
-        off = np.clip(shares, -MOST_SLACK, MOST_SLACK)
-        return np.where(np.eye(shares.shape[1]) > 0.0, np.clip(shares, self.least, self.most), off)
+        d = shares.shape[1]
+        most = MOST_SLACK / SLACK * self.stds(d)
+        return np.where(np.eye(d) > 0.0, np.clip(shares, self.least, self.most), np.clip(shares, -most, most))
 
 
 PHYSICS = Slack()
+CAMERA = Slack(marker=1.0)  # a marker is about as far from the middle as the wheels, by which turns are made lengths
 
 
 def scores(
@@ -100,9 +108,15 @@ def _likelihood(residual, scale, y, groups, noise):
     return -min(y.shape[-1], MOST_ROWS) * (np.log(ratio) + far).sum(axis=-1)
 
 
-def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None) -> np.ndarray:
-    """(n, d) y (n, d) less what x (n, d) explains of it, physics included."""
-    return _fitted(x.T[None], y.T[None], z, PHYSICS)[1][0].T
+def residuals(x: np.ndarray, y: np.ndarray, z: np.ndarray | None = None, slack: Slack = PHYSICS) -> np.ndarray:
+    """(n, d) y (n, d) less what x (n, d) explains of it, physics included; z, slack: as of `scores`."""
+    return _fitted(x.T[None], y.T[None], z, slack)[1][0].T
+
+
+def relation(x: np.ndarray, y: np.ndarray, slack: Slack) -> np.ndarray:
+    """(h, d, d) the most probable 1 + S, by which motions x (h, n, d) are multiplied to come near to y; as of `scores`.
+    """
+    return np.eye(x.shape[2]) + np.swapaxes(_fitted(_by_component(x), _by_component(y), None, slack)[0], 1, 2)
 
 
 def _by_component(motions):

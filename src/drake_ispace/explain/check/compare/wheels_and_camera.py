@@ -1,7 +1,7 @@
 """Do wheels and camera say the same motion, and if not, which mistake of either makes them?"""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,7 +29,7 @@ from drake_ispace.explain.check.compare.links import (
     torque_link,
 )
 from drake_ispace.explain.check.compare.motion import Camera, arm, has_motion, turned, windows
-from drake_ispace.explain.check.compare.regression import scores
+from drake_ispace.explain.check.compare.regression import CAMERA, PHYSICS, Slack, relation, scores
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -65,8 +65,8 @@ def wheels_or_camera(
     def against(i, reading):
         """What the thirds of a run lose by the reading, of which a stretch of a few seconds leaves one as it is."""
         tried = [*(other for other in given if not other.fault), replace(reading, fault="", rare=False, of=())]
-        t = runs[i].channels["kinect"].t
-        thirds = [_row(runs[i], bases[i], tried, *ends).scored for ends in pairwise(np.linspace(t[0], t[-1], 4))]
+        whole = _compare(runs[i], bases[i], tried)
+        thirds = [] if whole is None else [third.row(tried, PHYSICS).scored for third in whole.thirds()]
         return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
 
     return disagreement(
@@ -117,31 +117,68 @@ def _by_drive(run, base, repairs):
     return 0.0 if part is None else float(part.scored[0] - part.scored[1])
 
 
-def _row(
-    run: Recording, base: Base | None, given: Sequence[Reading], from_s: float = -np.inf, to_s: float = np.inf
-) -> Row:
+@dataclass(frozen=True)
+class _Compared:
+    """Windows [s] of a run (n,), motions x (h, n, 3) that h readings make of the wheels, and y of the camera.
+
+    noise: (h, 3), as of regression.scores.
+    """
+
+    since_s: np.ndarray
+    until_s: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    noise: np.ndarray
+
+    def row(self, given: Sequence[Reading], slack: Slack, gyro: Part | None = None) -> Row:
+        """What these windows say of the readings."""
+        if len(self.since_s) < FEWEST:
+            return row(given)
+        return row(given, part(self.x, self.y, PLACES_AND_TURNS, self.noise, slack=slack), gyro)
+
+    def thirds(self) -> list["_Compared"]:
+        """Each third of the time, with the marker where the whole run has it: a short one would tell of any."""
+        moved = relation(self.x, self.y, CAMERA)
+        marker = np.zeros((3, 3))
+        marker[2, :2] = 1.0
+        x = self.x @ (np.eye(3) + marker * moved)
+        ends = np.linspace(self.since_s[0], self.until_s[-1], 4)
+        parts = [(self.since_s >= begin) & (self.until_s <= end) for begin, end in pairwise(ends)]
+        return [_Compared(self.since_s[k], self.until_s[k], x[:, k], self.y[:, k], self.noise) for k in parts]
+
+
+def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Compared | None:
+    """The windows of a run by each of the readings; None: there are none."""
     if base is None or not has_motion(run):
-        return row(given)
+        return None
     kinect = run.channels["kinect"]
     stretches = windows(kinect)
-    since, until = stretches.since_s, stretches.until_s
-    kept = inside(base, since, until) & (since >= from_s) & (until <= to_s)
+    since, until, camera = stretches.since_s, stretches.until_s, Camera(kinect, stretches)
+    kept = inside(base, since, until)
     if kept.sum() < FEWEST:
-        return row(given)
-    since, until, camera = since[kept], until[kept], Camera(kinect, stretches)
-    angles, unit = turned(base.encoder, since, until), np.array([1.0, 1.0, arm(base.geometry)])
+        return None
+    since, until, unit = since[kept], until[kept], np.array([1.0, 1.0, arm(base.geometry)])
+    angles = turned(base.encoder, since, until)
     views = {
         view: (camera.motion(view)[kept], np.hypot(np.sqrt(2.0) * camera.noise(view), base.noise))
         for view in {reading.view for reading in given}
     }
     x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
     y, noise = (np.stack(values) * unit for values in zip(*(views[r.view] for r in given), strict=True))
+    return _Compared(since, until, x, y, noise)
+
+
+def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
+    compared = _compare(run, base, given)
+    if compared is None:
+        return row(given)
     gyro = None  # it decides between readings that are alike, and accuses nobody
     if "imu" in run.channels:
+        since, until = compared.since_s, compared.until_s
         turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
-        gyro = scores(x[:, :, 2:] / unit[2], turn, ((0,),), np.zeros((len(given), 1)))
+        gyro = scores(compared.x[:, :, 2:] / arm(base.geometry), turn, ((0,),), np.zeros((len(given), 1)))
         gyro = Part(np.clip(gyro - gyro[0], -ALIKE, ALIKE), 0.0)
-    return row(given, part(x, y, PLACES_AND_TURNS, noise), gyro)
+    return compared.row(given, CAMERA, gyro)
 
 
 def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
