@@ -95,6 +95,14 @@ def test_what_hardly_shows_from_fix_to_fix_is_named_if_free_runs_need_it():
     assert effect.name == "marker_offset" and effect.parameters["y_m"].estimate == pytest.approx(-0.046, abs=0.005)
 
 
+def test_a_marker_far_from_the_middle_is_named_and_measured():
+    found = answer(Case({"marker_x_m": 0.1, "marker_y_m": 0.4}, 50), 10.0)
+    (effect,) = found.effects
+    assert found.verdict == "named" and effect.name == "marker_offset"
+    assert effect.parameters["x_m"].estimate == pytest.approx(0.1, abs=0.005)
+    assert effect.parameters["y_m"].estimate == pytest.approx(0.4, abs=0.005)
+
+
 def test_fixes_with_heavy_tails_change_no_name_and_hardly_a_size():
     """Errors of Student's distribution with two degrees of freedom, many of them beyond ten standard deviations."""
     case = Case({"track_share": 0.03}, 700)

@@ -48,6 +48,32 @@ def test_nothing_is_found_in_sound_runs(sound, robot):
     assert found(sound[robot], robot) == []
 
 
+def marked(run, ahead_m, left_m):
+    """A run whose marker is so far from the middle of the robot."""
+    def placed(t, v):
+        c, s = np.cos(v[:, 2]), np.sin(v[:, 2])
+        v[:, :2] += np.column_stack([c * ahead_m - s * left_m, s * ahead_m + c * left_m])
+        return v
+
+    return changed(run, "kinect", placed)
+
+
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("place", [(0.25, 0.0), (0.0, -0.4), (0.7, 0.0), (-0.5, 0.5)])
+def test_a_marker_anywhere_on_the_robot_accuses_nobody(sound, robot, place):
+    assert found([marked(run, *place) for run in sound[robot]], robot) == []
+
+
+@pytest.mark.parametrize(("robot", "channel", "factors", "fault"), [
+    ("omni", "encoder", (4,) * 4, "counts_per_turn"), ("omni", "kinect", (1, -1, 1), "camera_axis_mirrored"),
+    ("pendulum", "encoder", (1, -1), "wheel_sign"), ("pendulum", "kinect", (1e3, 1e3, 1), "wrong_unit"),
+])
+def test_mistakes_are_found_beside_a_marker_that_is_not_at_the_middle(sound, robot, channel, factors, fault):
+    scaled = lambda t, v: v[:, : len(factors)] * np.array(factors)  # noqa: E731
+    (finding,) = found([changed(marked(run, 0.15, 0.25), channel, scaled) for run in sound[robot]], robot)
+    assert (finding.fault, finding.channel) == (fault, channel)
+
+
 @pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize(("channel", "factors", "fault"), [
     ("kinect", (1e3, 1e3, 1), "wrong_unit"), ("kinect", (1, 1, 180 / np.pi), "wrong_unit"),

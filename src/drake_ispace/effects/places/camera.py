@@ -155,7 +155,7 @@ class MarkerOffset(PoseEffect):
         excitation="at least half a turn: camera_offset stays with the room; several speeds against a latency, or slip "
         "in bends",
     )
-    parameters = tuple(Parameter(f"{axis}_m", "m", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
+    parameters = tuple(Parameter(f"{axis}_m", "m", 0.0, -1.0, 1.0, (0.01, 0.05), tolerance=1e-3) for axis in "xy")
     yaw = (Parameter("yaw_rad", "rad", 0.0, -0.3, 0.3, (0.01, 0.05), tolerance=1e-3),)
 
     def parameters_of(self, body):
