@@ -6,7 +6,7 @@ measured motion up to the start of a window, and lets go there. Windows begin at
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -67,8 +67,7 @@ class Windows:
             at its begin and its end; empty where no place can be predicted. reckoned: name of a horizon -> (m, 2)
             numbers of the fixes between which dead reckoning is compared.
         start: (3,) pose from which whole runs begin, estimated from the fixes of the first second. first: tick at which
-            a whole run is let go; None: the robot cannot run free as long. overlapping: whether windows of a long
-            horizon begin before the last one has ended.
+            a whole run is let go; None: the robot cannot run free as long.
     """
 
     starts: np.ndarray
@@ -78,18 +77,6 @@ class Windows:
     reckoned: Mapping[str, np.ndarray]
     start: np.ndarray
     first: int | None
-    overlapping: bool = True
-
-    def has(self, name: str, k: int) -> bool:
-        """Whether a horizon has a window that begins at the start of number `k`."""
-        return self.overlapping or k % max(1, round(self.lengths[name] / ticks_in(SPACING_S))) == 0
-
-    @property
-    def apart(self) -> "Windows":
-        """Those of every horizon that do not overlap: they show noise nearly as well as all, in half the time."""
-        alone = replace(self, overlapping=False)
-        fixes = {name: rows[[alone.has(name, k) for k in rows[:, 0]]] for name, rows in self.fixes.items()}
-        return replace(alone, fixes=fixes)
 
     @property
     def shortest(self) -> str:
@@ -272,8 +259,7 @@ def _windows(prediction, track, windows, simulation, fixes, lengths):
         sensed[windows.shortest].append(logs["innovation"][start + short + 1, prediction.columns].copy())
     long = [name for name, length in lengths.items() if length > short]
     for k, start in enumerate(windows.starts.tolist()):
-        ends = {name: start + lengths[name] for name in long if windows.has(name, k)}
-        ends = {name: end for name, end in ends.items() if end < track.ticks}
+        ends = {name: start + lengths[name] for name in long if start + lengths[name] < track.ticks}
         rows_of = {name: rows[rows[:, 0] == k, 1:] for name, rows in fixes.items()}
         fixes_at = [int(track.fix_ticks[b]) for rows in rows_of.values() for _, b in rows]
         if not (ends or fixes_at):

@@ -63,8 +63,8 @@ def readings(
     way by the wheels next to nothing, such as places in km, would explain wheels that wobble on the spot.
     """
     unit = np.eye(len(geometry.wheels))
-    size = 1.0 / times  # a marker that is off makes ways differ, but no turns
-    sizes = (*_SIZES, size) if abs(size - 1.0) <= MOST_SLACK else _SIZES
+    by_turns = 1.0 / times  # on which a marker beside the middle makes no difference, as it does on ways
+    sizes = (*_SIZES, by_turns) if abs(by_turns - 1.0) <= MOST_SLACK else _SIZES
     return [
         Reading("", "as given", "", unit), Reading("", UNRELATED, "", 0.0 * unit),
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),

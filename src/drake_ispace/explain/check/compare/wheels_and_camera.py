@@ -169,16 +169,16 @@ def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Co
 
 
 def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
-    compared = _compare(run, base, given)
-    if compared is None:
+    both = _compare(run, base, given)
+    if both is None:
         return row(given)
     gyro = None  # it decides between readings that are alike, and accuses nobody
     if "imu" in run.channels:
-        since, until = compared.since_s, compared.until_s
+        since, until = both.since_s, both.until_s
         turn = np.broadcast_to(integral(run.channels["imu"], ("wz",), since, until), (len(given), len(since), 1))
-        gyro = scores(compared.x[:, :, 2:] / arm(base.geometry), turn, ((0,),), np.zeros((len(given), 1)))
+        gyro = scores(both.x[:, :, 2:] / arm(base.geometry), turn, ((0,),), np.zeros((len(given), 1)))
         gyro = Part(np.clip(gyro - gyro[0], -ALIKE, ALIKE), 0.0)
-    return compared.row(given, CAMERA, gyro)
+    return both.row(given, CAMERA, gyro)
 
 
 def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
