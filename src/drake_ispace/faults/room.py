@@ -20,8 +20,8 @@ FAULTS = (
         "the camera sees the opposite turn", "change the sign of the column", same=("camera_axis_mirrored",),
     ),
     Fault(
-        "heading_offset", "headings off by a quarter or a half turn",
-        "phi is off by 90 or 180 degrees, always or for a while, or the axes of the room are turned by as much",
+        "heading_offset", "headings off by an angle",
+        "phi is off by 90 or 180 degrees, always or for a while, or by any angle, or the axes of the room are turned",
         "the marker is fitted turned or looks the same turned, or x points elsewhere in the camera's software",
         "the robot seems to move across or against its heading", "add the angle",
         same=("camera_turned", "wheels_swapped", "wheel_order", "encoder_sign"),

@@ -64,6 +64,18 @@ def test_a_marker_anywhere_on_the_robot_accuses_nobody(sound, robot, place):
     assert found([marked(run, *place) for run in sound[robot]], robot) == []
 
 
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("degrees", [30, 60, -150])
+def test_headings_may_be_off_by_any_angle(sound, robot, degrees):
+    turned = lambda t, v: v + np.deg2rad(degrees) * (np.arange(v.shape[1]) == 2)  # noqa: E731
+    off = [changed(run, "kinect", turned) for run in sound[robot]]
+    (finding,) = found(off, robot)
+    assert (finding.fault, finding.what) == ("heading_offset", f"headings off by {degrees} degrees")
+    for run, plain in zip(check(MODEL[robot], off).repaired, sound[robot], strict=True):
+        left = run.channels["kinect"].column("phi") - plain.channels["kinect"].column("phi")
+        assert np.abs(left).max() < 0.02
+
+
 @pytest.mark.parametrize(("robot", "channel", "factors", "fault"), [
     ("omni", "encoder", (4,) * 4, "counts_per_turn"), ("omni", "kinect", (1, -1, 1), "camera_axis_mirrored"),
     ("pendulum", "encoder", (1, -1), "wheel_sign"), ("pendulum", "kinect", (1e3, 1e3, 1), "wrong_unit"),

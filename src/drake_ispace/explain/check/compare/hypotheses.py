@@ -51,12 +51,14 @@ class Reading:
 
 
 def readings(
-    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0
+    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0,
+    turn_rad: float = 0.0,
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
     gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
-    model. room: how many times as far as the wheels say, the camera sees the robot go.
+    model. room: how many times as far as the wheels say, the camera sees the robot go. turn_rad: by which its ways are
+    turned against those that the wheels say.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -71,6 +73,7 @@ def readings(
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in sizes),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_tracks(unit, times), *_axes(unit), *_units(unit), *_rooms(unit, room),
+        _turned(unit, turn_rad),
     ]
 
 
@@ -165,6 +168,12 @@ def _rooms(unit, times):
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
         said = f"places {'' if size in _TYPED else 'about '}{size:.2g} times as large as the wheels say"
         yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _TYPED)
+
+
+def _turned(unit, turn_rad):
+    """Headings that are off by any angle, as those of a marker that is fitted turned."""
+    said = f"headings off by {-np.rad2deg(turn_rad):.0f} degrees"
+    return Reading("heading_offset", said, "kinect", unit, view=View(offset_rad=turn_rad), rare=True)
 
 
 def _units(unit):

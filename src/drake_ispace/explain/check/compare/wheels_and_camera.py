@@ -52,7 +52,7 @@ def wheels_or_camera(
     parts = slice(2), slice(2, 3)
     gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in parts} - {1.0}
     counts = float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, *_ratios(motions))
+    given = readings(base.geometry, counts, gears, *_ratios(motions), _turn(motions))
 
     def rows_of(tried):
         return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
@@ -102,6 +102,16 @@ def _ratios(motions):
     seen_turns, seen_ways = (np.linalg.norm(camera[:, part]) for part in (slice(2, 3), slice(2)))
     ratio = lambda one, other: float(one / other) if min(one, other) > 0.0 else 1.0  # noqa: E731
     return ratio(turns, seen_turns), ratio(seen_ways, ways)
+
+
+def _turn(motions):
+    """The angle [rad] by which the camera sees ways turned against those of the wheels; motions: of each run.
+
+    Besides, a marker that is not at the middle goes along with the turns.
+    """
+    wheels, camera = map(np.concatenate, zip(*motions, strict=True))
+    known = np.column_stack([wheels[:, 0] + 1j * wheels[:, 1], 1j * wheels[:, 2]])
+    return float(np.angle(np.linalg.lstsq(known, camera[:, 0] + 1j * camera[:, 1], rcond=None)[0][0]))
 
 
 def _by_drive(run, base, repairs):
