@@ -146,7 +146,7 @@ def _tracks(unit, times):
     if times > 1.0:
         yield _track(unit, "effective_track", f"about {times:.2g} times", times)
     elif times < 1.0:
-        yield Reading("", "a narrower track", "", unit, np.diag([1.0, 1.0, 1.0 / times]))
+        yield Reading("", "a narrower track", "", unit, np.diag([1.0, 1.0, 1.0 / times]), rare=True)
 
 
 def _track(unit, fault, by, wide):
