@@ -72,23 +72,26 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     """Faults that are limited in time, as camera and wheels tell them."""
     if base is None or not has_motion(run):
         return
-    stopped = list(_frozen(run, base, number))
+    seen_of = seen_of_wheels(run, base)
+    stopped = list(_frozen(run, base, seen_of, number))
     yield from stopped
     ends = [(f.from_s - WINDOW_S, f.to_s + WINDOW_S) for f in stopped]
-    steps = [step for step in _camera_steps(run, base, number)
+    steps = [step for step in _camera_steps(run, base, seen_of, number)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
     yield from steps
     if not steps and not stopped:
         yield from _carried(run, base, number)
 
 
-def _camera_steps(run, base, number):
-    """Places that change from one fix to the next without the wheels, and fixes that are off where they change back."""
+def _camera_steps(run, base, seen_of, number):
+    """Places that change from one fix to the next without the wheels, and fixes that are off where they change back.
+
+    seen_of: what `seen_of_wheels` gives of the run.
+    """
     kinect = run.channels["kinect"]
     k = np.arange(len(kinect.t))
     each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    seen_of = seen_of_wheels(run, base)
     difference = _unexplained(kinect, base, seen_of, each)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     large, spikes = np.flatnonzero(short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))), []
@@ -105,10 +108,7 @@ def _camera_steps(run, base, number):
 
 
 def _unexplained(kinect, base, seen_of, pairs):
-    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them.
-
-    seen_of: what `seen_of_wheels` gives of the run.
-    """
+    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them."""
     ways = seen(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s) @ seen_of
     return np.linalg.norm(ways[:, :2], axis=1)
 
@@ -126,10 +126,10 @@ def _spike(kinect, base, seen_of, i, step):
     return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
 
-def _frozen(run, base, number):
-    """Rows of the encoder that repeat while the camera moves."""
+def _frozen(run, base, seen_of, number):
+    """Rows of the encoder that repeat while the camera moves; seen_of: as of `_camera_steps`."""
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
-    of_seen = np.linalg.pinv(seen_of_wheels(run, base))
+    of_seen = np.linalg.pinv(seen_of)
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
         for first, last in stretches(repeats(encoder.values[:, column])):
             since, until = float(encoder.t[first]), float(encoder.t[last])

@@ -264,7 +264,7 @@ def _windows(prediction, track, windows, simulation, fixes, lengths):
         fixes_at = [int(track.fix_ticks[b]) for rows in rows_of.values() for _, b in rows]
         if not (ends or fixes_at):
             continue
-        logs = simulation.free(start, max(*ends.values(), *fixes_at, start) - start + LEAD_TICKS)
+        logs = simulation.free(start, max([*ends.values(), *fixes_at]) - start + LEAD_TICKS)
         for name, end in ends.items():  # the innovation of a tick stands in the row after it
             sensed[name].append(logs["innovation"][end + 1, prediction.columns].copy())
         for name, rows in rows_of.items():

@@ -72,6 +72,10 @@ class Base:
         step = 2.0 * np.pi / counts if counts > 0 else 0.0
         return step / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
 
+    def noise_beside(self, of_fixes: np.ndarray) -> np.ndarray:
+        """(3,) standard deviation [m, m, rad] of what the camera and `moved` differ by; of_fixes: (3,) of one fix."""
+        return np.hypot(np.sqrt(2.0) * of_fixes, self.noise)
+
     def wheel_rates(self, t: np.ndarray) -> np.ndarray:
         """(n, wheels) [rad/s] of the wheels."""
         return turned(self.encoder, t - self.rate_s, t + self.rate_s) / (2.0 * self.rate_s)
@@ -135,7 +139,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(
         "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,
-        np.hypot(np.sqrt(2.0) * camera_noise(kinect), base.noise) * unit, slack=CAMERA,
+        base.noise_beside(camera_noise(kinect)) * unit, slack=CAMERA,
     )
 
 

@@ -85,11 +85,6 @@ def seen(kinect: Channel, stretches: Windows) -> np.ndarray:
     return Camera(kinect, stretches).motion()
 
 
-def heading(kinect: Channel) -> np.ndarray:
-    """(k,) heading [rad] of the fixes, continuous."""
-    return np.unwrap(kinect.column("phi"))
-
-
 def turned(encoder: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
     """(n, wheels) by which the wheels turned [rad] in the stretches."""
     return np.column_stack([
@@ -109,7 +104,7 @@ def arm(geometry: WheelGeometry) -> float:
 
 def camera_noise(kinect: Channel) -> np.ndarray:
     """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor."""
-    return np.array([noise_of(column) for column in (*kinect.values[:, :2].T, heading(kinect))])
+    return np.array([noise_of(column) for column in (*kinect.values[:, :2].T, np.unwrap(kinect.column("phi")))])
 
 
 def noise_of(values: np.ndarray) -> float:

@@ -148,10 +148,8 @@ class _Compared:
 
     def thirds(self) -> list["_Compared"]:
         """Each third of the time, with the marker where the whole run has it: a short one would tell of any."""
-        moved = relation(self.x, self.y, CAMERA)
-        marker = np.zeros((3, 3))
-        marker[2, :2] = 1.0
-        x = self.x @ (np.eye(3) + marker * moved)
+        x = self.x.copy()
+        x[:, :, :2] += self.x[:, :, 2:] @ relation(self.x, self.y, CAMERA)[:, 2:, :2]
         ends = np.linspace(self.since_s[0], self.until_s[-1], 4)
         parts = [(self.since_s >= begin) & (self.until_s <= end) for begin, end in pairwise(ends)]
         return [_Compared(self.since_s[k], self.until_s[k], x[:, k], self.y[:, k], self.noise) for k in parts]
@@ -170,7 +168,7 @@ def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Co
     since, until, unit = since[kept], until[kept], np.array([1.0, 1.0, arm(base.geometry)])
     angles = turned(base.encoder, since, until)
     views = {
-        view: (camera.motion(view)[kept], np.hypot(np.sqrt(2.0) * camera.noise(view), base.noise))
+        view: (camera.motion(view)[kept], base.noise_beside(camera.noise(view)))
         for view in {reading.view for reading in given}
     }
     x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
