@@ -12,6 +12,7 @@ class Fault:
         does: what it makes of a log. cause: how it comes about. shows: what gives it away. repair: what undoes it.
         same: faults that exact data cannot tell from it. effects: effects of the library that do the same.
         harmless: whether a model can be judged in spite of it, with what is left of the data.
+        doubtful: whether what a model then seems to lack may be its doing.
     """
 
     name: str
@@ -23,3 +24,4 @@ class Fault:
     same: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     harmless: bool = False
+    doubtful: bool = False

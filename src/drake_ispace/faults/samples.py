@@ -65,4 +65,19 @@ FAULTS = (
         "moments at which the wheels answer, which lie within one step", "each change at its own moment",
         same=("clock_offset",), harmless=True,
     ),
+    Fault(
+        "undersampled", "a channel that is logged more rarely than the controller uses it",
+        "the log has one of several torques that were set, or of several IMU samples that were read",
+        "the logger is slower than the controller",
+        "the steps between samples, which are longer than the model's controller takes",
+        "leave the channel out, or record it again at every step of the controller", same=("rows_missing",),
+        doubtful=True,
+    ),
+    Fault(
+        "steps_missing", "steps of the controller without a sample",
+        "torque or IMU is not known at some of the controller's steps",
+        "a link that loses rows, a clock of the logger that is a little slow, or a table that holds samples",
+        "the steps between samples, or samples that repeat",
+        "none; nothing is invented", same=("rows_missing", "samples_held"), harmless=True, doubtful=True,
+    ),
 )

@@ -39,7 +39,8 @@ FAULTS = (
     ),
     Fault(
         "rows_missing", "a gap",
-        "no samples for a while", "a full buffer, a lost link", "the step itself", "none; nothing is invented",
+        "no samples for a while", "a full buffer, a lost link", "the step itself",
+        "cut the run in two there, if the gap is long; nothing is invented",
         harmless=True,
     ),
 )

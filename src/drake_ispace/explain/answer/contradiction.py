@@ -5,7 +5,7 @@ from dataclasses import replace
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import sentence_of_finding
 from drake_ispace.explain.check.examine import Examined
-from drake_ispace.faults.library import same_as
+from drake_ispace.faults.library import FAULTS, same_as
 
 
 def contradiction(examined: Examined, seconds: float) -> Explanation:
@@ -20,10 +20,16 @@ def contradiction(examined: Examined, seconds: float) -> Explanation:
 def add_findings(answer: Explanation, examined: Examined) -> None:
     """Add what was found in the data to an answer that was reached in spite of it.
 
-    An effect that is the same thing as a fault is named beside that fault, as a set.
+    An effect that is the same thing as a fault is named beside that fault, as a set. Beside some faults nothing is named
+    for certain.
     """
     answer.data = examined.findings
     answer.effects = [replace(effect, faults=same_as(effect.name)) for effect in answer.effects]
     if answer.verdict == "named" and any(effect.faults for effect in answer.effects):
         answer.verdict = "set"
     answer.warnings = [sentence_of_finding(finding) for finding in examined.findings] + answer.warnings
+    doubts = [finding for finding in examined.findings if FAULTS[finding.fault].doubtful]
+    if answer.effects and doubts:
+        answer.verdict = "incomplete"
+        titles = " and ".join(dict.fromkeys(FAULTS[finding.fault].title for finding in doubts))
+        answer.warnings.insert(0, f"what was detected may come of {titles}")

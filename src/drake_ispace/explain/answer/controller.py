@@ -16,7 +16,7 @@ from drake_ispace.blocks.messages import TICK
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.answer.explanation import ControllerCheck, Explanation
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.predict.tracks import in_force, nearest_ticks
+from drake_ispace.explain.predict.tracks import from_zero, in_force, nearest_ticks
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.reference import direction_of, turn_of
 from drake_ispace.robots.library import robots
@@ -94,6 +94,7 @@ def check_controller(model: Scenario, robot: str, recording: Recording) -> Contr
         return None
     if getattr(model, robot).encoder.velocity == "exact":  # the wheels' own speed is not recorded
         return None
+    recording = from_zero(recording, needed)
     torque = predicted_torque(model, robot, recording)
     measured = recording.channels["torque"]
     ticks = nearest_ticks(measured.t).astype(int)

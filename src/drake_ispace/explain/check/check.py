@@ -28,6 +28,7 @@ from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solv
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
+from drake_ispace.explain.check.undersampled import tick_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, parts
@@ -137,6 +138,7 @@ class _Search:
         self._each(lambda run, i: wrap_findings(run, i, counts))
         self._each(held_samples)  # by the numbers of samples, therefore before others are left out
         self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
+        self._each(lambda run, i: tick_findings(run, self.robot, i))
         self._each(outlier_findings)
         self._each(lambda run, i: turned_findings(run, self._bases()[i], i))
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))

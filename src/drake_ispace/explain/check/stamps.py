@@ -7,8 +7,8 @@ import numpy as np
 from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import LEAP
-from drake_ispace.faults.repair import Clock, Evened
+from drake_ispace.explain.check.samples import LEAP, STUCK_S
+from drake_ispace.faults.repair import Clock, CutOut, Evened
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si
 
@@ -87,8 +87,10 @@ def _steps(name: str, channel: Channel, number: int) -> Iterator[Finding]:
         yield Finding("stamp_jitter", "steps are uneven", "", (number,), name, repairs=(Evened(name),))
         return
     for i in np.flatnonzero(steps > max(2.0 * RATE_S, LEAP * usual)):
-        yield Finding("rows_missing", f"no samples for {steps[i]:.3g} s", "", (number,), name, float(channel.t[i]),
-                      float(channel.t[i + 1]))
+        since, until = float(channel.t[i]), float(channel.t[i + 1])
+        repairs = (CutOut(since, until),) if until - since > STUCK_S else ()
+        yield Finding("rows_missing", f"no samples for {until - since:.3g} s", "", (number,), name, since, until,
+                      repairs=repairs)
 
 
 def _mostly(flags):

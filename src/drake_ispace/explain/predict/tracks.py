@@ -1,6 +1,6 @@
 """Recordings on the robot's 5 ms clock, ready to be predicted; camera fixes keep their own instants."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
+from drake_ispace.faults.repair import Clock, with_channel
 from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
@@ -135,7 +136,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
     check_sizes(recording, name)
     _check_clocks(recording, has, name, shortest_s)
-    recording = _from_zero(recording, has)
+    recording = from_zero(recording, has)
     # the run ends where the first of these does: nothing later can be predicted, or compared with
     dense = [c for c in has if c != "kinect"]
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
@@ -188,16 +189,19 @@ def _check_clocks(recording, has, name, shortest_s):
         )
 
 
-def _from_zero(recording, has):
-    """The recording with its clock shifted to start at 0, where it starts before 0 s or from 1 s on."""
+def from_zero(recording: Recording, has: Iterable[str]) -> Recording:
+    """The recording with its clocks set to 0 where the first of the channels `has` begins.
+
+    Samples before that are left out. A recording that begins within its first second stays as it is.
+    """
     first = min(recording.channels[c].t[0] for c in has)
     if 0.0 <= first < 1.0:
         return recording
-    shifted = {}
     for name, channel in recording.channels.items():
-        kept = channel.t >= first
-        shifted[name] = replace(channel, t=channel.t[kept] - first, values=channel.values[kept])
-    return replace(recording, channels=shifted)
+        since = channel.t >= first
+        kept = with_channel(recording, name, replace(channel, t=channel.t[since], values=channel.values[since]))
+        recording = Clock(name, 1.0, -first).apply(kept)
+    return recording
 
 
 def nearest_ticks(times_s: np.ndarray) -> np.ndarray:

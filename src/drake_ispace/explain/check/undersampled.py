@@ -1,0 +1,58 @@
+"""Torques and IMU samples of the controller's steps that a log does not have.
+
+A robot's controller reads its IMU and sets its torques at every tick. Whatever it did at ticks that are not in the log
+goes round the loop: later torques answer to it, and the answer looks like physics that the model lacks. Angles of
+wheels are smooth enough to be known between their samples.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.check.compare.links import RATE_S
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.samples import LEAP, repeats
+from drake_ispace.faults.repair import Without
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.robots.robot import TORQUE, Robot
+
+_SELDOM = 0.02  # share of the ticks that may be missing
+_FEWEST = 20  # samples of a channel that is judged
+
+
+def tick_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding]:
+    """Channels without a sample at many of the ticks at which the controller of a robot under torque uses them."""
+    if robot.driven != TORQUE or not robot.in_room:
+        return
+    for name in (TORQUE, "imu") if robot.has_imu else (TORQUE,):
+        if name in run.channels and len(run.channels[name].t) > _FEWEST:
+            yield from _of_channel(name, run.channels[name], number)
+
+
+def _of_channel(name, channel, number) -> Iterator[Finding]:
+    ticks, first = np.unique(np.round(channel.t / TICK_S), return_index=True)
+    steps, again = np.diff(ticks), repeats(channel.values[first])
+    usual = np.median(steps)
+    within = steps <= max(2.0 * RATE_S / TICK_S, LEAP * usual)  # no gap, which is told by itself
+    if not within.any():
+        return
+    held = _is_held(again)
+    shown = within & ~again if held and name == "imu" else within  # an IMU is never the same twice
+    missing = 1.0 - shown.sum() / steps[within].sum()
+    if missing > _SELDOM and 2 * shown.sum() <= steps[within].sum() and 2 * again[shown].sum() < shown.sum():
+        step_ms = 1e3 * TICK_S * steps[within].sum() / shown.sum()
+        what = f"a sample every {step_ms:.3g} ms, the controller acts every {1e3 * TICK_S:.3g} ms"
+        yield Finding("undersampled", what, "", (number,), name, repairs=(Without(name),))
+    elif missing > _SELDOM:
+        yield Finding("steps_missing", f"no sample at {100.0 * missing:.0f} % of the ticks", "", (number,), name)
+    elif held:
+        what = f"the same as before at {100.0 * np.mean(again):.0f} % of the ticks"
+        yield Finding("steps_missing", what, "", (number,), name)
+
+
+def _is_held(again) -> bool:
+    """Whether samples repeat as if each were held until the next one, for about the same time; again: (n - 1,)."""
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~again, [True]])))
+    low, usual, high = np.quantile(lengths, [0.1, 0.5, 0.9])
+    return usual >= 2 and high - low <= 2
