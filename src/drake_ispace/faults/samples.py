@@ -31,6 +31,12 @@ FAULTS = (
         same=("channel_frozen",), harmless=True,
     ),
     Fault(
+        "samples_interpolated", "samples that are interpolated between others",
+        "samples lie on straight lines from one measured sample to the next",
+        "a table with a row for every sample of a faster channel, or a program that puts all channels on one clock",
+        "straight lines that bend every few rows", "leave out all but the samples at the bends", harmless=True,
+    ),
+    Fault(
         "channel_clipped", "values that end at a limit",
         "a column never passes a value, which it takes often", "the range of a converter",
         "many samples at the very same extreme", "record it again with a larger range", effects=("torque_saturation",),

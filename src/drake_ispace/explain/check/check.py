@@ -24,6 +24,7 @@ from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camer
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.fixes import outlier_findings, turned_findings
 from drake_ispace.explain.check.held import held_samples
+from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.stamps import stamp_findings
@@ -137,6 +138,7 @@ class _Search:
         self._each(stamp_findings)
         self._each(lambda run, i: wrap_findings(run, i, counts))
         self._each(held_samples)  # by the numbers of samples, therefore before others are left out
+        self._each(interpolated_fixes)
         self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
         self._each(lambda run, i: tick_findings(run, self.robot, i))
         self._each(outlier_findings)

@@ -238,3 +238,10 @@ def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
     """First and last sample of every stretch in which flags (n - 1,), one for each pair of neighbours, hold."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def come_in_step(flags: np.ndarray) -> bool:
+    """Whether flags (n,) hold in stretches that are about as long, one after the other."""
+    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~flags, [True]])))
+    low, usual, high = np.quantile(lengths[lengths > 1] if (lengths > 1).any() else lengths, [0.1, 0.5, 0.9])
+    return bool(usual >= 2 and high - low <= 2 and 2 * flags.sum() >= len(flags))

@@ -12,7 +12,7 @@ import numpy as np
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import LEAP, repeats
+from drake_ispace.explain.check.samples import LEAP, come_in_step, repeats
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.robots.robot import TORQUE, Robot
@@ -37,7 +37,7 @@ def _of_channel(name, channel, number) -> Iterator[Finding]:
     within = steps <= max(2.0 * RATE_S / TICK_S, LEAP * usual)  # no gap, which is told by itself
     if not within.any():
         return
-    held = _is_held(again)
+    held = come_in_step(again)
     shown = within & ~again if held and name == "imu" else within  # an IMU is never the same twice
     missing = 1.0 - shown.sum() / steps[within].sum()
     if missing > _SELDOM and 2 * shown.sum() <= steps[within].sum() and 2 * again[shown].sum() < shown.sum():
@@ -49,10 +49,3 @@ def _of_channel(name, channel, number) -> Iterator[Finding]:
     elif held:
         what = f"the same as before at {100.0 * np.mean(again):.0f} % of the ticks"
         yield Finding("steps_missing", what, "", (number,), name)
-
-
-def _is_held(again) -> bool:
-    """Whether samples repeat as if each were held until the next one, for about the same time; again: (n - 1,)."""
-    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~again, [True]])))
-    low, usual, high = np.quantile(lengths, [0.1, 0.5, 0.9])
-    return usual >= 2 and high - low <= 2
