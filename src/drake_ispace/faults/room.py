@@ -27,6 +27,13 @@ FAULTS = (
         same=("camera_turned", "wheels_swapped", "wheel_order", "encoder_sign"),
     ),
     Fault(
+        "heading_is_course", "headings that are directions of motion",
+        "phi says where the place moves to, not where the robot points to",
+        "a tracker without a heading, and a program that makes one of its places",
+        "phi has all noise of the directions from fix to fix",
+        "record the heading, or leave the camera out",
+    ),
+    Fault(
         "camera_turned", "the axes of the room are turned by a quarter or a half",
         "x and y are turned, headings are not", "x points elsewhere in the camera's software",
         "the robot seems to move across or against its heading", "turn the places, or the headings",

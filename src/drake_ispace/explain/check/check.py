@@ -22,7 +22,7 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of,
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
-from drake_ispace.explain.check.fixes import outlier_findings, turned_findings
+from drake_ispace.explain.check.fixes import course_findings, outlier_findings, turned_findings
 from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
@@ -141,6 +141,7 @@ class _Search:
         self._each(interpolated_fixes)
         self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
         self._each(lambda run, i: tick_findings(run, self.robot, i))
+        self._each(course_findings)
         self._each(outlier_findings)
         self._each(lambda run, i: turned_findings(run, self._bases()[i], i))
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))

@@ -1,4 +1,5 @@
-"""What the fixes of a camera show from one to the next: places and headings that are off, headings that are turned."""
+"""What the fixes of a camera show from one to the next: places and headings that are off, headings that are turned, and
+headings that are none."""
 
 from collections.abc import Iterator
 
@@ -8,11 +9,12 @@ from drake_ispace.blocks.frames import wrap
 from drake_ispace.explain.check.compare.links import Base
 from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, step_of
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Dropped, Turned
+from drake_ispace.faults.repair import Dropped, Turned, Without
 from drake_ispace.files.recording import Recording
 
 _SPIKE_STEPS = 5.0  # larger than most
 _QUARTER = 0.5 * np.pi
+_SAME = 0.02  # of what noise changes
 
 
 def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
@@ -93,3 +95,23 @@ def turned_findings(run: Recording, base: Base | None, number: int) -> Iterator[
         what = f"phi of {sum(map(len, same))} fixes is off by a quarter or a half turn"
         yield Finding("heading_offset", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
                       repairs=repairs)
+
+
+def course_findings(run: Recording, number: int) -> Iterator[Finding]:
+    """Headings that were computed from the places: they are the directions from fix to fix, noise and all.
+
+    The heading of a robot that drives ahead is near these directions, but has no part in their noise.
+    """
+    kinect = run.channels.get("kinect")
+    if kinect is None or len(kinect.t) < 5:
+        return
+    place, phi = kinect.values[:, :2], kinect.column("phi")
+    for way, heading in (
+        (np.diff(place, axis=0), phi[:-1]), (np.diff(place, axis=0), phi[1:]), (place[2:] - place[:-2], phi[1:-1]),
+    ):
+        course = np.arctan2(way[:, 1], way[:, 0])
+        noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
+        if np.median(np.abs(wrap(heading - course))) < _SAME * noise:
+            yield Finding("heading_is_course", "phi is the direction from fix to fix", "", (number,), "kinect",
+                          repairs=(Without("kinect"),))
+            return
