@@ -44,6 +44,7 @@ from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
+from drake_ispace.explain.decide.lead import with_lead_undone
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -89,6 +90,9 @@ def explain(
     # 1 predict
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects, most_s)
+    if not trust_data:
+        case, late = with_lead_undone(case, examined.names)
+        examined = replace(examined, findings=[*examined.findings, *late])
 
     with side_by_side(), solvable():
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes

@@ -109,7 +109,10 @@ def course_findings(run: Recording, number: int) -> Iterator[Finding]:
     for way, heading in (
         (np.diff(place, axis=0), phi[:-1]), (np.diff(place, axis=0), phi[1:]), (place[2:] - place[:-2], phi[1:-1]),
     ):
-        course = np.arctan2(way[:, 1], way[:, 0])
+        moved = way.any(axis=1)
+        if 2 * np.sum(moved) < len(moved):  # rounded
+            return
+        course, heading = np.arctan2(way[moved, 1], way[moved, 0]), heading[moved]
         noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
         if np.median(np.abs(wrap(heading - course))) < _SAME * noise:
             yield Finding("heading_is_course", "phi is the direction from fix to fix", "", (number,), "kinect",

@@ -18,6 +18,7 @@ from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.replay import Replay, replay_of
 from drake_ispace.explain.predict.stretches import begun, in_stretches, stretches_of
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, coarsest_count, read_ticks, track
+from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -48,6 +49,16 @@ class Case:
     def is_filtered(self) -> bool:
         """Whether the runs are long enough for the statistics of a filter; those of a scenario's robot always are."""
         return max(track.ticks for track in self.prediction.tracks) * TICK_S >= SHORTEST_S
+
+    def with_torque_earlier(self, ticks: int) -> "Case":
+        """The case with torques that came so many ticks earlier than their stamps say."""
+        both = [
+            prediction and predict(self.replay, [track.earlier(ticks) for track in prediction.tracks])
+            for prediction in (self.prediction, self.held_out)
+        ]
+        clock = Clock(TORQUE, 1.0, -ticks * TICK_S)
+        runs = [clock.apply(run) if TORQUE in run.channels else run for run in self.runs]
+        return replace(self, runs=runs, prediction=both[0], held_out=both[1])
 
     @property
     def effects_to_try(self) -> dict[str, Effect]:

@@ -99,6 +99,10 @@ class Track:
         """(rows, p) `measured` without rounding."""
         return self.measured if self.rounding is None else self.measured - self.rounding
 
+    def earlier(self, ticks: int) -> "Track":
+        """The track with what drives the robot so many ticks earlier, the last sample held."""
+        return replace(self, command=self.command[np.minimum(np.arange(len(self.command)) + ticks, self.ticks)])
+
     @property
     def scored_fixes(self) -> slice:
         """Which fixes are scored: not the first, from which the pose is taken, nor those of an unknown state."""
