@@ -288,3 +288,30 @@ for channel in ("kinect", "encoder"):
         _foreign(channel), every=False)
 add("a robot with wheels elsewhere", "encoder", {"another_robot", "counts_per_turn", "wheel_order"},
     columns("encoder", lambda t, v: v @ (np.eye(v.shape[1]) + 1.5 * np.eye(v.shape[1])[::-1]).T))
+
+
+def _every(channel, count):
+    """The first of every so many rows."""
+    def change(folder, other):
+        names, table = folder.tables[channel]
+        folder.tables[channel] = names, table[::count]
+    return change
+
+
+def _on_one_clock(folder, other):
+    """Fixes interpolated at 100 Hz."""
+    names, table = folder.tables["kinect"]
+    t = np.arange(table[0, 0], table[-1, 0], 0.01)
+    folder.tables["kinect"] = names, np.column_stack([t, *(np.interp(t, table[:, 0], c) for c in table[:, 1:].T)])
+
+
+def _course(t, v):
+    way = np.gradient(v[:, :2], axis=0)
+    v[:, 2] = np.arctan2(way[:, 1], way[:, 0])
+    return v
+
+
+for channel, robots in (("torque", ()), ("imu", ("pendulum",))):
+    add(f"one of two samples of {channel}", channel, {"undersampled"}, _every(channel, 2), robots=robots)
+add("fixes interpolated at 100 Hz", "kinect", {"samples_interpolated"}, _on_one_clock)
+add("headings from places", "kinect", {"heading_is_course"}, columns("kinect", _course))
