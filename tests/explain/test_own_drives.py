@@ -10,7 +10,9 @@ from scipy.signal import lfilter
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.explain.fit.free_run import errors
 from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_replay import own_track
 from drake_ispace.files.recording import Channel, Recording
 
@@ -97,8 +99,24 @@ def test_torque_is_that_of_the_same_moment_on_any_clock(start_s):
         name: replace(channel, t=channel.t + start_s) for name, channel in recorded.channels.items()
     })
     expected = own_track(recorded, model(0.02), "run").command[:2000]
-    late = 100 if start_s == 0.5 else 0  # a clock that begins within a second of 0 is kept
-    assert own_track(shifted, model(0.02), "run").command[late : late + 2000] == pytest.approx(expected, abs=1e-9)
+    assert own_track(shifted, model(0.02), "run").command[:2000] == pytest.approx(expected, abs=1e-9)
+
+
+def begun_later(run, since_s):
+    return replace(run, channels={
+        name: replace(channel, t=channel.t[channel.t > since_s], values=channel.values[channel.t > since_s])
+        for name, channel in run.channels.items()
+    })
+
+
+@pytest.mark.parametrize("since_s", [2.1, 3.0])
+def test_a_log_that_begins_in_motion_lacks_nothing(since_s):
+    runs = [begun_later(run(k, 0.02, push=0.03), since_s) for k in (1, 2, 3)]
+    case = prepare(model(0.02), runs)
+    assert all(one.unscored_ticks > 0 for one in case.prediction.tracks)
+    assert all(np.sqrt(np.mean(errors(case.replay, one, {}) ** 2)) < 0.1 for one in case.prediction.tracks)
+    few = told_apart("viscous_friction", "coulomb_friction", "torque_gain_error")
+    assert di.explain(model(0.02), runs, effects=few).verdict == "none"
 
 
 @pytest.mark.parametrize("friction", [{}, {"viscous": 0.03}, {"coulomb": 0.2}, {"viscous": 0.03, "coulomb": 0.2}])

@@ -15,9 +15,11 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.own_replay import OwnReplay
+from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 
+_STEP = 1e-3  # of a start, as a share
 _FAR = 1e6  # rad, rad/s: the error of a simulation that runs away
 _LOGGED = {"angle": ("simulated wheel angle", "rad"), "speed": ("simulated wheel speed", "rad/s")}
 
@@ -95,9 +97,21 @@ def _stds(solution, ends):
 def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
     """(rows, n) simulated less measured wheel angles [rad] or speeds [rad/s], whichever the robot logged.
 
+    A run that begins in motion is simulated from the angles and rates with which it comes nearest to the measurement.
     plant: other values of the plant's own parameters, by name.
     """
-    difference = _logged(replay, track, replay.simulated(track, values, plant)) - measured(replay, track)
+    def difference_from(start):
+        return _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
+
+    difference = difference_from(None)
+    if track.unscored_ticks:
+        start = np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
+        difference = difference_from(start)
+        steps = np.diag(_STEP * np.maximum(np.abs(start), 1.0))
+        slopes = np.stack([difference_from(start + step) - difference for step in steps], axis=-1)
+        if np.isfinite(slopes).all() and np.isfinite(difference).all():
+            share = np.linalg.lstsq(slopes.reshape(-1, len(start)), difference.ravel(), rcond=None)[0]
+            difference = difference - slopes @ share
     return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
 
 

@@ -105,6 +105,7 @@ def prepare(
     if scenario is None:
         robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
         replay = own_replay(model, tracks[:n], effects)
+        tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
     else:
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)

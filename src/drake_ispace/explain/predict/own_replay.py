@@ -44,7 +44,7 @@ class OwnReplay(Replay):
     """The compiled prediction Diagram of a user's plant.
 
     Attributes:
-        place: (m, n) continuous state per wheel angle.
+        place, motion: (m, n) continuous state per wheel angle, and per rate of a wheel.
         angles: (n,) wheel angles of the plant's default Context [rad].
         logged: "angle" or "speed", see OwnModel.
         free: name -> the plant's value of each free parameter.
@@ -53,6 +53,7 @@ class OwnReplay(Replay):
     """
 
     place: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    motion: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     angles: np.ndarray = field(default_factory=lambda: np.empty(0))
     logged: str = "angle"
     free: Mapping[str, float] = field(default_factory=dict)
@@ -72,18 +73,24 @@ class OwnReplay(Replay):
         """The run with the first column of `force` (rows, 3) added to the torque of every wheel."""
         return replace(run, command=run.command + force[:, :1])
 
-    def simulated(self, run: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
+    def simulated(
+        self, run: Track, values: Values, plant: Mapping[str, float] | None = None, start: np.ndarray | None = None
+    ) -> np.ndarray:
         """(ticks + 1, n) wheel angles [rad] of the free-run simulation: recorded torque, nothing corrects the model.
 
-        values: effects in the model. plant: other values of the plant's parameters.
+        values: effects in the model. plant: other values of the plant's parameters. start: (2 n,) wheel angles [rad]
+        and their rates [rad/s] at t = 0; None: at rest at the first measured angles.
         """
         numbers = self.parameters(values)
         self._set(numbers, f"{self.body.name}_plant", plant or {})
-        return self._logs(run, run.measured[0], self.freed(numbers))["angle"][: run.ticks + 1]
+        angles, rates = (run.measured[0], None) if start is None else np.split(start, 2)
+        return self._logs(run, angles, self.freed(numbers), rates)["angle"][: run.ticks + 1]
 
-    def _logs(self, run, angles, numbers):
-        """Logs of the rollout from these wheel angles (n,) [rad] at t = 0."""
+    def _logs(self, run, angles, numbers, rates=None):
+        """Logs of the rollout from these wheel angles (n,) [rad] and rates (n,) [rad/s] at t = 0; None: at rest."""
         state = self.rollout.continuous_state + self.place @ (angles - self.angles)
+        if rates is not None:
+            state = state + self.motion @ rates
         inputs = {"command": run.command, "measured": run.shown}
         return self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
 
@@ -128,7 +135,8 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
         body, every, known, rollout, frozenset({"torque", "encoder"}), filter, len(filters) - 1,
-        place=np.linalg.pinv(c), angles=angles, logged=model.logged,
+        settling_ticks=filters[0].settling_ticks,
+        place=np.linalg.pinv(c), motion=np.linalg.pinv(np.vstack([c, c @ a]))[:, n:], angles=angles, logged=model.logged,
         free={name: model.parameters[name] for name in model.free},
         unknown_torque=_unknown_torque(model, tracks), angle_std=float(np.sqrt(_angle_variance(tracks))),
     )

@@ -196,10 +196,10 @@ def _check_clocks(recording, has, name, shortest_s):
 def from_zero(recording: Recording, has: Iterable[str]) -> Recording:
     """The recording with its clocks set to 0 where the first of the channels `has` begins.
 
-    Samples before that are left out. A recording that begins within its first second stays as it is.
+    Samples before that are left out. A recording that begins with the first tick stays as it is.
     """
     first = min(recording.channels[c].t[0] for c in has)
-    if 0.0 <= first < 1.0:
+    if 0.0 <= first < 2.0 * TICK_S:
         return recording
     for name, channel in recording.channels.items():
         since = channel.t >= first

@@ -15,6 +15,7 @@ from drake_ispace.plants.slip import GRAVITY
 TORQUES = {
     "mN m": in_si("mN*m"), "N cm": in_si("N*cm"), "kgf cm": GRAVITY * in_si("cm"), "N mm": in_si("N*mm"),
 }
+_MOTORS = 1.0 / 0.3  # times as much torque as the weakest motor of the effects gives
 _AXES = ("x", "y", "z")
 
 
@@ -62,10 +63,11 @@ def pairs(singles: Sequence[Columns]) -> list[Columns]:
     return [one.then(other) for one, other in combinations(usual, 2) if one.fault != other.fault]
 
 
-def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:
+def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[Columns]:
     """All readings of the torques of so many wheels, that as given first.
 
-    in_si: whether torques and angles should be in N m and rad; else only their ratio is known.
+    in_si: whether torques and angles should be in N m and rad; else only their ratio is known. times: how many times as
+    large as the wheels say they seem to be; what a motor or a mass may be off by is no other unit.
     """
     unit = np.eye(wheels)
     found = [*innocent(wheels), Columns("torque_sign", "all torques of the other sense", -unit)]
@@ -87,6 +89,9 @@ def torque_columns(wheels: int, in_si: bool = True) -> list[Columns]:
     for factor in sorted(set(TORQUES.values())):
         names = " or ".join(name for name, value in TORQUES.items() if value == factor)
         found.append(Columns("wrong_unit", f"torques in {names}", factor * unit))
+    if times > _MOTORS or 0.0 < times < 1.0 / _MOTORS:
+        said = f"{times:.2g} times too large" if times > 1.0 else f"{1.0 / times:.2g} times too small"
+        found.append(Columns("wrong_unit", f"torques {said}, such as currents, or before a gear", unit / times, True))
     return found
 
 

@@ -52,7 +52,8 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
     base = _first(bases)
     if base is None or base.robot.driven != TORQUE:
         return Agreement([])
-    given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si), base.settings.plant
+    times = _times(runs, bases) if base.robot.in_si and not single else 1.0
+    given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si, times), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
 
@@ -83,6 +84,33 @@ def _of_wheels(run, base, link, given, effort):
     noise, besides = np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until)
     related, unrelated = (part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x))
     return replace(related, scored=related.scored - unrelated.scored + unrelated.scored[0])
+
+
+def _times(runs, bases) -> float:
+    """How many times as large as the wheels say the torques are, in most runs; 1 where nothing is known."""
+    found = []
+    for run, base in zip(runs, bases, strict=True):
+        link = torque_link(run, base) if base is not None and TORQUE in run.channels else None
+        kept = None if link is None else inside(base, link.since_s, link.until_s)
+        if kept is None or kept.sum() < FEWEST:
+            continue
+        since, until = link.since_s[kept], link.until_s[kept]
+        pushed = [_beside(*one) for one in zip(
+            link.predicted(since, until).T, link.measured[kept].T, link.besides(since, until).transpose(1, 0, 2),
+            strict=True,
+        )]
+        product, square = np.sum(pushed, axis=0)
+        found += [product / square] if square > 0.0 else []
+    return float(np.median(found)) if found else 1.0
+
+
+def _beside(x, y, z):
+    """x y and x x of motions (n,), less what z (n, k) may have of both; zeros where no wheel pushes that way."""
+    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(z).all()):
+        return 0.0, 0.0
+    both = np.column_stack([x, y])
+    both -= z @ np.linalg.lstsq(z, both, rcond=None)[0]
+    return both[:, 0] @ both[:, 1], both[:, 0] @ both[:, 0]
 
 
 def _related(given):
