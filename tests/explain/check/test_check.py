@@ -103,6 +103,20 @@ def test_units_and_signs_of_whole_logs(sound, robot, channel, factors, fault):
     assert finding.drop_in_deviance > 12.0 and finding.repairs
 
 
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("factor", [20.0, 5.0])
+def test_torques_in_no_known_unit_are_told_with_the_factor(sound, robot, factor):
+    (finding,) = found([changed(run, "torque", lambda t, v: factor * v) for run in sound[robot]], robot)
+    assert (finding.fault, finding.channel, finding.run) == ("wrong_unit", "torque", "all")
+    assert finding.repairs[0].matrix[0][0] == pytest.approx(1.0 / factor, rel=0.1)
+
+
+@pytest.mark.parametrize("robot", MODEL)
+def test_a_motor_may_be_weak_and_a_robot_heavy(sound, robot):
+    for factor in (2.5, 0.5):
+        assert not found([changed(run, "torque", lambda t, v, k=factor: k * v) for run in sound[robot]], robot)
+
+
 @pytest.mark.parametrize(("matrix", "fault"), [
     (np.diag([1, 1, 1, 1, 1, -1]), "imu_axes"), (np.diag([1 / 9.80665] * 3 + [1] * 3), "wrong_unit"),
     (np.eye(6)[[2, 0, 1, 5, 3, 4]], "imu_axes"),

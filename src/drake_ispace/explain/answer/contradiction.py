@@ -20,8 +20,8 @@ def contradiction(examined: Examined, seconds: float) -> Explanation:
 def add_findings(answer: Explanation, examined: Examined) -> None:
     """Add what was found in the data to an answer that was reached in spite of it.
 
-    An effect that is the same thing as a fault is named beside that fault, as a set. Beside some faults nothing is named
-    for certain.
+    An effect that is the same thing as a fault is named beside that fault, as a set. Beside some faults nothing is
+    named for certain.
     """
     answer.data = examined.findings
     answer.effects = [replace(effect, faults=same_as(effect.name)) for effect in answer.effects]

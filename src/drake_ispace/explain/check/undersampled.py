@@ -14,7 +14,7 @@ from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import LEAP, come_in_step, repeats
 from drake_ispace.faults.repair import Without
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE, Robot
 
 _SELDOM = 0.02  # share of the ticks that may be missing

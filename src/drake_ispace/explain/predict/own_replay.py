@@ -135,8 +135,8 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     known = {name: dict(values) for name, values in model.effects.items()}
     return OwnReplay(
         body, every, known, rollout, frozenset({"torque", "encoder"}), filter, len(filters) - 1,
-        settling_ticks=filters[0].settling_ticks,
-        place=np.linalg.pinv(c), motion=np.linalg.pinv(np.vstack([c, c @ a]))[:, n:], angles=angles, logged=model.logged,
+        settling_ticks=filters[0].settling_ticks, place=np.linalg.pinv(c),
+        motion=np.linalg.pinv(np.vstack([c, c @ a]))[:, n:], angles=angles, logged=model.logged,
         free={name: model.parameters[name] for name in model.free},
         unknown_torque=_unknown_torque(model, tracks), angle_std=float(np.sqrt(_angle_variance(tracks))),
     )
