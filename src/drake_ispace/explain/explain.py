@@ -41,10 +41,10 @@ from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_proof, add_runs_apart, add_trace, doubtful, lacks_little
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
+from drake_ispace.explain.decide.clocks_set import with_clocks_set
 from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
-from drake_ispace.explain.decide.lead import with_lead_undone
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -91,7 +91,7 @@ def explain(
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects, most_s)
     if not trust_data:
-        case, late = with_lead_undone(case, examined.names)
+        case, late = with_clocks_set(case, examined.names)
         examined = replace(examined, findings=[*examined.findings, *late])
 
     with side_by_side(), solvable():

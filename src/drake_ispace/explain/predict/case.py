@@ -50,14 +50,14 @@ class Case:
         """Whether the runs are long enough for the statistics of a filter; those of a scenario's robot always are."""
         return max(track.ticks for track in self.prediction.tracks) * TICK_S >= SHORTEST_S
 
-    def with_torque_earlier(self, ticks: int) -> "Case":
-        """The case with torques that came so many ticks earlier than their stamps say."""
+    def with_earlier(self, channel: str, ticks: int) -> "Case":
+        """The case with a torque or an IMU that was so many ticks earlier than its stamps say."""
         both = [
-            prediction and predict(self.replay, [track.earlier(ticks) for track in prediction.tracks])
+            prediction and predict(self.replay, [track.earlier(channel, ticks) for track in prediction.tracks])
             for prediction in (self.prediction, self.held_out)
         ]
-        clock = Clock(TORQUE, 1.0, -ticks * TICK_S)
-        runs = [clock.apply(run) if TORQUE in run.channels else run for run in self.runs]
+        clock = Clock(channel, 1.0, -ticks * TICK_S)
+        runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
         return replace(self, runs=runs, prediction=both[0], held_out=both[1])
 
     @property

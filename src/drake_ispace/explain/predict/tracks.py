@@ -99,9 +99,13 @@ class Track:
         """(rows, p) `measured` without rounding."""
         return self.measured if self.rounding is None else self.measured - self.rounding
 
-    def earlier(self, ticks: int) -> "Track":
-        """The track with what drives the robot so many ticks earlier, the last sample held."""
-        return replace(self, command=self.command[np.minimum(np.arange(len(self.command)) + ticks, self.ticks)])
+    def earlier(self, channel: str, ticks: int) -> "Track":
+        """The track with the torque or the IMU so many ticks earlier; at either end the last sample is held."""
+        at = np.clip(np.arange(len(self.command)) + ticks, 0, self.ticks)
+        if channel == TORQUE:
+            return replace(self, command=self.command[at])
+        wheels = self.measured.shape[1] - IMU
+        return replace(self, measured=np.hstack([self.measured[:, :wheels], self.measured[at, wheels:]]))
 
     @property
     def scored_fixes(self) -> slice:
