@@ -56,9 +56,37 @@ def test_a_model_with_a_clock_that_is_off_lacks_nothing_and_its_controller_is_it
     assert f"{channel} in all runs: a clock that is off" in str(found)
 
 
-def test_robots_that_take_a_velocity_are_not_asked():
-    case = prepare(two_wheels.model(), [two_wheels.drive(1, 8.0)], (), [di.effects()["velocity_lag"]])
-    assert with_clocks_set(case, ["a"]) == (case, [])
+def rover(stamped_s=0.0, **robot):
+    """Runs of a robot that takes a velocity, its commands stamped so late [s]; robot: what is hidden in it."""
+    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+    runs = [two_wheels.drive(seed, 12.0, **sound | robot) for seed in (1, 2)]
+    return [Clock("command", 1.0, stamped_s).apply(run) for run in runs]
+
+
+FOLLOWING = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain", "camera_latency")]
+
+
+@pytest.mark.parametrize("late_s", [0.02, 0.05, 0.1])
+def test_wheels_that_turn_before_their_command_tell_of_its_clock(late_s):
+    case, (finding,) = with_clocks_set(prepare(two_wheels.model(), rover(late_s), (), FOLLOWING), ["a", "b"])
+    assert (finding.fault, finding.channel) == ("clock_offset", "command")
+    assert finding.repairs[0].offset_s == pytest.approx(-late_s, abs=TICK_S)
+
+
+@pytest.mark.parametrize("robot", [
+    {}, {"lag_s": 0.1}, {"others": {"delay_s": 0.1}}, {"others": {"gain_share": 0.05}}, {"left_share": 0.04},
+    {"late_s": 0.08}, {"in_step": False}, {"ramp_s": 3.0, "encoder_hz": 20.0, "lag_s": 0.1},
+], ids=lambda robot: "-".join(robot) or "sound")
+def test_wheels_that_follow_late_or_otherwise_than_told_do_not(robot):
+    case = prepare(two_wheels.model(), rover(**robot), (), FOLLOWING)
+    assert with_clocks_set(case, ["a", "b"]) == (case, [])
+
+
+def test_a_late_command_is_told_beside_a_late_camera():
+    runs = rover(0.04, late_s=0.08)
+    found = di.explain(two_wheels.model(), runs, effects=FOLLOWING)
+    assert [f.channel for f in found.data] == ["command"]
+    assert [(e.name, round(e.parameters["latency_s"].estimate, 2)) for e in found.effects] == [("camera_latency", 0.08)]
 
 
 def test_data_that_are_trusted_are_left_as_they_are():

@@ -5,7 +5,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.check.check import check
-from drake_ispace.faults.repair import Restamped
+from drake_ispace.faults.repair import Clock, Restamped
 from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 
@@ -84,3 +84,9 @@ def test_a_log_that_keeps_every_fourth_sample_of_the_command_shows_no_delay():
     rare = Channel(command.t[::4], command.columns, command.values[::4], {}, None)
     answer = explained([Recording(run.robot, run.scenario, run.channels | {"command": rare})])
     assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}
+
+
+def test_a_command_that_no_wheel_answers_in_time_has_no_moments():
+    runs = [two_wheels.drive(seed, 12.0, left_share=0.0, late_s=0.0, lag_s=0.0) for seed in (500, 501, 502)]
+    late = [Clock("command", 1.0, 0.1).apply(run) for run in runs]
+    assert check(two_wheels.model(), late).findings == []

@@ -1,56 +1,78 @@
-"""Are the clocks of torque and IMU off by some ticks? The wheels tell, far more sharply than any latency of a sensor.
+"""Are the clocks of command, torque and IMU off by some ticks? The model's errors tell, more sharply than any motion.
 
-Wheels that turn before the torques that turn them, or a body that feels an acceleration before or after it is there,
-are nothing that a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err
-more if torques come too early or the IMU at other times, whatever it lacks.
+Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing that
+a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
+come too early or the IMU at other times, whatever it lacks.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.faults.repair import Clock
-from drake_ispace.robots.robot import TORQUE
+from drake_ispace.robots.robot import COMMAND
 
 _PAST = 8  # residuals that the next one is predicted from
 
 
 def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
-    """The case with torques, or an IMU, at the times at which they were, and the finding if their stamps were others.
+    """The case with one channel at the times at which it was, and the finding if its stamps were others.
 
     names: of all runs.
     """
     robot, prediction = case.replay.body.robot, case.prediction
-    if case.scenario is None or not prediction.channels["motion"] or robot.driven != TORQUE:
+    if case.scenario is None or not prediction.channels["motion"]:
         return case, []
-    as_given = _surprise(prediction)
-    senses = [(TORQUE, 1), (TORQUE, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
-    found = {sense: _best(lambda ticks, c=sense: _surprise(_earlier(prediction, c[0], ticks * c[1])), as_given)
-             for sense in senses}
-    channel, sense = min(found, key=lambda one: found[one][1])
-    ticks = sense * found[channel, sense][0]
-    if not ticks or (channel, sense) == (TORQUE, -1):  # torques may act late: a delay, a lag
+    driven, found = robot.driven, _Clocks(prediction)
+    if driven == COMMAND:
+        channel, ticks = driven, found.anywhere(driven)
+    else:
+        senses = [(driven, 1), (driven, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
+        channel, ticks = min((found.near(*one) for one in senses), key=lambda one: found.left(*one))
+    if not ticks or (channel == driven and ticks < 0):  # a robot may follow late: a delay, a lag
         return case, []
     off = f"clock {abs(ticks) * TICK_S:.3g} s {'late' if ticks > 0 else 'early'}"
-    what = f"{off}, the wheels turn before" if channel == TORQUE else f"{off} against torques and wheels"
+    what = f"{off}, the wheels turn before" if channel == driven else f"{off} against torques and wheels"
     finding = Finding(
         "clock_offset", what, "", tuple(range(len(names))), channel, repairs=(Clock(channel, 1.0, -ticks * TICK_S),)
     )
     return case.with_earlier(channel, ticks), [named(finding, names)]
 
 
-def _best(surprise: Callable[[int], float], as_given: float) -> tuple[int, float]:
-    """By how many ticks a clock is set back, one after the other as long as each is worth it, and what that leaves."""
-    ticks, least = 0, as_given
-    while (less := surprise(ticks + 1)) < least - LEAST_FURTHER:
-        ticks, least = ticks + 1, less
-    return ticks, least
+class _Clocks:
+    """What residuals leave if a channel was so many ticks earlier than its stamps say."""
+
+    def __init__(self, prediction: Prediction):
+        self._prediction = prediction
+        self.left = cache(self._left)
+
+    def _left(self, channel, ticks):
+        tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks] if ticks else None
+        return _surprise(replace(self._prediction, tracks=tracks) if tracks else self._prediction)
+
+    def near(self, channel: str, sense: int) -> tuple[str, int]:
+        """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
+        ticks = 0
+        while self.left(channel, ticks + sense) < self.left(channel, ticks) - LEAST_FURTHER:
+            ticks += sense
+        return channel, ticks
+
+    def anywhere(self, channel: str) -> int:
+        """The channel's best ticks within a latency, whatever lies between; 0 where they are not worth it.
+
+        Nor are they within half a sample, by which changes between samples are logged late on the average.
+        """
+        most, half_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks) / 2.0
+        ticks = min(range(-most, most + 1), key=lambda ticks: self.left(channel, ticks))
+        is_worth_it = self.left(channel, ticks) < self.left(channel, 0) - LEAST_FURTHER
+        return ticks if is_worth_it and abs(ticks) * TICK_S > half_s - 1e-6 else 0
 
 
 def _surprise(prediction: Prediction) -> float:
@@ -69,6 +91,3 @@ def _surprise(prediction: Prediction) -> float:
         found += len(left) * np.linalg.slogdet(left.T @ left / len(left))[1]
     return found
 
-
-def _earlier(prediction, channel, ticks):
-    return replace(prediction, tracks=[track.earlier(channel, ticks) for track in prediction.tracks])

@@ -100,9 +100,9 @@ class Track:
         return self.measured if self.rounding is None else self.measured - self.rounding
 
     def earlier(self, channel: str, ticks: int) -> "Track":
-        """The track with the torque or the IMU so many ticks earlier; at either end the last sample is held."""
+        """The track with its IMU, or with what drives it, so many ticks earlier; beyond its ends samples are held."""
         at = np.clip(np.arange(len(self.command)) + ticks, 0, self.ticks)
-        if channel == TORQUE:
+        if channel != "imu":
             return replace(self, command=self.command[at])
         wheels = self.measured.shape[1] - IMU
         return replace(self, measured=np.hstack([self.measured[:, :wheels], self.measured[at, wheels:]]))
