@@ -68,7 +68,7 @@ FOLLOWING = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "
 
 @pytest.mark.parametrize("late_s", [0.02, 0.05, 0.1])
 def test_wheels_that_turn_before_their_command_tell_of_its_clock(late_s):
-    case, (finding,) = with_clocks_set(prepare(two_wheels.model(), rover(late_s), (), FOLLOWING), ["a", "b"])
+    _, (finding,) = with_clocks_set(prepare(two_wheels.model(), rover(late_s), (), FOLLOWING), ["a", "b"])
     assert (finding.fault, finding.channel) == ("clock_offset", "command")
     assert finding.repairs[0].offset_s == pytest.approx(-late_s, abs=TICK_S)
 

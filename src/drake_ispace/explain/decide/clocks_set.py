@@ -1,7 +1,7 @@
 """Are the clocks of command, torque and IMU off by some ticks? The model's errors tell, more sharply than any motion.
 
-Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing that
-a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
+Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing
+that a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
 come too early or the IMU at other times, whatever it lacks.
 """
 
