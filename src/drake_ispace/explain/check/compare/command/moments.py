@@ -21,7 +21,7 @@ from drake_ispace.robots.robot import COMMAND
 
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
 _SHARES = np.linspace(0.0, 1.0, 20, endpoint=False)  # of changes that act at their samples
-_UNKNOWN_S = 1e3
+_UNKNOWN_S = 1e3  # standard deviation of a moment that nothing shows
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 
 
