@@ -14,12 +14,14 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
-from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.predict.case import Case, part_of
 from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.faults.repair import Clock
 from drake_ispace.robots.robot import COMMAND
 
 _PAST = 8  # residuals that the next one is predicted from
+_LATEST_TICKS = 140  # by which a drive may follow its command
 
 
 def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
@@ -32,7 +34,7 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
         return case, []
     driven, found = robot.driven, _Clocks(prediction)
     if driven == COMMAND:
-        channel, ticks = driven, found.anywhere(driven)
+        channel, ticks = driven, found.late(driven)
     else:
         senses = [(driven, 1), (driven, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
         channel, ticks = min((found.near(*one) for one in senses), key=lambda one: found.left(*one))
@@ -50,7 +52,8 @@ class _Clocks:
     """What residuals leave if a channel was so many ticks earlier than its stamps say."""
 
     def __init__(self, prediction: Prediction):
-        self._prediction = prediction
+        lasted = np.cumsum([0] + [track.ticks * TICK_S for track in prediction.tracks])
+        self._prediction = part_of(prediction, slice(int(np.searchsorted(lasted, MOST_S))))  # others say the same
         self.left = cache(self._left)
 
     def _left(self, channel, ticks):
@@ -64,15 +67,18 @@ class _Clocks:
             ticks += sense
         return channel, ticks
 
-    def anywhere(self, channel: str) -> int:
-        """The channel's best ticks within a latency, whatever lies between; 0 where they are not worth it.
+    def late(self, channel: str) -> int:
+        """By how many ticks within a latency the channel is late, whatever lies between; 0 where it is not.
 
-        Nor are they within half a sample, by which changes between samples are logged late on the average.
+        Nor is it by up to half a sample, by which changes between samples are logged late on the average, or where the
+        robot might as well follow late.
         """
         most, half_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks) / 2.0
-        ticks = min(range(-most, most + 1), key=lambda ticks: self.left(channel, ticks))
-        is_worth_it = self.left(channel, ticks) < self.left(channel, 0) - LEAST_FURTHER
-        return ticks if is_worth_it and abs(ticks) * TICK_S > half_s - 1e-6 else 0
+        ticks = min(range(most + 1), key=lambda ticks: self.left(channel, ticks))
+        least = self.left(channel, ticks)
+        if not least < self.left(channel, 0) - LEAST_FURTHER or ticks * TICK_S < half_s + 0.5 * TICK_S:
+            return 0
+        return ticks if all(self.left(channel, -delay) > least for delay in range(1, _LATEST_TICKS + 1)) else 0
 
 
 def _surprise(prediction: Prediction) -> float:
