@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.check.compare.links import RATE_S
+from drake_ispace.explain.check.compare.links import FEWEST, RATE_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.samples import LEAP, come_in_step, repeats
 from drake_ispace.faults.repair import Without
@@ -18,7 +18,6 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE, Robot
 
 _SELDOM = 0.02  # share of the ticks that may be missing
-_FEWEST = 20  # samples of a channel that is judged
 
 
 def tick_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding]:
@@ -26,7 +25,7 @@ def tick_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding
     if robot.driven != TORQUE or not robot.in_room:
         return
     for name in (TORQUE, "imu") if robot.has_imu else (TORQUE,):
-        if name in run.channels and len(run.channels[name].t) > _FEWEST:
+        if name in run.channels and len(run.channels[name].t) > FEWEST:
             yield from _of_channel(name, run.channels[name], number)
 
 

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.places.velocity import VelocityDelay
 from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
@@ -21,7 +22,6 @@ from drake_ispace.faults.repair import Clock
 from drake_ispace.robots.robot import COMMAND
 
 _PAST = 8  # residuals that the next one is predicted from
-_LATEST_TICKS = 140  # by which a drive may follow its command
 
 
 def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
@@ -78,7 +78,8 @@ class _Clocks:
         least = self.left(channel, ticks)
         if not least < self.left(channel, 0) - LEAST_FURTHER or ticks * TICK_S < half_s + 0.5 * TICK_S:
             return 0
-        return ticks if all(self.left(channel, -delay) > least for delay in range(1, _LATEST_TICKS + 1)) else 0
+        latest = round(VelocityDelay.parameters[0].high / TICK_S)
+        return ticks if all(self.left(channel, -delay) > least for delay in range(1, latest + 1)) else 0
 
 
 def _surprise(prediction: Prediction) -> float:

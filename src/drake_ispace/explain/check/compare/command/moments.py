@@ -21,7 +21,6 @@ from drake_ispace.robots.robot import COMMAND
 
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
 _SHARES = np.linspace(0.0, 1.0, 20, endpoint=False)  # of changes that act at their samples
-_UNKNOWN_S = 1e3  # standard deviation of a moment that nothing shows
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 
 
@@ -90,8 +89,8 @@ def _moments(
     columns = columns.tocsr()
     left = (drive.turned - follows.gain * drive.predicted(rates, follows.late_s, follows.lag_s)).ravel()
     normal, product = (columns @ columns.T).toarray(), columns @ left
-    if not normal.any():  # no wheel answers
-        return moved[samples], np.full(len(samples), _UNKNOWN_S)
+    if not normal.any():  # no wheel answers: a moment is anywhere in the run
+        return moved[samples], np.full(len(samples), drive.edges[-1] - drive.edges[0])
     inverse = np.linalg.inv(normal + _LEVEL * np.trace(normal) / len(samples) * np.eye(len(samples)))
     more = inverse @ product
     noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(samples), 1)) + 1e-12
