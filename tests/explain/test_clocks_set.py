@@ -1,4 +1,4 @@
-"""Torques that are stamped late, and an IMU that is, are told by the wheels; what the model lacks is no lateness."""
+"""Torques, commands and an IMU whose clock is off are told by the model's errors; what it lacks is no lateness."""
 
 import numpy as np
 import pytest

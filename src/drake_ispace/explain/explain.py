@@ -90,11 +90,13 @@ def explain(
     # 1 predict
     tell("preparing the predictions")
     case = prepare(model, runs, held_out, effects, most_s)
-    if not trust_data:
-        case, late = with_clocks_set(case, examined.names)
-        examined = replace(examined, findings=[*examined.findings, *late])
 
     with side_by_side(), solvable():
+        if not trust_data:
+            tell("comparing the clocks")
+            case, off = with_clocks_set(case, examined.names)
+            examined = replace(examined, findings=[*examined.findings, *off])
+
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)
 

@@ -1,11 +1,13 @@
 """Repairs of a recording: what undoes a fault, as small objects that say themselves in one line."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import Channel, Recording
 
 
@@ -306,6 +308,20 @@ def with_channel(recording: Recording, name: str, channel: Channel) -> Recording
 def rows(channel: Channel, kept: np.ndarray) -> Channel:
     """The channel's samples at which `kept` (n,) is true."""
     return replace(channel, t=channel.t[kept], values=channel.values[kept])
+
+
+def from_zero(recording: Recording, channels: Iterable[str]) -> Recording:
+    """The recording with its clocks set to 0 where the first of these channels begins.
+
+    Samples before that are left out. A recording that begins with the first tick stays as it is.
+    """
+    first = min(recording.channels[name].t[0] for name in channels)
+    if 0.0 <= first < 2.0 * TICK_S:
+        return recording
+    for name, channel in recording.channels.items():
+        kept = with_channel(recording, name, rows(channel, channel.t >= first))
+        recording = Clock(name, 1.0, -float(first)).apply(kept)
+    return recording
 
 
 def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[Recording]:

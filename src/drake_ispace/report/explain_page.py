@@ -12,9 +12,9 @@ from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over, p_in_words
-from drake_ispace.explain.predict.tracks import from_zero
 from drake_ispace.explain.prove.free_run import RUN, STEP
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
+from drake_ispace.faults.repair import from_zero
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording
 from drake_ispace.files.yaml_guard import dump_yaml
@@ -142,11 +142,8 @@ def write_path(
     """
     models = [model] if explanation.model is None else [model, explanation.model]
     controller = explanation.controller
-    if controller is None or controller.unexplained <= FOREIGN:
-        followed = [from_zero(run, ("kinect",)) for run in runs if "kinect" in run.channels]
-    else:
-        followed = []
-    for recording in followed:
+    followed = runs if controller is None or controller.unexplained <= FOREIGN else []
+    for recording in (from_zero(run, ("kinect",)) for run in followed if "kinect" in run.channels):
         paths = [closed_loop(one, robot, recording) for one in models]
         if paths[0] is not None:
             distances = plot_path(recording.channels["kinect"], recording.channels["reference"], paths, out)

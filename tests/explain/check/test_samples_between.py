@@ -7,7 +7,7 @@ import pytest
 
 import answers
 from drake_ispace.explain.answer.contradiction import add_findings
-from drake_ispace.explain.check.check import Checked, check
+from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.examine import Examined
 from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.faults.repair import CutOut
@@ -163,7 +163,7 @@ def test_headings_that_are_directions_of_motion_are_told(run, rover, how):
         way = COURSES[how](kinect.values[:, :2])
         values = kinect.values.copy()
         values[:, 2] = np.arctan2(way[:, 1], way[:, 0])
-        checked: Checked = found(with_samples(one, "kinect", kinect.t, values), model)
+        checked = found(with_samples(one, "kinect", kinect.t, values), model)
         assert [f.fault for f in checked.findings] == ["heading_is_course"]
 
 

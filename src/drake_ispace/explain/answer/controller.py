@@ -16,7 +16,8 @@ from drake_ispace.blocks.messages import TICK
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.answer.explanation import ControllerCheck, Explanation
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.predict.tracks import from_zero, in_force, nearest_ticks
+from drake_ispace.explain.predict.tracks import in_force, nearest_ticks
+from drake_ispace.faults.repair import from_zero
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.reference import direction_of, turn_of
 from drake_ispace.robots.library import robots

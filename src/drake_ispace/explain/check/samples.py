@@ -242,6 +242,5 @@ def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
 
 def come_in_step(flags: np.ndarray) -> bool:
     """Whether flags (n,) hold in stretches that are about as long, one after the other."""
-    lengths = np.diff(np.flatnonzero(np.concatenate([[True], ~flags, [True]])))
-    low, usual, high = np.quantile(lengths[lengths > 1] if (lengths > 1).any() else lengths, [0.1, 0.5, 0.9])
-    return bool(usual >= 2 and high - low <= 2 and 2 * flags.sum() >= len(flags))
+    lengths = [last - first for first, last in stretches(flags)]
+    return bool(lengths and np.ptp(np.quantile(lengths, [0.1, 0.9])) <= 2 and 2 * flags.sum() >= len(flags))

@@ -86,11 +86,16 @@ def _steps(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     if _mostly(np.abs(steps - usual) > _UNEVEN * usual):
         yield Finding("stamp_jitter", "steps are uneven", "", (number,), name, repairs=(Evened(name),))
         return
-    for i in np.flatnonzero(steps > max(2.0 * RATE_S, LEAP * usual)):
+    for i in np.flatnonzero(are_gaps(steps)):
         since, until = float(channel.t[i]), float(channel.t[i + 1])
         repairs = (CutOut(since, until),) if until - since > STUCK_S else ()
         yield Finding("rows_missing", f"no samples for {until - since:.3g} s", "", (number,), name, since, until,
                       repairs=repairs)
+
+
+def are_gaps(steps: np.ndarray) -> np.ndarray:
+    """(n,) which steps between samples [s] are too long to be steps of the channel."""
+    return steps > max(2.0 * RATE_S, LEAP * float(np.median(steps)))
 
 
 def _mostly(flags):

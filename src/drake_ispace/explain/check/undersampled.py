@@ -10,9 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.check.compare.links import FEWEST, RATE_S
+from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import LEAP, come_in_step, repeats
+from drake_ispace.explain.check.samples import come_in_step, repeats
+from drake_ispace.explain.check.stamps import are_gaps
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE, Robot
@@ -32,8 +33,7 @@ def tick_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding
 def _of_channel(name, channel, number) -> Iterator[Finding]:
     ticks, first = np.unique(np.round(channel.t / TICK_S), return_index=True)
     steps, again = np.diff(ticks), repeats(channel.values[first])
-    usual = np.median(steps)
-    within = steps <= max(2.0 * RATE_S / TICK_S, LEAP * usual)  # no gap, which is told by itself
+    within = ~are_gaps(TICK_S * steps)  # which are told by themselves
     if not within.any():
         return
     held = come_in_step(again)

@@ -57,8 +57,8 @@ class _Clocks:
         self.left = cache(self._left)
 
     def _left(self, channel, ticks):
-        tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks] if ticks else None
-        return _surprise(replace(self._prediction, tracks=tracks) if tracks else self._prediction)
+        tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks]
+        return _surprise(replace(self._prediction, tracks=tracks))
 
     def near(self, channel: str, sense: int) -> tuple[str, int]:
         """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
@@ -97,4 +97,3 @@ def _surprise(prediction: Prediction) -> float:
         left = rows[_PAST:] - past @ (np.linalg.lstsq(past / scale, rows[_PAST:], rcond=None)[0] / scale[:, None])
         found += len(left) * np.linalg.slogdet(left.T @ left / len(left))[1]
     return found
-

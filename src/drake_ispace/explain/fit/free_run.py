@@ -103,10 +103,11 @@ def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, 
     def difference_from(start):
         return _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
 
-    difference = difference_from(None)
-    if track.unscored_ticks:
+    begins_in_motion, start = track.unscored_ticks > 0, None
+    if begins_in_motion:
         start = np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
-        difference = difference_from(start)
+    difference = difference_from(start)
+    if begins_in_motion:
         steps = np.diag(_STEP * np.maximum(np.abs(start), 1.0))
         slopes = np.stack([difference_from(start + step) - difference for step in steps], axis=-1)
         if np.isfinite(slopes).all() and np.isfinite(difference).all():

@@ -1,6 +1,6 @@
 """Recordings on the robot's 5 ms clock, ready to be predicted; camera fixes keep their own instants."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.faults.repair import Clock, with_channel
+from drake_ispace.faults.repair import from_zero
 from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
@@ -195,21 +195,6 @@ def _check_clocks(recording, has, name, shortest_s):
         raise InputError(
             f"{name}: lasts {lasts:.6g} s, expected {shortest_s:g} s to {_LONGEST_S:g} s, and stamps in seconds"
         )
-
-
-def from_zero(recording: Recording, has: Iterable[str]) -> Recording:
-    """The recording with its clocks set to 0 where the first of the channels `has` begins.
-
-    Samples before that are left out. A recording that begins with the first tick stays as it is.
-    """
-    first = min(recording.channels[c].t[0] for c in has)
-    if 0.0 <= first < 2.0 * TICK_S:
-        return recording
-    for name, channel in recording.channels.items():
-        since = channel.t >= first
-        kept = with_channel(recording, name, replace(channel, t=channel.t[since], values=channel.values[since]))
-        recording = Clock(name, 1.0, -first).apply(kept)
-    return recording
 
 
 def nearest_ticks(times_s: np.ndarray) -> np.ndarray:

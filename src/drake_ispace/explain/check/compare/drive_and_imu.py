@@ -52,13 +52,18 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
     base = _first(bases)
     if base is None or base.robot.driven != TORQUE:
         return Agreement([])
-    times = _times(runs, bases) if base.robot.in_si and not single else 1.0
+    links = [
+        torque_link(run, own) if own is not None and TORQUE in run.channels else None
+        for run, own in zip(runs, bases, strict=True)
+    ]
+    of_run = {id(run): link for run, link in zip(runs, links, strict=True)}
+    times = _times(links, bases) if base.robot.in_si and not single else 1.0
     given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si, times), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
 
     def one(run, own, tried):
-        link = torque_link(run, own) if TORQUE in run.channels else None
+        link = of_run[id(run)]
         return row(tried, None if link is None else _of_wheels(run, own, link, tried, effort))
 
     found = _found(runs, bases, given, one, TORQUE, None, single)
@@ -86,11 +91,10 @@ def _of_wheels(run, base, link, given, effort):
     return replace(related, scored=related.scored - unrelated.scored + unrelated.scored[0])
 
 
-def _times(runs, bases) -> float:
+def _times(links, bases) -> float:
     """How many times as large as the wheels say the torques are, in most runs; 1 where nothing is known."""
     found = []
-    for run, base in zip(runs, bases, strict=True):
-        link = torque_link(run, base) if base is not None and TORQUE in run.channels else None
+    for link, base in zip(links, bases, strict=True):
         kept = None if link is None else inside(base, link.since_s, link.until_s)
         if kept is None or kept.sum() < FEWEST:
             continue
