@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_ispace.explain.fit.directions import Part, amounts_of, spent_on
+from drake_ispace.explain.fit.directions import Part, amounts_of, errors_of, spent_on
 from drake_ispace.explain.fit.memory import Memory
 
 RNG = np.random.default_rng(0)
@@ -77,6 +77,15 @@ def test_a_memory_takes_each_channel_by_the_same_basis_and_nothing_twice():
         x = vectors[:, channel::2]
         assert once[:, channel::2] == pytest.approx(x - x @ basis @ basis.T)
     assert removed(known, once) == pytest.approx(once)
+
+
+def test_errors_of_amounts_have_their_covariance():
+    random = np.random.default_rng(4)
+    vectors = np.vstack([random.standard_normal((6, 40)), np.zeros((1, 40))])
+    vectors = np.vstack([vectors, vectors[0]])  # one vanishes, and two are the same
+    each, few = (errors_of(vectors @ vectors.T, count) for count in (6, 2))
+    assert each.T @ each == pytest.approx(np.linalg.pinv(vectors @ vectors.T), abs=1e-9)
+    assert np.sum((few @ vectors) ** 2) == pytest.approx(6.0)
 
 
 def test_a_fit_spends_as_many_numbers_as_it_has_vectors_and_more_of_them_where_these_are():

@@ -10,7 +10,7 @@ then several together. If they do no better, the verdict is "unknown"; if they d
 should they not suffice on unseen runs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -28,6 +28,7 @@ from drake_ispace.explain.decide.survey.survey import (
     fit_with_noise,
     survey,
     with_memory_marginalised,
+    with_noise_of_nothing_more,
     with_past_speeds,
 )
 from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than
@@ -156,19 +157,29 @@ def detection_of(
     """Whether the proposals show more than noise, of which `largest` are the trials.
 
     Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect, and so
-    can rounding where the choice of moments goes with it. A first alarm that is not beyond doubt must therefore hold
-    with the memory marginalised, and with moments chosen by past speeds.
+    can rounding where the choice of moments goes with it, and what is slow in runs so short that all effects together
+    explain most of it. A first alarm that is not beyond doubt must therefore hold with the noise that residuals have if
+    nothing is missing, with its memory marginalised, and with moments chosen by past speeds.
     """
     detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
     if current.point or not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
         return detection
-    for doubting in (with_memory_marginalised, with_past_speeds):
-        again = doubting(current)
+    for again in _doubting(current):
         minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
         held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
         other = detect(held, trials(again.screen, again.by_instant, seed))
         detection = max(detection, other, key=lambda one: one.p_value)
+        if not detection.found:
+            break
     return detection
+
+
+def _doubting(current) -> Iterator[Survey]:
+    """Surveys at the same point in which an alarm must hold."""
+    with_own_noise = with_noise_of_nothing_more(current)
+    yield with_own_noise
+    yield with_memory_marginalised(with_own_noise)
+    yield with_past_speeds(current)
 
 
 def _best_near(

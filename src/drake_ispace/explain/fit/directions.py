@@ -83,15 +83,32 @@ def spent_on(gram: np.ndarray, columns: np.ndarray) -> float:
     return float(np.vdot(columns, inverse_of(gram, _LEAST_EIGENVALUE) @ columns))
 
 
+def errors_of(gram: np.ndarray, count: int) -> np.ndarray:
+    """(count, k) errors of `amounts_of` a y of independent numbers of unit variance.
+
+    The sum of their outer products is the covariance of the amounts but for products of directions that are
+    independent of each other.
+
+    gram: (k, k) as for `amounts_of`.
+    """
+    root = root_of_inverse(gram, _LEAST_EIGENVALUE)
+    return np.array([root[:, first::count].sum(axis=1) for first in range(count)])
+
+
 def inverse_of(gram: np.ndarray, least: float | None = None, squares: np.ndarray | None = None) -> np.ndarray:
-    """(k, k) the pseudo-inverse of scalar products of vectors with each other, as found for vectors of unit length.
+    """(k, k) the pseudo-inverse of scalar products of vectors with each other; arguments: as of `root_of_inverse`."""
+    root = root_of_inverse(gram, least, squares)
+    return root @ root.T
+
+
+def root_of_inverse(gram: np.ndarray, least: float | None = None, squares: np.ndarray | None = None) -> np.ndarray:
+    """(k, r) a root of `inverse_of`, as found for vectors of unit length; r is the number of directions.
 
     least: eigenvalue, as a share of the largest, below which directions coincide; None: that of rounding. squares: (k,)
     squared lengths by which rounding is judged: those before something was taken from the vectors; default as they are.
     """
     squares = np.diag(gram) if squares is None else squares
     lengths = np.sqrt(np.where(squares > 0.0, squares, 1.0))
-    units = np.outer(lengths, lengths)
-    values, vectors = np.linalg.eigh(gram / units)
+    values, vectors = np.linalg.eigh(gram / np.outer(lengths, lengths))
     kept = values > (np.finfo(float).eps * len(values) if least is None else least) * values.max(initial=0.0)
-    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / units
+    return vectors[:, kept] / np.sqrt(values[kept]) / lengths[:, None]

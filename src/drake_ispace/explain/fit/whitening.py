@@ -164,7 +164,8 @@ def is_bounded(stream: str) -> bool:
 
 
 def fit_noise(
-    runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None], spent: int = 0, ticks: int = 1
+    runs: Sequence[np.ndarray], stream: str, classes: Sequence[np.ndarray | None],
+    spent: int = 0, ticks: int = 1, errors: Sequence[Sequence[np.ndarray]] = (),
 ) -> Noise:
     """Fit the noise of a stream by least squares over all runs.
 
@@ -173,6 +174,7 @@ def fit_noise(
         classes: (rows,) class of motion of each row, per run; None: all rows are alike.
         spent: degrees of freedom of fits that the residuals have gone through before.
         ticks: from row to row of the motion.
+        errors: of what these fits took away, each as `runs`. What their products add up to counts as noise, too.
     """
     p = runs[0].shape[1]
     equal, none = np.ones((1, p)), np.empty((0, p))
@@ -187,34 +189,36 @@ def fit_noise(
     longest = max(len(run) for run in runs)
     if longest < 12 * p * (lags + len(means)):
         lags, means = (1, ()) if longest > 12 * p else (0, ())
-    a, e = none, np.vstack([run[lags:] for run in runs])
+    every, times = [run for some in (runs, *errors) for run in some], 1 + len(errors)
+    a, e = none, np.vstack([run[lags:] for run in every])
     sizes, scored = equal, np.ones(len(e), bool)
     if classes[0] is not None:
-        class_of = np.concatenate([c[lags:] for c in classes])
+        class_of = np.concatenate([c[lags:] for c in times * list(classes)])
         scored = class_of > 0
     if lags:
-        before = np.vstack([past(run, lags, means) for run in runs if len(run) > lags])
+        before = np.vstack([past(run, lags, means) for run in every if len(run) > lags])
         learned = scored if scored.sum() >= 0.1 * len(scored) else slice(None)
         a = np.linalg.lstsq(before[learned], e[learned], rcond=None)[0]
         e = e - before @ a
     if classes[0] is not None:
-        sizes = _sizes(e, class_of)
+        sizes = _sizes(e, class_of, times * _LEAST_ROWS)
         e = e / sizes[class_of]
-    freedom = max(scored.sum() - len(a) - spent / p, 0.5 * scored.sum(), 1.0)
+    rows = scored.sum() / times
+    freedom = max(rows - len(a) - spent / p, 0.5 * rows, 1.0)
     covariance = e[scored].T @ e[scored] / freedom
     floor = 1e-12 * np.trace(covariance) / p + 1e-30
     return Noise(lags, means, a, np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(p))), sizes)
 
 
-def _sizes(e, classes):
-    """(classes, p) root mean square of e in each class over that of all scored rows; 1 for classes with few rows."""
+def _sizes(e, classes, least):
+    """(classes, p) root mean square of e in each class over that of all scored rows; 1 for classes of `least` rows."""
     scored = e[classes > 0]  # none in a run at rest
     overall = np.sqrt(np.sum(scored**2, axis=0) / max(len(scored), 1)) + 1e-30
     sizes = np.ones((int(classes.max()) + 1, e.shape[1]))
     sizes[0] = np.inf
     for c in range(1, len(sizes)):
         own = e[classes == c]
-        if len(own) > _LEAST_ROWS:
+        if len(own) > least:
             sizes[c] = np.maximum(np.sqrt(np.mean(own**2, axis=0)) / overall, 0.1)
     return sizes
 
@@ -234,19 +238,22 @@ class Whitening:
         classes: per run, stream -> (rows,) class of motion; streams that are missing have none.
         spent: degrees of freedom of fits that the residuals have gone through before.
         ticks: from row to row of the motion.
+        errors: of what these fits took away, each as `residuals`; as in `fit_noise`.
 
     Attributes:
         classes: as given. noise: stream -> its Noise.
     """
 
     def __init__(
-        self, residuals: Residuals, classes: Sequence[dict[str, np.ndarray]], spent: int = 0, ticks: int = 1
+        self, residuals: Residuals, classes: Sequence[dict[str, np.ndarray]], spent: int = 0, ticks: int = 1,
+        errors: Sequence[Residuals] = (),
     ):
         self.classes = list(classes)
-        self.noise = {
-            name: fit_noise([run[name] for run in residuals], name, [c.get(name) for c in classes], spent, ticks)
-            for name in residuals[0] if residuals[0][name].shape[1] and any(len(run[name]) for run in residuals)
-        }
+        self.noise = {}
+        for name in residuals[0]:
+            if residuals[0][name].shape[1] and any(len(run[name]) for run in residuals):
+                own, *of_errors = ([run[name] for run in runs] for runs in (residuals, *errors))
+                self.noise[name] = fit_noise(own, name, [c.get(name) for c in classes], spent, ticks, of_errors)
 
     def __call__(self, residuals: Residuals) -> np.ndarray:
         """(n,) the whitened residuals of all runs, one run after the other."""

@@ -15,7 +15,7 @@ from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, covarian
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, past_speeds
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds
 
 _MOST_TURNS = 8  # in which noise and sizes are fitted
 _STAYS = 0.3  # standard deviations by which a size may still move in the last turn
@@ -115,15 +115,23 @@ def with_memory_marginalised(survey: Survey) -> Survey:
     return _survey(survey.point, survey.view, survey.residuals, likelihood)
 
 
+def with_noise_of_nothing_more(survey: Survey, speeds: Speeds | None = None) -> Survey:
+    """The Survey at the same point, with the noise that the residuals have if nothing more is missing there.
+
+    speeds: by which moments are scored, as in `Prediction.classes`.
+    """
+    whitening = noise_of(survey.view, survey.point, survey.residuals, near=True, speeds=speeds)
+    likelihood = survey.view.with_noise(whitening, survey.residuals, near=bool(survey.likelihood.memory))
+    return _survey(survey.point, survey.view, survey.residuals, likelihood)
+
+
 def with_past_speeds(survey: Survey) -> Survey:
-    """The Survey at the same point, of moments chosen by past speeds, and with the noise that these have.
+    """As `with_noise_of_nothing_more`, of moments chosen by past speeds.
 
     Speeds around a moment contain later counts, whose rounding is in the residuals too. Moments at which a wheel has
     just come to rest are scored here, so that sizes are not to be taken from this Survey.
     """
-    whitening = noise_of(survey.view, survey.point, survey.residuals, speeds=past_speeds)
-    likelihood = survey.view.with_noise(whitening, survey.residuals, near=bool(survey.likelihood.memory))
-    return _survey(survey.point, survey.view, survey.residuals, likelihood)
+    return with_noise_of_nothing_more(survey, past_speeds)
 
 
 def with_flaws(survey: Survey) -> Survey:

@@ -9,14 +9,17 @@ from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
 from drake_ispace.explain.fit.changes import Changes, Marginal, without
+from drake_ispace.explain.fit.directions import errors_of
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.offsets import Stack, members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening, is_bounded
 from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
+from drake_ispace.explain.threads import each
 
 FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
 _ROUNDS = 2  # in which noise and what explains it are learned in turn
+_ERRORS = 4  # by which those of all amounts are represented
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,14 @@ class View:
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
         changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
-        return Regression(whitening, Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks)))
+        marginal = Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks))
+        return Regression(whitening, marginal)
+
+    def errors(self, regression: "Regression", residuals: Residuals) -> list[Residuals]:
+        """Errors of what a regression takes away from residuals; their products add up to what is expected of them."""
+        nothing, offsets = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in residuals], self.offsets
+        amounts = errors_of(regression.marginal.gram, _ERRORS)
+        return each(lambda error: without(nothing, error, self.changes, offsets), amounts)
 
     def likelihood(
         self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
@@ -70,7 +80,7 @@ class View:
 
         near: as in `with_noise`. start: as in `noise_of`.
         """
-        return self.with_noise(noise_of(self, point, residuals, start), residuals, near)
+        return self.with_noise(noise_of(self, point, residuals, near, start), residuals, near)
 
     def with_noise(
         self, whitening: Whitening, residuals: Residuals, near: bool, flaws: Sequence[Residuals] = ()
@@ -201,10 +211,14 @@ def flaws_of_form(view: View, point: Point) -> list[Residuals]:
 
 
 def noise_of(
-    view: View, point: Point, residuals: Residuals, start: Regression | None = None, speeds: Speeds | None = None
+    view: View, point: Point, residuals: Residuals, near: bool, start: Regression | None = None,
+    speeds: Speeds | None = None,
 ) -> Whitening:
     """The noise of the residuals at `point` without what the changes and the offsets of `view` explain of them.
 
+    near: whether `point` is nearly the best one. What is taken away is then mostly noise, in short runs nearly all that
+    is slow, and as much as is expected of it counts as noise: a step of expectation and maximisation (Dempster, Laird
+    and Rubin, J. Royal Statistical Society B 39, 1977). Far from it, what is expected would be what the effects do.
     start: from noise that is nearly right already. Otherwise noise and explanation are learned in turn. If plain least
     squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
     physics. speeds: by which moments are scored, as in `Prediction.classes`.
@@ -215,6 +229,9 @@ def noise_of(
         regression = start or view.regression(whitening, residuals)
         amounts = regression.amounts(residuals)
         left = without(residuals, amounts, view.changes, view.offsets)
+        if near:
+            whitening = Whitening(left, classes, ticks=ticks, errors=view.errors(regression, residuals))
+            continue
         for name in whitening.noise:
             if regression.is_overfitted(residuals, name):
                 for run, own in zip(left, residuals, strict=True):
