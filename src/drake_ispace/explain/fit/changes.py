@@ -64,8 +64,7 @@ class Changes:
 
     def combined(self, amounts: np.ndarray) -> np.ndarray:
         """(n,) sum of the whitened changes, each times its amount (k,)."""
-        nothing = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in self._residuals]
-        return self._whitening(without(nothing, -amounts, self._changes))
+        return self._whitening(added_up(self._residuals, amounts, self._changes))
 
 
 def without(
@@ -86,6 +85,18 @@ def without(
         for name in remaining[i]:
             remaining[i][name] -= amount * change[name]
     return remaining
+
+
+def added_up(
+    residuals: Residuals, amounts: np.ndarray, changes: Sequence[Residuals],
+    offsets: Sequence[tuple[int, dict[str, np.ndarray]]] = (),
+) -> Residuals:
+    """The sum of changes and offsets, each times its amount; residuals: of all runs, only their sizes are used.
+
+    amounts, offsets: as of `without`.
+    """
+    nothing = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in residuals]
+    return without(nothing, -amounts, changes, offsets)
 
 
 class Marginal:

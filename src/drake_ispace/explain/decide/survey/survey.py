@@ -226,7 +226,7 @@ def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
         if move < _STAYS:
             break
         step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
-        regression = regression or view.regression(likelihood.whitening, residuals)
+        regression = regression or view.regression(likelihood.whitening, residuals, near)
         point = likelihood.moved(best.point, best.order, step / sizes)
         residuals = view.prediction.residuals(merged(point))
         if not is_finite(residuals):  # the model runs away where sizes were expected to stay

@@ -8,7 +8,7 @@ import numpy as np
 from drake_ispace.explain.decide.survey.generic import Generics
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures
 from drake_ispace.explain.fit.candidates import Candidate, probes
-from drake_ispace.explain.fit.changes import Changes, Marginal, without
+from drake_ispace.explain.fit.changes import Changes, Marginal, added_up, without
 from drake_ispace.explain.fit.directions import errors_of
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.offsets import Stack, members, offsets_of, stacks_of, stacks_of_runs
@@ -61,17 +61,13 @@ class View:
             offset_stacks=self.offset_stacks[i : i + 1], tolerated_stacks=self.tolerated_stacks[i : i + 1],
         )
 
-    def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
-        """Least squares by all changes and offsets, under this noise."""
+    def regression(self, whitening: Whitening, residuals: Residuals, near: bool) -> "Regression":
+        """Least squares by all changes and offsets, under this noise; near: as in `noise_of`."""
         changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
         marginal = Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks))
-        return Regression(whitening, marginal)
-
-    def errors(self, regression: "Regression", residuals: Residuals) -> list[Residuals]:
-        """Errors of what a regression takes away from residuals; their products add up to what is expected of them."""
-        nothing, offsets = [{name: np.zeros(rows.shape) for name, rows in run.items()} for run in residuals], self.offsets
-        amounts = errors_of(regression.marginal.gram, _ERRORS)
-        return each(lambda error: without(nothing, error, self.changes, offsets), amounts)
+        offsets, amounts = self.offsets, errors_of(marginal.gram, _ERRORS if near else 0)
+        errors = each(lambda error: added_up(residuals, error, self.changes, offsets), amounts)
+        return Regression(whitening, marginal, errors)
 
     def likelihood(
         self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
@@ -101,11 +97,13 @@ class Regression:
     """Least squares by changes of the residuals under a noise, the same for all sizes of the effects.
 
     Attributes:
-        whitening: the noise. marginal: products of the changes and offsets.
+        whitening: the noise. marginal: products of the changes and offsets. errors: of what the amounts add up to,
+            together as large as is expected; empty: it is not needed.
     """
 
     whitening: Whitening
     marginal: Marginal
+    errors: Sequence[Residuals]
 
     def amounts(self, residuals: Residuals) -> np.ndarray:
         """How much of every change is in the residuals."""
@@ -226,15 +224,12 @@ def noise_of(
     classes, ticks = view.prediction.classes(merged(point), speeds), view.prediction.row_ticks
     whitening = start.whitening if start else Whitening(residuals, classes, ticks=ticks)
     for _ in range(1 if start else _ROUNDS):
-        regression = start or view.regression(whitening, residuals)
+        regression = start or view.regression(whitening, residuals, near)
         amounts = regression.amounts(residuals)
         left = without(residuals, amounts, view.changes, view.offsets)
-        if near:
-            whitening = Whitening(left, classes, ticks=ticks, errors=view.errors(regression, residuals))
-            continue
-        for name in whitening.noise:
+        for name in () if near else whitening.noise:
             if regression.is_overfitted(residuals, name):
                 for run, own in zip(left, residuals, strict=True):
                     run[name] = own[name]
-        whitening = Whitening(left, classes, len(amounts), ticks)
+        whitening = Whitening(left, classes, 0 if near else len(amounts), ticks, regression.errors)
     return whitening
