@@ -154,20 +154,27 @@ def _renamed(survey_at, seed, decision, point) -> Decision:
 def detection_of(
     current: Survey, proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray, seed: int
 ) -> Detection:
-    """Whether the proposals show more than noise, of which `largest` are the trials.
+    """Whether the proposals show more than noise, of which `largest` are the trials; a first alarm must hold."""
+    detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
+    return detection if current.point else held(detection, current, proposals, seed)
+
+
+def held(
+    detection: Detection, current: Survey, proposals: Sequence[Proposal | GenericProposal], seed: int
+) -> Detection:
+    """The Detection that is left of an alarm where it could be noise.
 
     Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect, and so
     can rounding where the choice of moments goes with it, and what is slow in runs so short that all effects together
-    explain most of it. A first alarm that is not beyond doubt must therefore hold with the noise that residuals have if
-    nothing is missing, with its memory marginalised, and with moments chosen by past speeds.
+    explain most of it. An alarm that is not beyond doubt must therefore hold with the noise that residuals have if
+    nothing more is missing, with its memory marginalised, and with moments chosen by past speeds.
     """
-    detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
-    if current.point or not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
+    if not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
         return detection
     for again in _doubting(current):
         minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
-        held = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
-        other = detect(held, trials(again.screen, again.by_instant, seed))
+        clearest = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
+        other = detect(clearest, trials(again.screen, again.by_instant, seed))
         detection = max(detection, other, key=lambda one: one.p_value)
         if not detection.found:
             break

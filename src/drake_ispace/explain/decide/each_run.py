@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.decide import detection_of
+from drake_ispace.explain.decide.decide import held
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, trials
+from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, detect, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
@@ -45,7 +45,7 @@ def shown_by_one(
 ) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
-    The effect must be clear (p < 1e-6), and its size in the run another than in the others by more than chance, both
+    The effect must be clear (p < 1e-6, whatever the noise of the run), and its size in the run another than in the others by more than chance, both
     whichever second of the run is left out: what a single second shows may be chance, however improbable. Effects in a
     part of the room do not count: another run need not go there.
 
@@ -125,7 +125,8 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not any(clear >= CLEAR_MINUS_LOG10_P for _, clear in clearest_effects(own)):
         return None
     proposals = proposals_of(own)
-    detection = detection_of(own, proposals, trials(own.screen, own.by_instant, seed), seed)
+    clearest = max([proposal.minus_log10_p for proposal in proposals], default=0.0)
+    detection = held(detect(clearest, trials(own.screen, own.by_instant, seed)), own, proposals, seed)
     if not detection.found or detection.in_doubt:
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
