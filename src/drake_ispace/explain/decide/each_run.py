@@ -45,9 +45,9 @@ def shown_by_one(
 ) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
-    The effect must be clear (p < 1e-6), under the noise that the run has without it, too, and its size in the run another
-    than in the others by more than chance, both whichever second of the run is left out: what a single second shows may
-    be chance, however improbable. Effects in a part of the room do not count: another run need not go there.
+    The effect must be clear (p < 1e-6), also under the noise that the run has without it, and its size in the run
+    another than in the others by more than chance, both whichever second of the run is left out: what a single second
+    shows may be chance, however improbable. Effects in a part of the room do not count: another run need not go there.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
