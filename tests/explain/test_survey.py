@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear import ROWS, RUNS, Linear, made, no_generics, noise, pattern, streams
+from linear import ROWS, RUNS, Linear, made, no_generics, noise, pattern, streams, wave
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -21,6 +21,7 @@ from drake_ispace.explain.decide.survey.survey import (
     fit_with_noise,
     survey,
     with_memory_marginalised,
+    with_noise_of_nothing_more,
     with_past_speeds,
 )
 from drake_ispace.explain.decide.survey.view import _changes_by_sizes, scales_of
@@ -184,9 +185,19 @@ def test_past_speeds_choose_the_moments_and_leave_all_else():
 
     noise = np.random.default_rng(1).standard_normal((RUNS, ROWS))
     far = survey(Watched(noise, {"slip": pattern(3)}), {}, made("slip"), generics=no_generics)
-    again = with_past_speeds(far)
-    assert asked == [None, past_speeds] and not again.likelihood.memory
-    assert again.minus_log10_p == pytest.approx(far.minus_log10_p)  # here all moments are scored, whatever the speeds
+    again, own = with_past_speeds(far), with_noise_of_nothing_more(far)
+    assert asked == [None, past_speeds, None] and not again.likelihood.memory
+    assert again.minus_log10_p == pytest.approx(own.minus_log10_p)  # here all moments are scored, whatever the speeds
+
+
+def test_slow_noise_that_effects_together_explain_is_noise_if_nothing_is_missing():
+    slow = lfilter([1.0], [1.0, -0.97], np.random.default_rng(1).standard_normal((RUNS, ROWS)))
+    of_run = [wave(0.5 * cycles) * (np.arange(RUNS) == run)[:, None] for run in range(RUNS) for cycles in range(1, 30)]
+    shapes = {f"wave_{i}": shape for i, shape in enumerate(of_run)}
+    far = survey(Linear(slow, shapes), {}, made(*shapes), generics=no_generics)
+    own = with_noise_of_nothing_more(far)
+    gains, own_gains = (one.screen.gains(one.products).mean() for one in (far, own))
+    assert gains > 2.0 and own_gains == pytest.approx(1.0, abs=0.5)
 
 
 # -- Generic disagreements
