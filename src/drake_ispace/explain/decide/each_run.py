@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.decide import held
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, detect, trials
+from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, detect, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
@@ -56,18 +56,28 @@ def shown_by_one(
     if len(prediction.tracks) < 2:
         return []
     tried = [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
+
+    def survey_by_itself(i):
+        if known is not None and i < len(known.prediction.tracks):
+            return survey_of(_everywhere(known.of_run(i)), point)
+        return survey(part_of(prediction, slice(i, i + 1)), point, tried)
+
     surveys, leaders = [], []
     for i in range(len(prediction.tracks)):
-        if known is not None and i < len(known.prediction.tracks):
-            own = survey_of(_everywhere(known.of_run(i)), point)
-        else:
-            own = survey(part_of(prediction, slice(i, i + 1)), point, tried)
+        own = survey_by_itself(i)
         leaders.append(_leader(own, seed))
         surveys.append(own.light())
-    return [
-        leader.in_run(track.name) for i, (track, leader) in enumerate(zip(prediction.tracks, leaders, strict=True))
-        if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :])
-    ]
+    shown = []
+    for i, leader in enumerate(leaders):
+        if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
+            detection = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
+            if _is_clear(detection):
+                shown.append(leader.in_run(prediction.tracks[i].name, detection.p_value))
+    return shown
+
+
+def _is_clear(detection: Detection) -> bool:
+    return detection.found and not detection.in_doubt
 
 
 def _everywhere(view) -> View:
@@ -81,21 +91,22 @@ class _Leader:
     """The effect that a run shows most clearly.
 
     Attributes:
-        fitted: the effect. alike: others that explain about as much. p_value: of the alarm. best: its size by the score
-            that gains most. sizes, variances: of the same without each of the seconds of the run.
+        fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
+            by the score that gains most. sizes, variances: of the same without each of the seconds of the run.
     """
 
     fitted: Proposal
     alike: list[Candidate]
-    p_value: float
+    detection: Detection
+    proposals: list[Proposal]
     best: "_Size"
     sizes: np.ndarray
     variances: np.ndarray
 
-    def in_run(self, name: str) -> OfOneRun:
-        """The effect as that of the run of this name."""
+    def in_run(self, name: str, p_value: float) -> OfOneRun:
+        """The effect as that of the run of this name, with this probability."""
         candidate = self.fitted.candidate
-        return OfOneRun(name, candidate, self.fitted.fit.point[candidate], self.p_value, self.alike)
+        return OfOneRun(name, candidate, self.fitted.fit.point[candidate], p_value, self.alike)
 
     def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
         """Whether the size of the effect is another in these runs, by its score in each."""
@@ -126,8 +137,8 @@ def _leader(own: Survey, seed) -> _Leader | None:
         return None
     proposals = proposals_of(own)
     clearest = max([proposal.minus_log10_p for proposal in proposals], default=0.0)
-    detection = held(detect(clearest, trials(own.screen, own.by_instant, seed)), own, proposals, seed)
-    if not detection.found or detection.in_doubt:
+    detection = detect(clearest, trials(own.screen, own.by_instant, seed))
+    if not _is_clear(detection):
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
     best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
@@ -135,7 +146,7 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not np.all(sizes**2 >= LEAST_FURTHER * variances):
         return None
     near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
-    return _Leader(fitted, near, detection.p_value, best, sizes, variances)
+    return _Leader(fitted, near, detection, proposals, best, sizes, variances)
 
 
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
