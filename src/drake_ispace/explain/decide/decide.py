@@ -31,7 +31,7 @@ from drake_ispace.explain.decide.survey.survey import (
     with_noise_of_nothing_more,
     with_past_speeds,
 )
-from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than
+from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than, is_believed
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
@@ -62,7 +62,8 @@ def decide(
         largest = trials(current.screen, current.by_instant, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
         proposals, disagreements = proposals_of(current), believed(current)
-        detection = detection_of(current, [*proposals, *disagreements], largest, seed)
+        detection, shown = detection_of(current, [*proposals, *disagreements], largest, seed)
+        disagreements = [other for other in disagreements if other in shown]
         decision = decision or Decision(detection, current, current)
         unknown = better_than(proposals, disagreements)
         if detection.found and unknown is not None and doubt is None:
@@ -153,32 +154,37 @@ def _renamed(survey_at, seed, decision, point) -> Decision:
 
 def detection_of(
     current: Survey, proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray, seed: int
-) -> Detection:
-    """Whether the proposals show more than noise, of which `largest` are the trials; a first alarm must hold."""
+) -> tuple[Detection, list[Proposal | GenericProposal]]:
+    """Whether the proposals show more than noise, of which `largest` are the trials, and which of them do.
+
+    A first alarm must hold.
+    """
     detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
-    return detection if current.point else held(detection, current, proposals, seed)
+    return (detection, list(proposals)) if current.point else held(detection, current, proposals, seed)
 
 
 def held(
     detection: Detection, current: Survey, proposals: Sequence[Proposal | GenericProposal], seed: int
-) -> Detection:
-    """The Detection that is left of an alarm where it could be noise.
+) -> tuple[Detection, list[Proposal | GenericProposal]]:
+    """The Detection that is left of an alarm where it could be noise, and the proposals that are believed all the same.
 
     Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect, and so
     can rounding where the choice of moments goes with it, and what is slow in runs so short that all effects together
     explain most of it. An alarm that is not beyond doubt must therefore hold with the noise that residuals have if
     nothing more is missing, with its memory marginalised, and with moments chosen by past speeds.
     """
+    left = list(proposals)
     if not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
-        return detection
+        return detection, left
     for again in _doubting(current):
         minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
-        clearest = max(min(proposal.minus_log10_p, minus_log10_p[proposal.candidate]) for proposal in proposals)
+        left = [one for one in left if is_believed(one.candidate, minus_log10_p[one.candidate])]
+        clearest = max([min(one.minus_log10_p, minus_log10_p[one.candidate]) for one in left], default=0.0)
         other = detect(clearest, trials(again.screen, again.by_instant, seed))
         detection = max(detection, other, key=lambda one: one.p_value)
         if not detection.found:
             break
-    return detection
+    return detection, left
 
 
 def _doubting(current) -> Iterator[Survey]:

@@ -70,7 +70,7 @@ def shown_by_one(
     shown = []
     for i, leader in enumerate(leaders):
         if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
-            detection = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
+            detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
             if _is_clear(detection):
                 shown.append(leader.in_run(prediction.tracks[i].name, detection.p_value))
     return shown

@@ -39,7 +39,12 @@ class GenericProposal:
 
 def believed(survey: Survey) -> list[GenericProposal]:
     """The generic disagreements that are clear enough to be believed, the largest gain first."""
-    return [proposal for proposal in generic_proposals(survey) if proposal.minus_log10_p > CLEAR_MINUS_LOG10_P]
+    return [other for other in generic_proposals(survey) if is_believed(other.candidate, other.minus_log10_p)]
+
+
+def is_believed(candidate: Candidate, minus_log10_p: float) -> bool:
+    """Whether so clear a test of a candidate is believed: noise can show a generic disagreement, which has no form."""
+    return not isinstance(candidate.effect, Generic) or minus_log10_p > CLEAR_MINUS_LOG10_P
 
 
 def generic_proposals(survey: Survey) -> list[GenericProposal]:
