@@ -92,7 +92,7 @@ def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(runs, effec
     case = prepare(load_scenario("omni_multirate"), list(runs.values()), [], effects, 160.0)
     decision = decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
     ((radius, (size,)),) = decision.named.point.items()
-    short = replace(decision, named=replace(decision.named, point={radius: [0.4 * size]}))
+    half = replace(decision, named=replace(decision.named, point={radius: [0.5 * size]}))
     assert prove(case, decision, 0).sizes == decision.named.point
-    proof = prove(case, short, 0)
+    proof = prove(case, half, 0)
     assert proof.sizes[radius] == [pytest.approx(0.04, rel=0.05)] and proof.remainders == []

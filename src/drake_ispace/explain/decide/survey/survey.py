@@ -120,7 +120,7 @@ def with_noise_of_nothing_more(survey: Survey, speeds: Speeds | None = None) -> 
 
     speeds: by which moments are scored, as in `Prediction.classes`.
     """
-    whitening = noise_of(survey.view, survey.point, survey.residuals, near=True, speeds=speeds)
+    whitening = noise_of(survey.view, survey.point, survey.residuals, speeds=speeds, sound=True)
     likelihood = survey.view.with_noise(whitening, survey.residuals, near=bool(survey.likelihood.memory))
     return _survey(survey.point, survey.view, survey.residuals, likelihood)
 
@@ -226,7 +226,7 @@ def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
         if move < _STAYS:
             break
         step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
-        regression = regression or view.regression(likelihood.whitening, residuals, near)
+        regression = regression or view.regression(likelihood.whitening, residuals)
         point = likelihood.moved(best.point, best.order, step / sizes)
         residuals = view.prediction.residuals(merged(point))
         if not is_finite(residuals):  # the model runs away where sizes were expected to stay

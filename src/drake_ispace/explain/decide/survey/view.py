@@ -61,11 +61,11 @@ class View:
             offset_stacks=self.offset_stacks[i : i + 1], tolerated_stacks=self.tolerated_stacks[i : i + 1],
         )
 
-    def regression(self, whitening: Whitening, residuals: Residuals, near: bool) -> "Regression":
-        """Least squares by all changes and offsets, under this noise; near: as in `noise_of`."""
+    def regression(self, whitening: Whitening, residuals: Residuals, sound: bool = False) -> "Regression":
+        """Least squares by all changes and offsets, under this noise; sound: as in `noise_of`."""
         changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
         marginal = Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks))
-        offsets, amounts = self.offsets, errors_of(marginal.gram, _ERRORS if near else 0)
+        offsets, amounts = self.offsets, errors_of(marginal.gram, _ERRORS if sound else 0)
         errors = each(lambda error: added_up(residuals, error, self.changes, offsets), amounts)
         return Regression(whitening, marginal, errors)
 
@@ -76,7 +76,7 @@ class View:
 
         near: as in `with_noise`. start: as in `noise_of`.
         """
-        return self.with_noise(noise_of(self, point, residuals, near, start), residuals, near)
+        return self.with_noise(noise_of(self, point, residuals, start), residuals, near)
 
     def with_noise(
         self, whitening: Whitening, residuals: Residuals, near: bool, flaws: Sequence[Residuals] = ()
@@ -209,27 +209,28 @@ def flaws_of_form(view: View, point: Point) -> list[Residuals]:
 
 
 def noise_of(
-    view: View, point: Point, residuals: Residuals, near: bool, start: Regression | None = None,
-    speeds: Speeds | None = None,
+    view: View, point: Point, residuals: Residuals, start: Regression | None = None, speeds: Speeds | None = None,
+    sound: bool = False,
 ) -> Whitening:
     """The noise of the residuals at `point` without what the changes and the offsets of `view` explain of them.
 
-    near: whether `point` is nearly the best one. What is taken away is then mostly noise, in short runs nearly all that
-    is slow, and as much as is expected of it counts as noise: a step of expectation and maximisation (Dempster, Laird
-    and Rubin, J. Royal Statistical Society B 39, 1977). Far from it, what is expected would be what the effects do.
     start: from noise that is nearly right already. Otherwise noise and explanation are learned in turn. If plain least
     squares took the explanation away first, a signature that only repeats how the noise is correlated could pass for
     physics. speeds: by which moments are scored, as in `Prediction.classes`.
+
+    sound: whether nothing is missing at `point`. What is taken away is then noise, in short runs nearly all that is
+    slow, and as much as is expected of it counts as noise: each turn is a step of expectation and maximisation
+    (Dempster, Laird and Rubin, J. Royal Statistical Society B 39, 1977).
     """
     classes, ticks = view.prediction.classes(merged(point), speeds), view.prediction.row_ticks
     whitening = start.whitening if start else Whitening(residuals, classes, ticks=ticks)
     for _ in range(1 if start else _ROUNDS):
-        regression = start or view.regression(whitening, residuals, near)
+        regression = start or view.regression(whitening, residuals, sound)
         amounts = regression.amounts(residuals)
         left = without(residuals, amounts, view.changes, view.offsets)
-        for name in () if near else whitening.noise:
+        for name in () if sound else whitening.noise:
             if regression.is_overfitted(residuals, name):
                 for run, own in zip(left, residuals, strict=True):
                     run[name] = own[name]
-        whitening = Whitening(left, classes, 0 if near else len(amounts), ticks, regression.errors)
+        whitening = Whitening(left, classes, 0 if sound else len(amounts), ticks, regression.errors)
     return whitening
