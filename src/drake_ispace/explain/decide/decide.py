@@ -159,8 +159,13 @@ def detection_of(
 
     A first alarm must hold.
     """
-    detection = detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
+    detection = alarm_of(proposals, largest)
     return (detection, list(proposals)) if current.point else held(detection, current, proposals, seed)
+
+
+def alarm_of(proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray) -> Detection:
+    """The Detection by the clearest of the proposals; largest: trials of noise."""
+    return detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
 
 
 def held(

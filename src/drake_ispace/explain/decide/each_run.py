@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.decide import held
+from drake_ispace.explain.decide.decide import alarm_of, held
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, detect, trials
+from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
@@ -136,8 +136,7 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not any(clear >= CLEAR_MINUS_LOG10_P for _, clear in clearest_effects(own)):
         return None
     proposals = proposals_of(own)
-    clearest = max([proposal.minus_log10_p for proposal in proposals], default=0.0)
-    detection = detect(clearest, trials(own.screen, own.by_instant, seed))
+    detection = alarm_of(proposals, trials(own.screen, own.by_instant, seed))
     if not _is_clear(detection):
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)

@@ -92,7 +92,7 @@ def errors_of(gram: np.ndarray, count: int) -> np.ndarray:
     gram: (k, k) as for `amounts_of`.
     """
     root = root_of_inverse(gram, _LEAST_EIGENVALUE)
-    return np.array([root[:, first::count].sum(axis=1) for first in range(count)]).reshape(count, len(gram))
+    return np.array([root[:, first::count].sum(axis=1) for first in range(count)])
 
 
 def inverse_of(gram: np.ndarray, least: float | None = None, squares: np.ndarray | None = None) -> np.ndarray:

@@ -61,13 +61,15 @@ class View:
             offset_stacks=self.offset_stacks[i : i + 1], tolerated_stacks=self.tolerated_stacks[i : i + 1],
         )
 
-    def regression(self, whitening: Whitening, residuals: Residuals, sound: bool = False) -> "Regression":
-        """Least squares by all changes and offsets, under this noise; sound: as in `noise_of`."""
+    def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
+        """Least squares by all changes and offsets, under this noise."""
         changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
-        marginal = Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks))
-        offsets, amounts = self.offsets, errors_of(marginal.gram, _ERRORS if sound else 0)
-        errors = each(lambda error: added_up(residuals, error, self.changes, offsets), amounts)
-        return Regression(whitening, marginal, errors)
+        return Regression(whitening, Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks)))
+
+    def errors(self, regression: "Regression", residuals: Residuals) -> list[Residuals]:
+        """What errors of the amounts of a regression add up to, together as large as is expected."""
+        offsets, amounts = self.offsets, errors_of(regression.marginal.gram, _ERRORS)
+        return each(lambda error: added_up(residuals, error, self.changes, offsets), amounts)
 
     def likelihood(
         self, point: Point, residuals: Residuals, near: bool, start: "Regression | None" = None
@@ -97,13 +99,11 @@ class Regression:
     """Least squares by changes of the residuals under a noise, the same for all sizes of the effects.
 
     Attributes:
-        whitening: the noise. marginal: products of the changes and offsets. errors: of what the amounts add up to,
-            together as large as is expected; empty: it is not needed.
+        whitening: the noise. marginal: products of the changes and offsets.
     """
 
     whitening: Whitening
     marginal: Marginal
-    errors: Sequence[Residuals]
 
     def amounts(self, residuals: Residuals) -> np.ndarray:
         """How much of every change is in the residuals."""
@@ -225,12 +225,15 @@ def noise_of(
     classes, ticks = view.prediction.classes(merged(point), speeds), view.prediction.row_ticks
     whitening = start.whitening if start else Whitening(residuals, classes, ticks=ticks)
     for _ in range(1 if start else _ROUNDS):
-        regression = start or view.regression(whitening, residuals, sound)
+        regression = start or view.regression(whitening, residuals)
         amounts = regression.amounts(residuals)
         left = without(residuals, amounts, view.changes, view.offsets)
-        for name in () if sound else whitening.noise:
+        if sound:
+            whitening = Whitening(left, classes, ticks=ticks, errors=view.errors(regression, residuals))
+            continue
+        for name in whitening.noise:
             if regression.is_overfitted(residuals, name):
                 for run, own in zip(left, residuals, strict=True):
                     run[name] = own[name]
-        whitening = Whitening(left, classes, 0 if sound else len(amounts), ticks, regression.errors)
+        whitening = Whitening(left, classes, len(amounts), ticks)
     return whitening
