@@ -17,7 +17,7 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.left_over import left_over
-from drake_ispace.explain.decide.propose import proposals_of
+from drake_ispace.explain.decide.shown import shown_at
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.survey.survey import survey
@@ -306,7 +306,7 @@ def test_a_flaw_of_its_form_is_no_further_effect():
 
 def test_noise_is_not_left_over():
     decision = decided(noise() + GREAT)
-    assert left_over(decision, 0, proposals_of(decision.end)) is None
+    assert left_over(decision, 0, shown_at(decision.end, 0)) is None
 
 
 def forced(measured, names, shapes):

@@ -10,35 +10,27 @@ then several together. If they do no better, the verdict is "unknown"; if they d
 should they not suffice on unseen runs.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from drake_ispace.explain.decide.decision import Decision, least_further
-from drake_ispace.explain.decide.detect import Detection, detect, trials
+from drake_ispace.explain.decide.decision import Decision, least_clear
 from drake_ispace.explain.decide.left_over import left_over
-from drake_ispace.explain.decide.propose import Proposal, penalty, proposals_of
+from drake_ispace.explain.decide.propose import Proposal, penalty
 from drake_ispace.explain.decide.prune import pruned, refitted, without_each
 from drake_ispace.explain.decide.rivals import with_rivals
+from drake_ispace.explain.decide.shown import shown_at
 from drake_ispace.explain.decide.survey.generic import Generics, generic_signatures
-from drake_ispace.explain.decide.survey.survey import (
-    Survey,
-    fit_with_noise,
-    survey,
-    with_memory_marginalised,
-    with_noise_of_nothing_more,
-    with_past_speeds,
-)
-from drake_ispace.explain.decide.unknown import Doubt, GenericProposal, believed, better_than, is_believed
+from drake_ispace.explain.decide.survey.survey import Survey, fit_with_noise, survey
+from drake_ispace.explain.decide.unknown import Doubt, believed, better_than
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.threads import each
 
 MOST_EFFECTS = 6
-_BEYOND_DOUBT = 25.0  # -log10 p, below which a first alarm must hold in other surveys as well
 _NEAR_GAIN = 0.4  # share of the leader's, from which on another effect comes near
 _MOST_NEAR = 2  # effects besides the leader that are followed
 
@@ -59,37 +51,34 @@ def decide(
     current = survey_at({})
     decision, doubt, settled = None, None, None
     while True:
-        largest = trials(current.screen, current.by_instant, seed)
         tell(f"fitting the leaders{' for what is left' if current.point else ''}")
-        proposals, disagreements = proposals_of(current), believed(current)
-        detection, shown = detection_of(current, [*proposals, *disagreements], largest, seed)
-        disagreements = [other for other in disagreements if other in shown]
-        decision = decision or Decision(detection, current, current)
-        unknown = better_than(proposals, disagreements)
-        if detection.found and unknown is not None and doubt is None:
-            doubt = Doubt(decision, current, unknown, _leader(proposals))
-            if (known := _settled(near_best, doubt, proposals, tell)) is not None:
-                settled, doubt, proposals, decision, current = doubt, None, None, known, known.end
+        shown = shown_at(current, seed)
+        decision = decision or Decision(shown.detection, current, current)
+        unknown = better_than(shown.proposals, shown.disagreements)
+        if unknown is not None and doubt is None:
+            doubt = Doubt(decision, current, unknown, _leader(shown.proposals))
+            if (known := _settled(near_best, doubt, shown.proposals, tell)) is not None:
+                settled, doubt, shown, decision, current = doubt, None, None, known, known.end
                 continue
         is_further = bool(current.point) or doubt is not None
-        leader = _leader([p for p in proposals if not is_further or p.gain >= least_further(p.candidate)])
-        if not detection.found or leader is None or len(current.point) == MOST_EFFECTS:
+        leader = _leader([p for p in shown.proposals if not is_further or p.minus_log10_p >= least_clear(p.candidate)])
+        if leader is None or len(current.point) == MOST_EFFECTS:
             break
         if doubt is None:
-            point = _best_near(current, proposals, leader).point
+            point = _best_near(current, shown.proposals, leader).point
             tell(f"looking again with {', '.join(candidate.label for candidate in point)}")
             decision, current = decision.light(), None  # two surveys at once would take twice the memory
             decision = refitted(near_best, decision, point)
         else:  # far from the best point, where the past of the residuals is mostly effects and not the noise's memory
             tell(f"looking again with {', '.join(candidate.label for candidate in leader.fit.point)}")
             decision = decision.with_named(*_far(survey_at, leader.fit.point))
-        proposals, current = None, decision.end
-    known = (proposals, largest) if decision.end is current else ()
+        shown, current = None, decision.end
     if doubt is None or doubt.is_resolved_by(decision):
-        finished = _finished(decision, near_best if doubt is None else survey_at, seed, known)
+        finished = _finished(decision, near_best if doubt is None else survey_at, seed, shown)
     else:
         leaders = [] if doubt.leader is None else [doubt.leader]
-        finished = _finished(doubt.decided, near_best, seed, () if doubt.before.named is not None else (leaders, None))
+        known = replace(shown, proposals=leaders) if doubt.before.named is None else None
+        finished = _finished(doubt.decided, near_best, seed, known)
     first = settled or doubt
     finished.otherwise = first.otherwise if first is not None and finished.named is not None else None
     return finished
@@ -121,18 +110,23 @@ def _settled(near_best, doubt, proposals, tell) -> Decision | None:
     return decision if not believed(decision.end) and doubt.is_resolved_by(decision) else None
 
 
-def _finished(decision, survey_at, seed, known=()) -> Decision:
-    """The Decision with no more effects than needed, their rivals, and what is left; known: as of `left_over`."""
+def _finished(decision, survey_at, seed, shown=None) -> Decision:
+    """The Decision with no more effects than needed, their rivals, and what is left; shown: at its end, if known."""
     decision.renamed = partial(_renamed, survey_at, seed)
     if decision.named is None:
-        return _with_further(decision, known[0] if known else [])
+        return _with_further(decision, shown.proposals)
     end, decision = decision.end, pruned(survey_at, decision)
     if decision.named is None:
         return decision
     decision = with_rivals(decision)
-    proposals, largest = known if decision.end is end and known and known[0] else (proposals_of(decision.end), None)
-    decision.left_over = left_over(decision, seed, proposals, largest)
-    return _with_further(decision, proposals)
+    return _with_what_is_left(decision, seed, shown if decision.end is end else None)
+
+
+def _with_what_is_left(decision, seed, shown=None) -> Decision:
+    """The Decision with what shows beside the named effects; shown: at its end, if known."""
+    shown = shown or shown_at(decision.end, seed)
+    decision.left_over = left_over(decision, seed, shown)
+    return _with_further(decision, shown.proposals)
 
 
 def _with_further(decision, proposals) -> Decision:
@@ -146,58 +140,7 @@ def _renamed(survey_at, seed, decision, point) -> Decision:
     other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=[], asked=None)
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
-    other = with_rivals(other)
-    proposals = proposals_of(other.end)
-    other.left_over = left_over(other, seed, proposals)
-    return _with_further(other, proposals)
-
-
-def detection_of(
-    current: Survey, proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray, seed: int
-) -> tuple[Detection, list[Proposal | GenericProposal]]:
-    """Whether the proposals show more than noise, of which `largest` are the trials, and which of them do.
-
-    A first alarm must hold.
-    """
-    detection = alarm_of(proposals, largest)
-    return (detection, list(proposals)) if current.point else held(detection, current, proposals, seed)
-
-
-def alarm_of(proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray) -> Detection:
-    """The Detection by the clearest of the proposals; largest: trials of noise."""
-    return detect(max([proposal.minus_log10_p for proposal in proposals], default=0.0), largest)
-
-
-def held(
-    detection: Detection, current: Survey, proposals: Sequence[Proposal | GenericProposal], seed: int
-) -> tuple[Detection, list[Proposal | GenericProposal]]:
-    """The Detection that is left of an alarm where it could be noise, and the proposals that are believed all the same.
-
-    Where noise is far from what the filter expects, what a finite memory leaves of it can pass for an effect, and so
-    can rounding where the choice of moments goes with it, and what is slow in runs so short that all effects together
-    explain most of it. An alarm that is not beyond doubt must therefore hold with the noise that residuals have if
-    nothing more is missing, with its memory marginalised, and with moments chosen by past speeds.
-    """
-    left = list(proposals)
-    if not detection.found or detection.minus_log10_p >= _BEYOND_DOUBT:
-        return detection, left
-    for again in _doubting(current):
-        minus_log10_p = dict(zip(again.screen.candidates, again.minus_log10_p, strict=True))
-        left = [one for one in left if is_believed(one.candidate, minus_log10_p[one.candidate])]
-        clearest = max([min(one.minus_log10_p, minus_log10_p[one.candidate]) for one in left], default=0.0)
-        other = detect(clearest, trials(again.screen, again.by_instant, seed))
-        detection = max(detection, other, key=lambda one: one.p_value)
-        if not detection.found:
-            break
-    return detection, left
-
-
-def _doubting(current) -> Iterator[Survey]:
-    """Surveys at the same point in which an alarm must hold."""
-    with_own_noise = with_noise_of_nothing_more(current)
-    yield with_own_noise
-    yield with_memory_marginalised(with_own_noise)
-    yield with_past_speeds(current)
+    return _with_what_is_left(with_rivals(other), seed)
 
 
 def _best_near(

@@ -21,7 +21,12 @@ def least_further(candidate: Candidate) -> float:
 
     Noise gains as much with the same probability, however many numbers are fitted, and wheels or places tried.
     """
-    return gain_at(CLEAR_MINUS_LOG10_P + math.log10(candidate.among), len(candidate.parameters))
+    return gain_at(least_clear(candidate), len(candidate.parameters))
+
+
+def least_clear(candidate: Candidate) -> float:
+    """The -log10 p of `least_further`."""
+    return CLEAR_MINUS_LOG10_P + math.log10(candidate.among)
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.decide import alarm_of, held
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
+from drake_ispace.explain.decide.shown import alarm_of, held
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
 from drake_ispace.explain.decide.survey.view import View
