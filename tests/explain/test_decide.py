@@ -17,9 +17,9 @@ from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
 from drake_ispace.explain.decide.left_over import left_over
-from drake_ispace.explain.decide.shown import shown_at
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import with_rivals
+from drake_ispace.explain.decide.shown import shown_at
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.likelihood import fit
 

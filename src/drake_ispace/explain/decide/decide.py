@@ -29,6 +29,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, fit
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.threads import each
+from drake_ispace.robots.robot import TORQUE
 
 MOST_EFFECTS = 6
 _NEAR_GAIN = 0.4  # share of the leader's, from which on another effect comes near
@@ -77,7 +78,7 @@ def decide(
         finished = _finished(decision, near_best if doubt is None else survey_at, seed, shown)
     else:
         leaders = [] if doubt.leader is None else [doubt.leader]
-        known = replace(shown, proposals=leaders) if doubt.before.named is None else None
+        known = replace(shown, tried=leaders, proposals=leaders) if doubt.before.named is None else None
         finished = _finished(doubt.decided, near_best, seed, known)
     first = settled or doubt
     finished.otherwise = first.otherwise if first is not None and finished.named is not None else None
@@ -114,7 +115,7 @@ def _finished(decision, survey_at, seed, shown=None) -> Decision:
     """The Decision with no more effects than needed, their rivals, and what is left; shown: at its end, if known."""
     decision.renamed = partial(_renamed, survey_at, seed)
     if decision.named is None:
-        return _with_further(decision, shown.proposals)
+        return _with_further(decision, shown)
     end, decision = decision.end, pruned(survey_at, decision)
     if decision.named is None:
         return decision
@@ -126,11 +127,18 @@ def _with_what_is_left(decision, seed, shown=None) -> Decision:
     """The Decision with what shows beside the named effects; shown: at its end, if known."""
     shown = shown or shown_at(decision.end, seed)
     decision.left_over = left_over(decision, seed, shown)
-    return _with_further(decision, shown.proposals)
+    return _with_further(decision, shown)
 
 
-def _with_further(decision, proposals) -> Decision:
-    clearest_first = sorted(proposals, key=lambda proposal: -proposal.minus_log10_p)
+def _with_further(decision, shown) -> Decision:
+    """The Decision with effects to try should the named ones not suffice.
+
+    An effect that does not show may do so on other runs. Of a single run under torque, which shows in every sample what
+    is missing, how well its parts are predicted is no evidence of another kind.
+    """
+    prediction = decision.end.view.prediction
+    is_alone = len(prediction.tracks) == 1 and prediction.replay.body.robot.driven == TORQUE
+    clearest_first = sorted(shown.proposals if is_alone else shown.tried, key=lambda one: -one.minus_log10_p)
     decision.further = [p.fit.point for p in clearest_first if len(p.fit.point) <= MOST_EFFECTS]
     return decision
 

@@ -23,20 +23,23 @@ class Shown:
     """What shows at a survey.
 
     Attributes:
-        detection: whether anything does. proposals, disagreements: effects and generic disagreements that do, each with
-            the least -log10 p of all surveys in which it had to.
+        detection: whether anything does. tried: effects, whether they show or not. proposals, disagreements: effects
+            and generic disagreements that show, each with the least -log10 p of all surveys in which it had to.
     """
 
     detection: Detection
+    tried: list[Proposal]
     proposals: list[Proposal]
     disagreements: list[GenericProposal]
 
 
 def shown_at(survey: Survey, seed: int) -> Shown:
     """What shows at a survey; seed: of the bootstrap."""
-    tried = [*proposals_of(survey), *believed(survey)]
-    detection, left = held(alarm_of(tried, trials(survey.screen, survey.by_instant, seed)), survey, tried, seed)
-    return Shown(detection, *([p for p in left if isinstance(p, kind)] for kind in (Proposal, GenericProposal)))
+    effects = proposals_of(survey)
+    every = [*effects, *believed(survey)]
+    detection, left = held(alarm_of(every, trials(survey.screen, survey.by_instant, seed)), survey, every, seed)
+    proposals, disagreements = ([p for p in left if isinstance(p, kind)] for kind in (Proposal, GenericProposal))
+    return Shown(detection, effects, proposals, disagreements)
 
 
 def alarm_of(proposals: Sequence[Proposal | GenericProposal], largest: np.ndarray) -> Detection:

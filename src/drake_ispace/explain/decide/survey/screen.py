@@ -34,7 +34,7 @@ class Screen:
         self.inner = inner
         self.length = np.diag(self.inner).copy()
         self.overdispersion = np.ones(len(signatures))
-        self.one_sided = np.array([s.one_sided for s in signatures])
+        self.one_sided = np.array([s.one_sided for s in signatures], dtype=bool)
         self.candidates = list(dict.fromkeys(s.candidate for s in signatures))
         self._of = {c: [i for i, s in enumerate(signatures) if s.candidate is c] for c in self.candidates}
 
