@@ -140,6 +140,24 @@ def test_interpolated_fixes_of_a_noisy_camera_are_of_no_other_run():
     assert [f.fault for f in found(run).findings] == ["samples_interpolated"]
 
 
+@pytest.mark.parametrize("every_s", [0.01, 0.004])
+def test_bends_that_rounding_hides_keep_their_fixes(run, every_s):
+    checked = found(interpolated(run, every_s, 4))
+    assert [f.fault for f in checked.findings] == ["samples_interpolated"]
+    after, before = checked.repaired[0].channels["kinect"], run.channels["kinect"]
+    assert len(after.t) == pytest.approx(len(before.t), rel=0.05)
+    assert np.abs(before.t[:, None] - after.t).min(axis=1).max() < 2.0 * every_s
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.0002, 0.002])
+def test_fixes_of_a_fast_camera_are_not_interpolated(noise_m):
+    t, generator = 0.01 * np.arange(2000), np.random.default_rng(7)
+    place = np.column_stack([np.sin(0.5 * t), np.sin(0.8 * t + 1.0), 0.0 * t])
+    values = np.round(place + noise_m * generator.standard_normal(place.shape), 4)
+    run = Recording("mine", "velocity_base", {"kinect": Channel(t, ("x", "y", "phi"), values)}, "")
+    assert not list(interpolated_fixes(run, 0))
+
+
 def test_fixes_of_a_robot_that_goes_straight_on_are_not_interpolated():
     t = 0.01 * np.arange(500)
     straight = np.column_stack([0.3 * t, 0.1 * t, 0.0 * t])

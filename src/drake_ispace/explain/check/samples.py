@@ -241,6 +241,8 @@ def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def come_in_step(flags: np.ndarray) -> bool:
-    """Whether flags (n,) hold in stretches that are about as long, one after the other."""
+    """Whether flags (n,) hold in ten or more stretches that are about as long, one after the other."""
     lengths = [last - first for first, last in stretches(flags)]
-    return bool(lengths and np.ptp(np.quantile(lengths, [0.1, 0.9])) <= 2 and 2 * flags.sum() >= len(flags))
+    if len(lengths) < 10:
+        return False
+    return bool(np.ptp(np.quantile(lengths, [0.1, 0.9])) <= 2 and 2 * flags.sum() >= len(flags))
