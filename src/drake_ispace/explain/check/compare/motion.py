@@ -9,6 +9,7 @@ from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.wheels import WheelGeometry
 
 WINDOW_S = 0.7  # of camera, gyro and command
+_ALIKE_S = 0.1  # within which the noise of fixes may be alike
 _LONGEST = 2.0  # a window with a gap in it may last as many times as long
 
 
@@ -63,9 +64,10 @@ class Camera:
 
     def __init__(self, kinect: Channel, stretches: Windows):
         self._places, self._first, self._last = kinect.values[:, :2], stretches.first, stretches.last
+        wide = correlated(kinect)
         self._heading = cache(lambda scale: np.unwrap(scale * kinect.column("phi")))  # (k,) [rad], continuous
-        self._noise_of_places = cache(lambda: np.array([noise_of(column) for column in self._places.T]))
-        self._noise_of_heading = cache(lambda scale: noise_of(self._heading(scale)))
+        self._noise_of_places = cache(lambda: np.array([noise_of(column, wide) for column in self._places.T]))
+        self._noise_of_heading = cache(lambda scale: noise_of(self._heading(scale), wide))
 
     def motion(self, view: View = AS_GIVEN) -> np.ndarray:
         """(n, 3) motion [m, m, rad] in the body's axes at mid-heading."""
@@ -76,7 +78,7 @@ class Camera:
         return np.column_stack([along, across, phi[self._last] - phi[self._first]])
 
     def noise(self, view: View = AS_GIVEN) -> np.ndarray:
-        """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor."""
+        """(3,) standard deviation of x, y [m], phi [rad], as of `camera_noise`."""
         return np.append(np.abs(view.matrix) @ self._noise_of_places(), self._noise_of_heading(view.scale))
 
 
@@ -103,20 +105,36 @@ def arm(geometry: WheelGeometry) -> float:
 
 
 def camera_noise(kinect: Channel) -> np.ndarray:
-    """(3,) standard deviation of x, y [m], phi [rad] that changes from fix to fix, at most that of the sensor."""
-    return np.array([noise_of(column) for column in (*kinect.values[:, :2].T, np.unwrap(kinect.column("phi")))])
+    """(3,) standard deviation of x, y [m], phi [rad] beside a smooth motion, at most that of the sensor."""
+    wide = correlated(kinect)
+    return np.array([noise_of(column, wide) for column in (*kinect.values[:, :2].T, np.unwrap(kinect.column("phi")))])
 
 
-def noise_of(values: np.ndarray) -> float:
-    """The standard deviation of what changes from value to value (n,) beside a smooth motion.
+def correlated(kinect: Channel) -> int:
+    """Number of fixes within which their noise may be alike, as in a table that interpolates or smooths fixes."""
+    return max(int(np.rint(_ALIKE_S / np.median(np.diff(kinect.t)))), 1)
+
+
+def noise_of(values: np.ndarray, wide: int = 1) -> float:
+    """The standard deviation of what changes from value to value (n,), or over `wide` values, beside a smooth motion.
 
     From third differences, in which that nearly vanishes; a tenth of the values may be off. Steps that are rare hide
     their rounding there.
     """
     if len(values) < 5:
         return 0.0
-    changes = np.quantile(np.abs(np.diff(values, n=3)), 0.9) / (1.645 * np.sqrt(20.0))
-    return max(step_of(values) / np.sqrt(12.0), float(changes))
+    changes = [
+        np.quantile(np.abs(np.convolve(values, _spread_out(lag), "valid")), 0.9) / (1.645 * np.sqrt(20.0))
+        for lag in {1, wide} if 3 * lag < len(values) - 1
+    ]
+    return max(step_of(values) / np.sqrt(12.0), *map(float, changes))
+
+
+def _spread_out(lag):
+    """Weights of the third difference of values that are `lag` apart."""
+    weights = np.zeros(3 * lag + 1)
+    weights[::lag] = 1.0, -3.0, 3.0, -1.0
+    return weights
 
 
 def step_of(values: np.ndarray) -> float:
