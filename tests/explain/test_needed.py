@@ -15,6 +15,12 @@ BODY = SimpleNamespace(robot=SimpleNamespace(driven="torque"))
 CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(body=BODY))
 
 
+@pytest.fixture(autouse=True)
+def all_makes_sense(monkeypatch):
+    """Answers here have no sizes and no gap."""
+    monkeypatch.setattr(explained, "nonsense", lambda answer: set())
+
+
 def decided(names, in_doubt=False):
     """A Decision that names these effects, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
@@ -47,6 +53,19 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
     decision, answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
     assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
     assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
+
+
+@pytest.mark.parametrize("left_out, left", [(set(), {"slip", "lag"}), ({"lag"}, {"slip"}), ({"slip", "lag"}, set())])
+def test_nonsense_is_not_named(monkeypatch, left_out, left):
+    def answered(decision):
+        effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
+        return SimpleNamespace(verdict="incomplete", effects=effects, warnings=[])
+
+    monkeypatch.setattr(explained, "nonsense", lambda answer: left_out)
+    both = decided(["slip", "lag"])
+    decision, answer = explained._without_nonsense(both, answered(both), answered)
+    assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
+    assert any("no sense" in warning for warning in answer.warnings) == bool(left_out)
 
 
 @dataclass

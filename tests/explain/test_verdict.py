@@ -9,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_proof, lacks_little
+from drake_ispace.explain.answer.verdict import add_nonsense, add_proof, lacks_little, nonsense
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
@@ -103,6 +103,20 @@ def test_the_reasons_are_warnings():
     answer = judged(on_bound(answers.named(MODEL)), [WORSE])
     assert "torque_n_m of coulomb_friction is 0.01 N*m" in answer.warnings[0]
     assert answer.warnings[1].startswith("position (wheels, run) got worse on unseen runs: 0.006 -> 0.02 m")
+
+
+@pytest.mark.parametrize("change, rows, left_out", [
+    (on_bound, [WORSE], {"coulomb_friction"}), (on_bound, answers.GAP, set()), (lambda answer: answer, [WORSE], set()),
+    (on_bound, [replace(WORSE, metric="prediction")], set()),
+], ids=["both", "bound", "worse", "sensors"])
+def test_what_makes_no_sense_and_leads_further_away_is_nonsense(change, rows, left_out):
+    assert nonsense(judged(change(answers.named(MODEL)), rows)) == left_out
+
+
+def test_it_is_said_what_nonsense_is_not_named():
+    answer = judged(answers.nothing(), remainders=[answers.LEFT])
+    add_nonsense(answer, on_bound(answers.named(MODEL)))
+    assert answer.verdict == "unknown" and "coulomb_friction (torque_n_m 0.01 N*m) explains most" in str(answer)
 
 
 def test_nothing_detected_but_more_than_noise_left_is_unknown():

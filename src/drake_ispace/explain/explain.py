@@ -38,7 +38,15 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_proof, add_runs_apart, add_trace, doubtful, lacks_little
+from drake_ispace.explain.answer.verdict import (
+    add_nonsense,
+    add_proof,
+    add_runs_apart,
+    add_trace,
+    doubtful,
+    lacks_little,
+    nonsense,
+)
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.clocks_set import with_clocks_set
@@ -146,6 +154,7 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
     if doubted and not lacks_little(answer, decision):
         decision = decision.otherwise
         answer = answered(decision)
+    decision, answer = _without_nonsense(decision, answer, answered)
     needed = _needed(case, decision, answer) if answer.effects else decision
     if needed is not decision and _suffices(without := answered(needed)):
         add_trace(without, answer)
@@ -182,6 +191,17 @@ def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
         if not before - _too_large(left) >= before / (1 + may_follow):
             break
     return decision, answer
+
+
+def _without_nonsense(decision, answer, answered) -> tuple[Decision, Explanation]:
+    """The decision without effects that make no sense and lead unseen runs further away, and its answer."""
+    if not (names := nonsense(answer)):
+        return decision, answer
+    kept = {c: z for c, z in decision.named.point.items() if c.name not in names}
+    other = decision.renamed(decision, kept) if kept else decision.without_effects()
+    without = answered(other)
+    add_nonsense(without, answer)
+    return other, without
 
 
 def _too_large(answer) -> float:

@@ -11,7 +11,7 @@ from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.adequacy import TOO_LARGE
-from drake_ispace.explain.prove.free_run import RPE
+from drake_ispace.explain.prove.free_run import ATE, RPE
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
@@ -111,6 +111,16 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
         answer.verdict = "unknown"
 
 
+def nonsense(answer: Explanation) -> set[str]:
+    """Named effects at sizes that make no sense, if with the answer the robot ends clearly further from where it was.
+
+    Places and headings of unseen runs, over the whole run.
+    """
+    if not any(row.metric == ATE for row in made_worse(answer.gap)):
+        return set()
+    return {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
+
+
 def lacks_little(answer: Explanation, decision: Decision) -> bool:
     """Whether an answer is incomplete only because of a disagreement that shows less than each of its effects."""
     if decision.left_over is None or decision.left_over.gain >= min(decision.gains.values(), default=0.0):
@@ -121,13 +131,26 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
 
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
     """Say in an answer which effects it does not name were barely detectable; doubted: the answer that named them."""
-    kept = {effect.name for effect in answer.effects}
-    sizes = ", ".join(
-        f"{effect.name} ({', '.join(_size(name, p.estimate, p.unit) for name, p in effect.parameters.items())})"
-        for effect in doubted.effects if effect.name not in kept
-    )
     answer.warnings.append(
-        f"there may be a trace of {sizes}, but on unseen runs the model without it is as good as noise allows"
+        f"there may be a trace of {_sizes_beside(answer, doubted)}, but on unseen runs the model without it is as good "
+        "as noise allows"
+    )
+
+
+def add_nonsense(answer: Explanation, without_sense: Explanation) -> None:
+    """Say in an answer which effects explain most, but make no sense; without_sense: the answer that named them."""
+    answer.warnings.append(
+        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but the size makes no "
+        "sense, and unseen runs are led further away by it"
+    )
+
+
+def _sizes_beside(answer, other) -> str:
+    """In words: effects and their sizes that an answer does not name, but the other one."""
+    kept = {effect.name for effect in answer.effects}
+    return ", ".join(
+        f"{effect.name} ({', '.join(_size(name, p.estimate, p.unit) for name, p in effect.parameters.items())})"
+        for effect in other.effects if effect.name not in kept
     )
 
 
