@@ -17,7 +17,7 @@ from drake_ispace.files.recording import Recording
 _DIGITS = range(3, 10)  # of a place in metres, as tables are written
 _WIDEST = 4  # rows on either side of a bend over which it is looked for: the more, the larger it is beside rounding
 _SHOWS = 10.0  # times the last digit that a robot must move from row to row for every bend to show
-_ROUNDS = 3
+_ROUNDS = 3  # in which the step and its multiples are found in turn
 
 
 def interpolated_fixes(run: Recording, number: int) -> Iterator[Finding]:

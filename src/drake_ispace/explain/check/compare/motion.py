@@ -112,7 +112,8 @@ def camera_noise(kinect: Channel) -> np.ndarray:
 
 def correlated(kinect: Channel) -> int:
     """Number of fixes within which their noise may be alike, as in a table that interpolates or smooths fixes."""
-    return max(int(np.rint(_ALIKE_S / np.median(np.diff(kinect.t)))), 1)
+    apart = float(np.median(np.diff(kinect.t)))
+    return max(round(_ALIKE_S / apart), 1) if apart > 0.0 else 1
 
 
 def noise_of(values: np.ndarray, wide: int = 1) -> float:
@@ -124,17 +125,17 @@ def noise_of(values: np.ndarray, wide: int = 1) -> float:
     if len(values) < 5:
         return 0.0
     changes = [
-        np.quantile(np.abs(np.convolve(values, _spread_out(lag), "valid")), 0.9) / (1.645 * np.sqrt(20.0))
+        np.quantile(np.abs(_third_differences(values, lag)), 0.9) / (1.645 * np.sqrt(20.0))
         for lag in {1, wide} if 3 * lag < len(values) - 1
     ]
     return max(step_of(values) / np.sqrt(12.0), *map(float, changes))
 
 
-def _spread_out(lag):
-    """Weights of the third difference of values that are `lag` apart."""
-    weights = np.zeros(3 * lag + 1)
-    weights[::lag] = 1.0, -3.0, 3.0, -1.0
-    return weights
+def _third_differences(values, lag):
+    """(n - 3 lag,) of values (n,) that are `lag` apart."""
+    for _ in range(3):
+        values = values[lag:] - values[:-lag]
+    return values
 
 
 def step_of(values: np.ndarray) -> float:
