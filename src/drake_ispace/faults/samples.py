@@ -37,6 +37,12 @@ FAULTS = (
         "straight lines that bend every few rows", "leave out all but the samples at the bends", harmless=True,
     ),
     Fault(
+        "samples_smoothed", "samples that are smoothed",
+        "the noise of a sample is alike in those after it", "a program that filters what the camera measured",
+        "beside the wheels' motion it changes the more the further two samples are apart, up to a few",
+        "leave out all but samples that far apart", harmless=True,
+    ),
+    Fault(
         "channel_clipped", "values that end at a limit",
         "a column never passes a value, which it takes often", "the range of a converter",
         "many samples at the very same extreme", "record it again with a larger range", effects=("torque_saturation",),

@@ -27,6 +27,7 @@ from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
+from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.check.undersampled import tick_findings
@@ -152,6 +153,7 @@ class _Search:
         self._agreed("kinect", wheels_or_camera)
         repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
+        self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         self._agreed(TORQUE, torque_columns_of)

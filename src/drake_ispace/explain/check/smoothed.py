@@ -1,0 +1,65 @@
+"""Fixes that a program smooths, by a mean over several or a low-pass: what noise they have goes on from fix to fix.
+
+Beside the wheels' motion the camera's changes little from one fix to the next, and the more the further two fixes are
+apart, up to as many as were smoothed together. The steady errors of a robot, such as wheels of another size, grow
+faster than noise that is smoothed, and do not cease to.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.links import LATENCY_S, Base
+from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.levels import CERTAIN
+from drake_ispace.faults.repair import LeftOut
+from drake_ispace.files.recording import Recording
+
+_LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # fixes, between which the noise is compared
+_FEWEST = 100  # differences that tell how large the noise is
+_GROWS = 2.0  # times, from one fix to the next to where it is full: a mean of three makes it 2.2
+_FULL = 1.25  # times, below which it grows no more
+_STEADY = 4.0  # times as large over two fixes: noise twice, what is smooth eight times
+
+
+def smoothed_fixes(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """Fixes whose places and headings are smoothed; those are kept that are as far apart as were smoothed together."""
+    if base is None or not has_motion(run) or len(run.channels["kinect"].t) < _FEWEST:
+        return
+    late = np.linspace(0.0, LATENCY_S, 11)
+    tried = [_noise(run.channels["kinect"], base, late_s) for late_s in late]
+    noise = min((one for one in tried if len(one) > 1), key=lambda one: np.prod(one[-1]), default=None)
+    if noise is None or not noise[0].all() or (noise[1] > _STEADY * noise[0]).any():
+        return
+    grown = (noise / noise[0]).min(axis=1)
+    full = next((k for k in range(len(grown) - 1) if grown[k + 1] < _FULL * grown[k]), None)
+    if full is None or grown[full] < _GROWS:
+        return
+    along, across, turn = base.noise
+    if (noise[full] < CERTAIN * np.array([np.hypot(along, across), turn])).any():  # counts that last for several fixes
+        return
+    apart, fixes = _LAGS[full + 1], len(run.channels["kinect"].t)
+    left_out = np.setdiff1d(np.arange(fixes), np.arange(0, fixes, apart))
+    what = f"their noise is alike over some {apart} fixes"
+    repair = LeftOut("kinect", tuple(left_out.tolist()))
+    yield Finding("samples_smoothed", what, "", (number,), "kinect", repairs=(repair,))
+
+
+def _noise(kinect, base, late_s) -> np.ndarray:
+    """(lags, 2) noise of places [m] and headings [rad] beside the wheels' motion, by third differences at each lag.
+
+    late_s: of the camera.
+    """
+    found, (begin, *_, end) = [], base.encoder.t + late_s
+    inside = np.flatnonzero((kinect.t >= begin) & (kinect.t <= end))
+    for lag in _LAGS:
+        if len(inside) < 3 * lag + _FEWEST:
+            break
+        first, last = inside[:-lag], inside[lag:]
+        windows = Windows(kinect.t[first], kinect.t[last], first, last)
+        apart = seen(kinect, windows) - base.moved(windows.since_s - late_s, windows.until_s - late_s)
+        twice = apart[2 * lag :] - 2.0 * apart[lag:-lag] + apart[: -2 * lag]
+        along, across, turn = np.quantile(np.abs(twice), 0.9, axis=0)
+        found.append((np.hypot(along, across), turn))
+    return np.array(found)
