@@ -27,10 +27,16 @@ def smoothed_fixes(run: Recording, base: Base | None, number: int) -> Iterator[F
     """Fixes whose places and headings are smoothed; those are kept that are as far apart as were smoothed together."""
     if base is None or not has_motion(run) or len(run.channels["kinect"].t) < _FEWEST:
         return
-    late = np.linspace(0.0, LATENCY_S, 11)
-    tried = [_noise(run.channels["kinect"], base, late_s) for late_s in late]
-    noise = min((one for one in tried if len(one) > 1), key=lambda one: np.prod(one[-1]), default=None)
-    if noise is None or not noise[0].all() or (noise[1] > _STEADY * noise[0]).any():
+    as_stamped = _noise(run.channels["kinect"], base, 0.0)
+    if len(as_stamped) < 2 or not as_stamped[0].all() or (as_stamped[1] < _FULL * as_stamped[0]).any():
+        return  # with the right delay noise would grow still less
+    late = np.linspace(0.0, LATENCY_S, 11)[1:]
+    tried = [as_stamped, *(_noise(run.channels["kinect"], base, late_s) for late_s in late)]
+    many = min(map(len, tried))
+    if many < 2:
+        return
+    noise = min(tried, key=lambda one: np.prod(one[many - 1]))[:many]
+    if not noise[0].all() or (noise[1] > _STEADY * noise[0]).any():
         return
     grown = (noise / noise[0]).min(axis=1)
     full = next((k for k in range(len(grown) - 1) if grown[k + 1] < _FULL * grown[k]), None)
