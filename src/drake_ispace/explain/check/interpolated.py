@@ -25,7 +25,8 @@ def interpolated_fixes(run: Recording, number: int) -> Iterator[Finding]:
     kinect = run.channels.get("kinect")
     if kinect is None or len(kinect.t) <= 2 * _WIDEST:
         return
-    kept = max((_bends(kinect, wide) for wide in range(1, _WIDEST + 1)), key=len)
+    last = _last_digit(kinect.values[:, :2])
+    kept = max((_bends(kinect, last, wide) for wide in range(1, _WIDEST + 1)), key=len)
     if not len(kept):
         return
     left_out = np.setdiff1d(np.arange(1, len(kinect.t) - 1), kept)
@@ -34,10 +35,13 @@ def interpolated_fixes(run: Recording, number: int) -> Iterator[Finding]:
     yield Finding("samples_interpolated", what, "", (number,), "kinect", repairs=(repair,))
 
 
-def _bends(kinect, wide) -> np.ndarray:
-    """Numbers of the rows at which lines over `wide` rows bend, and of those at which they may; none if not in step."""
+def _bends(kinect, last, wide) -> np.ndarray:
+    """Numbers of the rows at which lines over `wide` rows bend, and of those at which they may; none if not in step.
+
+    last: digit [m] of the places.
+    """
     places, apart = kinect.values[:, :2], (kinect.t[wide:] - kinect.t[:-wide])[:, None]
-    last, moved = _last_digit(places), places[wide:] - places[:-wide]
+    moved = places[wide:] - places[:-wide]
     speed = moved / apart
     bends = np.abs(speed[wide:] - speed[:-wide]) * np.minimum(apart[wide:], apart[:-wide])
     # of two differences of rounded numbers, each is off by a digit at most

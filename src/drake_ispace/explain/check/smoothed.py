@@ -10,9 +10,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import LATENCY_S, Base
-from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen
+from drake_ispace.explain.check.compare.motion import Windows, has_motion, of_third, seen
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.faults.repair import LeftOut
 from drake_ispace.files.recording import Recording
 
@@ -43,7 +42,7 @@ def smoothed_fixes(run: Recording, base: Base | None, number: int) -> Iterator[F
     if full is None or grown[full] < _GROWS:
         return
     along, across, turn = base.noise
-    if (noise[full] < CERTAIN * np.array([np.hypot(along, across), turn])).any():  # counts that last for several fixes
+    if (noise[full] < (np.hypot(along, across), turn)).any():  # counts that last for several fixes may make as much
         return
     apart, fixes = _LAGS[full + 1], len(run.channels["kinect"].t)
     left_out = np.setdiff1d(np.arange(fixes), np.arange(0, fixes, apart))
@@ -66,6 +65,6 @@ def _noise(kinect, base, late_s) -> np.ndarray:
         windows = Windows(kinect.t[first], kinect.t[last], first, last)
         apart = seen(kinect, windows) - base.moved(windows.since_s - late_s, windows.until_s - late_s)
         twice = apart[2 * lag :] - 2.0 * apart[lag:-lag] + apart[: -2 * lag]
-        along, across, turn = np.quantile(np.abs(twice), 0.9, axis=0)
+        along, across, turn = of_third(twice)
         found.append((np.hypot(along, across), turn))
     return np.array(found)
