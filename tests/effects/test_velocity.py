@@ -20,7 +20,9 @@ RAMP = np.outer(np.arange(1.0, 6.0), [1.0, 10.0, 100.0])  # commanded in ticks 0
 SOME = {
     "velocity_delay": {"delay_s": 0.012}, "velocity_saturation": {"limit_m_s": 0.2, "limit_rad_s": 0.3},
     "velocity_gain": {"share_x": 0.1, "share_y": -0.1, "share_yaw": 0.2},
-    "velocity_coupling": {"yaw_per_x": 0.3, "yaw_per_y": -0.2}, "velocity_lag": {"time_constant_s": 0.05},
+    "velocity_slew_limit": {"limit_m_s2": 0.4, "limit_rad_s2": 2.0},
+    "velocity_coupling": {"yaw_per_x": 0.3, "yaw_per_y": -0.2},
+    "velocity_lag": {"time_constant_s": 0.05, "turning_extra_s": -0.02},
 }
 
 
@@ -82,6 +84,25 @@ def test_a_lag_gives_the_mean_over_each_tick():
     expected = 1.0 - np.diff(-constant * np.exp(-edges / constant)) / TICK_S  # mean of 1 - exp(-t/constant)
     assert through("velocity_lag", np.ones((3, 3)), time_constant_s=constant)[:, 1] == pytest.approx(expected)
     assert reached[0] < expected[0] < reached[1]
+
+
+@pytest.mark.parametrize(("extra", "as_if"), [(0.0, 0.03), (0.02, 0.05), (-0.02, 0.01), (-0.04, 0.0)])
+def test_turns_may_lag_by_another_time(extra, as_if):
+    found = through("velocity_lag", RAMP, time_constant_s=0.03, turning_extra_s=extra)
+    assert np.array_equal(found[:, :2], through("velocity_lag", RAMP, time_constant_s=0.03)[:, :2])
+    assert found[:, 2] == pytest.approx(through("velocity_lag", RAMP, time_constant_s=as_if)[:, 2])
+
+
+def test_an_acceleration_limit_keeps_the_direction_and_gives_the_mean_over_each_tick():
+    limit = 0.2 / TICK_S  # a step of 0.5 m/s takes two and a half ticks
+    found = through("velocity_slew_limit", [[0.3, -0.4, 0.0]] * 4, limit_m_s2=limit)
+    means = [0.1, 0.3, 0.5 * 0.45 + 0.5 * 0.5, 0.5]
+    assert found == pytest.approx(np.outer(means, [0.6, -0.8, 0.0]))
+
+
+def test_turns_have_an_acceleration_limit_of_their_own():
+    found = through("velocity_slew_limit", [[0.3, 0.0, -1.0], [0.3, 0.0, 1.0]], limit_rad_s2=1.0 / TICK_S)
+    assert found == pytest.approx(np.array([[0.3, 0.0, -0.5], [0.3, 0.0, -0.5]]))
 
 
 @pytest.mark.parametrize("name", NAMES)

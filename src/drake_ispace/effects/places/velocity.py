@@ -8,8 +8,9 @@ import math
 import numpy as np
 
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, mix, scale, shift
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, keep, scale, shares_of, shift
 from drake_ispace.effects.wires import VelocityEffect
 
 
@@ -114,28 +115,108 @@ class VelocityCoupling(VelocityEffect):
 
 @kernel
 def lagged(xd, velocity, blend, out):
-    mix(xd, velocity, blend, out)
+    for i in range(3):
+        out[i] = blend[i] * xd[i] + (1.0 - blend[i]) * velocity[i]
 
 
 @kernel
 def remember_lagged(xd, velocity, memory, out):
-    mix(xd, velocity, memory, out)
+    for i in range(3):
+        out[i] = memory[i] * xd[i] + (1.0 - memory[i]) * velocity[i]
 
 
-class VelocityLag(Lag, VelocityEffect):
-    """First-order lag of the held command, its mean over each tick (shaping.Lag)."""
+class VelocityLag(VelocityEffect):
+    """First-order lag of the held command, its mean over each tick, as `shaping.Lag` has it.
+
+    Where a speed control turns each wheel, the mass sets the lag of driving and the moment of inertia that of turning:
+    the time constant of wz is time_constant_s + turning_extra_s, and at least zero.
+    """
 
     card = Card(
         name="velocity_lag", title="Lag of the velocity", home="actuator",
-        equation="time_constant d(v')/dt = v - v'",
-        source="the drive's own speed control, inertia of the robot",
-        signature="encoders and pose fall behind where the command rises and run on where it falls",
-        look_alikes=("velocity_delay", "velocity_saturation"),
-        excitation="steps and fast reversals of the command: a delay shifts them, a lag rounds them; a speed limit "
-        "acts on fast commands only",
+        equation="time_constant d(v')/dt = v - v', for wz (time_constant + turning_extra) d(wz')/dt = wz - wz'",
+        source="the drive's own speed control, mass and moment of inertia of the robot",
+        signature="encoders and pose fall behind where the command rises and run on where it falls, in turns by "
+        "another time than straight ahead where turns are easier or harder for the drive",
+        look_alikes=("velocity_delay", "velocity_slew_limit", "velocity_saturation"),
+        excitation="steps and fast reversals of the command, straight and turning: a delay shifts them, a lag rounds "
+        "them; a speed limit acts on fast commands only",
     )
-    parameters = (Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1)),)
+    parameters = (
+        Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1), tolerance=1e-3),
+        Parameter("turning_extra_s", "s", 0.0, -1.0, 1.0, (0.02,), tolerance=1e-3),
+    )
     output, update = lagged, remember_lagged
 
+    def block_parameters(self, body, values):
+        driving, turning = values["time_constant_s"], values["time_constant_s"] + values["turning_extra_s"]
+        memory, blend = np.transpose([shares_of(time_constant_s) for time_constant_s in (driving, driving, turning)])
+        return {"memory": memory, "blend": blend}
 
-EFFECTS = (VelocityDelay(), VelocitySaturation(), VelocityGain(), VelocityCoupling(), VelocityLag())
+
+@kernel
+def ticks_away(xd, velocity, step, step_rad):
+    """For how many ticks the way (vx, vy), and wz, must move on by `step` [m/s] and `step_rad` [rad/s] each."""
+    x, y = velocity[0] - xd[0], velocity[1] - xd[1]
+    return np.sqrt(x * x + y * y) / step, abs(velocity[2] - xd[2]) / step_rad
+
+
+@kernel
+def left_after(ticks):
+    """The share of a difference that a tick leaves."""
+    return 1.0 - min(1.0, 1.0 / max(ticks, 1e-300))
+
+
+@kernel
+def left_on_average(ticks):
+    """The mean over a tick of the share of a difference that is left."""
+    after = left_after(ticks)
+    return after + 0.5 * (1.0 - after) * min(ticks, 1.0)
+
+
+@kernel
+def slew_limited(xd, velocity, step, step_rad, out):
+    driving, turning = ticks_away(xd, velocity, step, step_rad)
+    driving, turning = left_on_average(driving), left_on_average(turning)
+    out[0] = velocity[0] - driving * (velocity[0] - xd[0])
+    out[1] = velocity[1] - driving * (velocity[1] - xd[1])
+    out[2] = velocity[2] - turning * (velocity[2] - xd[2])
+
+
+@kernel
+def remember_reached(xd, velocity, step, step_rad, out):
+    driving, turning = ticks_away(xd, velocity, step, step_rad)
+    driving, turning = left_after(driving), left_after(turning)
+    out[0] = velocity[0] - driving * (velocity[0] - xd[0])
+    out[1] = velocity[1] - driving * (velocity[1] - xd[1])
+    out[2] = velocity[2] - turning * (velocity[2] - xd[2])
+
+
+class VelocitySlewLimit(VelocityEffect):
+    """A velocity that moves towards the held command by at most limit_m_s2, and by limit_rad_s2 in its turning rate.
+
+    x_d = [what it reaches at the end of the tick (3)]; `output` gives the mean over the tick.
+    """
+
+    card = Card(
+        name="velocity_slew_limit", title="Acceleration limit", home="actuator",
+        equation="|d(vx', vy')/dt| <= limit_m_s2, |d(wz')/dt| <= limit_rad_s2",
+        source="ramps in the drive's firmware, motors at the limit of their current",
+        signature="encoders and pose answer a step of the command by a ramp whose slope is the same whatever the step",
+        look_alikes=("velocity_lag", "velocity_delay"),
+        excitation="steps of the command of several sizes, straight and turning: a ramp takes longer for larger steps, "
+        "a lag takes its time for each",
+    )
+    parameters = (
+        Parameter("limit_m_s2", "m/s^2", math.inf, LEAST_LIMIT, math.inf, (3.0,), reciprocal=True),
+        Parameter("limit_rad_s2", "rad/s^2", math.inf, LEAST_LIMIT, math.inf, (10.0,), reciprocal=True),
+    )
+    output, update = slew_limited, remember_reached
+
+    def block_parameters(self, body, values):
+        return {"step": values["limit_m_s2"] * TICK_S, "step_rad": values["limit_rad_s2"] * TICK_S}
+
+
+EFFECTS = (
+    VelocityDelay(), VelocitySaturation(), VelocitySlewLimit(), VelocityGain(), VelocityCoupling(), VelocityLag(),
+)
