@@ -36,12 +36,17 @@ NAMED = {
     "delay_s": (0.1, {"velocity_delay"}),
     "gain_share": (0.1, {"velocity_gain"}),
     "skid_s": (0.1, {"cornering_slip"}),
+    "ramp_s2_m": (2.0, {"velocity_slew_limit"}),
 }
 #: What no library names -> largest size.
 OUTSIDE = {
     "lean_s2_m": 0.1, "belt_m_s": 0.01, "deflating_share": 0.05, "patch_share": 0.1, "fast_slip_s2_m2": 0.3,
-    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05,
+    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05, "swing_s2": 0.01, "dead_rad_s": 1.0,
+    "brake_s2_m": 2.0,
 }
+_POSITIVE = (
+    "lost_share", "ramp_s2_m", "slip_share", "patch_share", "fast_slip_s2_m2", "swing_s2", "dead_rad_s", "brake_s2_m",
+)
 _OWN = ("left_share", "late_s", "lag_s")  # arguments of `drive`
 _RUNS, _TRAINING = 5, 3
 
@@ -72,7 +77,7 @@ def cases(count: int, pool: dict[str, float], together: int, least: float, seed:
         chosen = [names[k % len(names)], *generator.choice(rest, together - 1, replace=False).tolist()]
         sizes = {name: float(pool[name] * np.exp(generator.uniform(np.log(least), 0.0))) for name in chosen}
         for name in chosen:
-            if not name.endswith("_s") and name not in ("lost_share", "slip_share", "patch_share", "fast_slip_s2_m2"):
+            if not name.endswith("_s") and name not in _POSITIVE:
                 sizes[name] *= float(generator.choice([-1.0, 1.0]))
         drawn.append(Case(sizes, 500 + 100 * together + k))
     return drawn

@@ -43,6 +43,14 @@ def test_a_drive_may_be_half_a_second_late():
     assert effect.parameters["delay_s"].estimate == pytest.approx(0.5, abs=0.003)
 
 
+def test_a_drive_that_speeds_up_slowly_is_no_drive_that_lags_or_goes_too_slowly():
+    """Of its two limits neither alone lowers the deviance."""
+    case, found = told({"ramp_s2_m": 4.0}, ["velocity_slew_limit", "velocity_lag", "velocity_gain"])
+    assert judged(case, found) == "exact" and found.verdict == "named"
+    assert found.effects[0].parameters["limit_m_s2"].estimate == pytest.approx(0.25, rel=0.01)
+    assert found.effects[0].parameters["limit_rad_s2"].estimate == pytest.approx(1.0, rel=0.01)
+
+
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
     _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
     (effect,) = found.effects

@@ -7,7 +7,7 @@ drive that lags behind its command. OTHERS lists what else may be.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import Scenario, load_scenario
@@ -29,6 +29,7 @@ OTHERS = {
     "camera_share": 0.0,  # motion capture shows the room larger
     "delay_s": 0.0,  # of the command
     "gain_share": 0.0,  # the drive turns the wheels faster than told
+    "ramp_s2_m": 0.0,  # one over the largest acceleration of the drive; that of turns is four times as many rad/s^2
     "skid_s": 0.0,  # the robot slides outwards: sideways velocity over speed times turning rate
     # what no library names
     "lean_s2_m": 0.0,  # the outer wheel is pressed: share of the radius over speed times turning rate
@@ -39,6 +40,9 @@ OTHERS = {
     "skewed_share": 0.0,  # motion capture's x grows with y
     "warped_rad_m": 0.0,  # its heading with x
     "ripple_rad": 0.0,  # both encoders, twice a turn
+    "swing_s2": 0.0,  # the drive overshoots: one over the square of its frequency, damped by a third
+    "dead_rad_s": 0.0,  # a wheel that is told less stands still, and is as much slower if told more
+    "brake_s2_m": 0.0,  # as ramp_s2_m, but only where the robot becomes slower
 }
 
 
@@ -76,9 +80,16 @@ def drive(
         last = np.arange(n) if not in_step else np.arange(n) // round(step_s / _STEP_S) * round(step_s / _STEP_S)
         v, w = lfilter(ramp, [1.0], v)[last], lfilter(ramp, [1.0], w)[last]
     command = np.column_stack([v, np.zeros(n), w])
+    if o["ramp_s2_m"] > 0.0:
+        v, w = _ramped(v, _STEP_S / o["ramp_s2_m"]), _ramped(w, 4.0 * _STEP_S / o["ramp_s2_m"])
+    if o["brake_s2_m"] > 0.0:
+        v, w = _ramped(v, _STEP_S / o["brake_s2_m"], 1.0), _ramped(w, 4.0 * _STEP_S / o["brake_s2_m"], 4.0)
     sent = np.column_stack([v + HALF_TRACK_M * w, v - HALF_TRACK_M * w]) / RADIUS_M  # right, left, as it believes
     late = round(o["delay_s"] / _STEP_S)
     sent = (1.0 + o["gain_share"]) * np.vstack([np.zeros((late, 2)), sent[: n - late]])
+    sent = np.sign(sent) * np.maximum(np.abs(sent) - o["dead_rad_s"], 0.0)
+    if o["swing_s2"] > 0.0:
+        sent = _swung(sent, 1.0 / np.sqrt(o["swing_s2"]))
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0
     rate = lfilter([1.0 - keep], [1.0, -keep], sent, axis=0)
     angle = np.vstack([np.zeros(2), np.cumsum(rate[:-1] * _STEP_S, axis=0)])
@@ -121,6 +132,23 @@ def _way(forward, sideways, phi, belt_m_s, patch_share):
         x[i + 1] = x[i] + _STEP_S * (share * forward[i] * c[i] - sideways[i] * s[i] + belt_m_s)
         y[i + 1] = y[i] + _STEP_S * (share * forward[i] * s[i] + sideways[i] * c[i])
     return x, y
+
+
+def _ramped(told, most, faster=None):
+    """(n,) what follows `told` by at most so much a step, or where it becomes larger by at most `faster`."""
+    reached, at = np.empty(len(told)), 0.0
+    for i, value in enumerate(told):
+        limit = most if faster is None or abs(value) < abs(at) else faster
+        at += min(max(value - at, -limit), limit)
+        reached[i] = at
+    return reached
+
+
+def _swung(told, frequency):
+    """(n, 2) what follows `told` like a mass on a spring whose damping is a third of the critical one."""
+    system = [frequency**2], [1.0, 2.0 / 3.0 * frequency, frequency**2]
+    above, below, _ = cont2discrete(system, _STEP_S)
+    return lfilter(above.ravel(), below, told, axis=0)
 
 
 def wandering(random, t, low, high, step_s):

@@ -11,6 +11,7 @@ from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit
+from drake_ispace.explain.fit.limits import has_several_limits, with_best_limits
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.threads import each
 
@@ -103,6 +104,8 @@ def fits_of(
                 point = with_best_shift(likelihood, {**point, candidate: list(candidate.neutral)}, candidate)
             else:
                 point[candidate] = survey.screen.start(candidate, survey.products)
+                if has_several_limits(candidate):
+                    point = with_best_limits(likelihood, point, candidate, survey.screen.probes_of(candidate))
         return point
 
     return each(lambda candidates: fit(likelihood, start(candidates), iterations), sets)

@@ -108,6 +108,10 @@ class Screen:
             for z, neutral, (low, high) in zip(signature.z, candidate.neutral, candidate.bounds, strict=True)
         ]
 
+    def probes_of(self, candidate: Candidate) -> list[list[float]]:
+        """Coordinates of the candidate at which its signatures were taken."""
+        return [list(self.signatures[i].z) for i in self._of[candidate]]
+
     def gains(self, products: np.ndarray) -> np.ndarray:
         """(k,) or (k, trials) drop in deviance over the overdispersion, each signature fitted by itself.
 
