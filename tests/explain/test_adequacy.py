@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.prove.adequacy import _unlike, predicted_share
+from drake_ispace.explain.prove.adequacy import _unlike
 from drake_ispace.explain.prove.free_run import PREDICTION, WHEELS, Measure, simulate, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
+from drake_ispace.explain.prove.predicted import predicted_share
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.prove.repeats import are_one_motion, repeated_share
 from drake_ispace.scenario import load_scenario

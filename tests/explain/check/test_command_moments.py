@@ -68,7 +68,9 @@ def test_a_lag_is_not_short_by_half_a_sample():
     runs, _ = checked(15.0, lag_s=0.05)
     answer = explained(runs)
     assert [effect.name for effect in answer.effects] == ["velocity_lag"]
-    assert answer.effects[0].parameters["time_constant_s"].estimate == pytest.approx(0.05, abs=0.003)
+    driving, extra = (answer.effects[0].parameters[name] for name in ("time_constant_s", "turning_extra_s"))
+    assert driving.estimate + extra.estimate == pytest.approx(0.05, abs=0.003)  # which these runs know best
+    assert driving.ci90[0] < 0.05 < driving.ci90[1] and driving.estimate == pytest.approx(0.05, abs=0.006)
 
 
 def test_samples_at_earlier_times_stay_in_order():

@@ -14,9 +14,9 @@ from drake_ispace.explain.answer.sentences import (
     short,
 )
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
 from drake_ispace.explain.prove.proof import PlantParameter
+from drake_ispace.explain.prove.remainder import Remainder
 from drake_ispace.files.places import whole_file
 from drake_ispace.scenario import Scenario
 

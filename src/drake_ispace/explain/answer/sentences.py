@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.adequacy import NOTHING, Remainder
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
+from drake_ispace.explain.prove.remainder import NOTHING, Remainder
 from drake_ispace.faults.library import FAULTS
 
 _OVER = {RUN: "over whole runs", "step": "at the next sample"}

@@ -10,7 +10,6 @@ It is not noise where
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +21,7 @@ from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.prove.by_command import by_command, changes_before
 from drake_ispace.explain.prove.command_times import left_by_command_times
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
@@ -42,47 +42,15 @@ from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
+from drake_ispace.explain.prove.predicted import PREDICTED, best_driver
+from drake_ispace.explain.prove.remainder import NOTHING, Remainder, Series, going_with, worst_runs
 from drake_ispace.explain.prove.repeats import repeated_share
 from drake_ispace.robots.robot import COMMAND
 
-PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 #: Times what sensors and plausible process noise leave: over some seconds the pixels of two fixes are nearly all.
 TOO_LARGE = dict.fromkeys((PREDICTION, ATE), 2.0) | {RPE: 1.5}
 _UNLIKE = 1.25  # times the error of the wheels that are like it
-NOTHING = "nothing measured"
 _OF_FIXES = "most of it is an error of every fix by itself: a camera noisier than stated, or uneven stamps"
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """A part of the gap that the answer leaves and that is not noise of a sound robot.
-
-    Attributes:
-        channel: sensor and quantity, "position" or "heading", or "force" and its coordinate.
-        driver: measured variable that it goes with, or "nothing measured".
-        size, unit: root mean square over the horizon. horizon: such as "0.2s". ratio: how many times as large as it
-            may be. since: in words. runs: those in which it is largest. because: the test that it fails, in words.
-    """
-
-    channel: str
-    driver: str
-    size: float
-    unit: str
-    horizon: str
-    ratio: float
-    since: str
-    runs: list[str]
-    because: str
-
-
-@dataclass(frozen=True)
-class _Series:
-    """Errors of one run in time: t (k,) [s], errors (k, d), motion (k, c) and drivers name -> (k, c) as measured."""
-
-    t: np.ndarray
-    errors: np.ndarray
-    motion: np.ndarray
-    drivers: Mapping[str, np.ndarray]
 
 
 def remainders(
@@ -121,6 +89,8 @@ def remainders(
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
             usual *= max(1.0, _by_chance(pooled, [run.errors for _, run in own]))
             found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
+    if prediction.replay.body.robot.driven == COMMAND:
+        found += by_command(prediction, motion, sensors, names)
     found += _unlike(motion, names, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
@@ -161,7 +131,7 @@ def too_large(
                 because += f"; {_OF_FIXES}"
             found.append(Remainder(
                 m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
-                _worst(sizes, names), because,
+                worst_runs(sizes, names), because,
             ))
     return found
 
@@ -184,30 +154,24 @@ def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
     return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
-def _predicted(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> Remainder | None:
+def _predicted(m: Measure, runs: Sequence[tuple[str, Series]], usual: float) -> Remainder | None:
     """The variable that predicts most of an error in runs from which this was not learned.
 
     None where it is a small part of the error, or smaller than the usual error of a sound robot: pixels and counts
     repeat themselves with the place.
     """
-    names, series = zip(*runs, strict=True)
-    if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds(m.horizon):
-        return None  # each fold must have a window to itself
-    shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in series[0].drivers}
-    driver = max(shares, key=shares.get)
-    size = rms([run.errors for run in series]) * float(np.sqrt(max(shares[driver], 0.0)))
-    if shares[driver] < PREDICTED or size < usual:
+    series = [run for _, run in runs]
+    driver, share = best_driver(m, series, list(series[0].drivers))
+    size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
+    if share < PREDICTED or size < usual:
         return None
-    return Remainder(
-        m.channel, driver, size, m.unit, m.horizon, shares[driver] / PREDICTED, _since(series),
-        _worst([rms([run.errors]) for run in series], names),
-        f"{100 * shares[driver]:.0f} % of the squared error over {m.horizon} goes with {driver}",
-    )
+    because = f"{100 * share:.0f} % of the squared error over {m.horizon} goes with {driver}"
+    return going_with(m, runs, driver, size, share / PREDICTED, because)
 
 
-def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> Remainder | None:
+def _repeated(m: Measure, runs: Sequence[tuple[str, Series]], usual: float) -> Remainder | None:
     """An error that comes again in runs of the same motion; None as in `_predicted`."""
-    names, series = zip(*runs, strict=True)
+    series = [run for _, run in runs]
     lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
     share, deviate = repeated_share(
         [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
@@ -215,11 +179,8 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, _Series]], usual: float) -> 
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
     if share < PREDICTED or deviate < CERTAIN or size < usual:
         return None
-    return Remainder(
-        m.channel, "the motion", size, m.unit, m.horizon, share / PREDICTED, _since(series),
-        _worst([rms([run.errors]) for run in series], names),
-        f"{100 * share:.0f} % of the squared error over {m.horizon} comes again in runs of the same motion",
-    )
+    because = f"{100 * share:.0f} % of the squared error over {m.horizon} comes again in runs of the same motion"
+    return going_with(m, runs, "the motion", size, share / PREDICTED, because)
 
 
 def _as_pooled(m):
@@ -227,27 +188,6 @@ def _as_pooled(m):
     if m.metric == PREDICTION:
         return m
     return Measure(m.metric, m.horizon, "heading" if m.unit == "rad" else "position", m.unit, m.driven_by)
-
-
-def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Share of the squared errors that a variable predicts in runs from which this was not learned.
-
-    runs: (functions of the variable (k, c), errors (k, d)) of each. Each is left out in turn; a single run is cut.
-    """
-    parts = [part for part in runs if len(part[0])]
-    if len(parts) == 1:
-        parts = list(zip(*(np.array_split(column, MOST_BLOCKS) for column in parts[0]), strict=True))
-    if not parts:
-        return 0.0
-    scale = np.maximum(np.sqrt(np.mean(np.vstack([x for x, _ in parts]) ** 2, axis=0)), 1e-12)
-    parts = [(x / scale, y) for x, y in parts]
-    normals = [(x.T @ x, x.T @ y) for x, y in parts]
-    total, products = sum(a for a, _ in normals), sum(b for _, b in normals)
-    left = 0.0
-    for (x, y), (own, product) in zip(parts, normals, strict=True):
-        amounts = np.linalg.lstsq(total - own, products - product, rcond=1e-9)[0]
-        left += np.sum((y - x @ amounts) ** 2)
-    return 1.0 - float(left) / max(float(sum(np.sum(y**2) for _, y in parts)), 1e-300)
 
 
 def _unlike(motion, names, sensors, chance):
@@ -291,20 +231,24 @@ def _times_others(squares: np.ndarray, k: int, sensed: float) -> float:
     return float(np.sqrt(max(squares[:, k].mean() - sensed, 0.0) / np.median(others.mean(axis=0))))
 
 
-def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, _Series]:
+def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> dict[Measure, Series]:
     """Errors of wheels and IMU over the shortest horizon."""
     m = motion_of(prediction, prediction.tracks[i])
     drivers = drivers_of(m, False) | {"wheel angle": of_wheel_angle(m)}
-    middle = windows.dense + windows.lengths[windows.shortest] // 2
+    ticks = windows.lengths[windows.shortest]
+    middle = windows.dense + ticks // 2
     drivers = {name: rows[middle] for name, rows in drivers.items()}
+    pasts = 2 * ticks, round(HORIZONS_S[0] / TICK_S)
+    changes = changes_before(m.command, windows.dense + ticks - 1, pasts)
     series = {}
     for measure, rows in after.items():
         if (measure.metric, measure.horizon) == (PREDICTION, windows.shortest):
-            series[measure] = _Series(middle * TICK_S, _without_offset(measure, rows), drivers["speed"], drivers)
+            own = _without_offset(measure, rows)
+            series[measure] = Series(middle * TICK_S, own, drivers["speed"], drivers, changes)
     return series
 
 
-def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measure, _Series]:
+def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measure, Series]:
     """Errors of dead reckoning, (k, 3) poses at the fixes, over each horizon, in the axes of the body and of the room.
     """
     track, series = prediction.tracks[i], {}
@@ -325,7 +269,7 @@ def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measur
             ("kinect: along the body", "m", in_body[:, :2], along), ("kinect: along the room", "m", in_room, across),
             ("kinect: heading", "rad", in_body[:, 2:], along | across),
         ):
-            series[Measure("RPE", label, channel, unit, WHEELS)] = _Series(t, errors, along["speed"], drivers)
+            series[Measure("RPE", label, channel, unit, WHEELS)] = Series(t, errors, along["speed"], drivers)
     return series
 
 
@@ -346,24 +290,3 @@ def _of_place(prediction, track: Track, rows, begin, end):
         return np.column_stack([x, y, x * x, x * y, y * y])
 
     return {"place": terms(end) - terms(begin), "change of speed": velocity[rows[:, 1]] - velocity[rows[:, 0]]}
-
-
-def _worst(sizes, names):
-    """The runs whose error is at least that of all, the largest first."""
-    order = np.argsort(sizes)[::-1]
-    return [names[k] for k in order if sizes[k] >= np.sqrt(np.mean(np.square(sizes)))][:3] or names[:1]
-
-
-def _since(runs):
-    """Since when the squared error is there, in words."""
-    times = np.concatenate([run.t / max(run.t[-1], 1e-9) for run in runs])
-    return since(times, np.concatenate([np.sum(run.errors**2, axis=1) for run in runs]))
-
-
-def since(times: np.ndarray, amounts: np.ndarray) -> str:
-    """Since when something is there, in words: amounts (k,) of it at times (k,), in shares of a run."""
-    by_tenth = np.histogram(times, bins=10, range=(0.0, 1.0), weights=amounts)[0]
-    late = np.cumsum(by_tenth) / max(by_tenth.sum(), 1e-300)
-    if late[2] < 0.05:
-        return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
-    return "mostly in the first third of a run" if late[2] > 0.6 else "from the start of a run"

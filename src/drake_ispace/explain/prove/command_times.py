@@ -23,3 +23,16 @@ def left_by_command_times(tracks: Sequence[Track], horizon_s: float) -> dict[str
     x, y, heading = np.sum(each, axis=0) * horizon_s / lasts_s
     way_m = np.mean(np.linalg.norm(np.vstack(commands)[:, :2], axis=1)) * horizon_s
     return {"position": float(np.sqrt(x + y + heading * way_m**2 / 3.0)), "heading": float(np.sqrt(heading))}
+
+
+def angles_left_by_command_times(tracks: Sequence[Track], wheels: np.ndarray, horizon_s: float) -> float:
+    """Root mean square error of the angle [rad] of the wheel that unknown moments of changes move most, over a horizon.
+
+    wheels: (n, 3) speeds of the wheels per velocity of the body.
+    """
+    commands = [track.command[: track.ticks] for track in tracks]
+    squares = [
+        np.sum(np.diff(command @ wheels.T, axis=0) ** 2, axis=0) * track.command_step_s**2 / 12.0
+        for command, track in zip(commands, tracks, strict=True)
+    ]
+    return float(np.sqrt(np.sum(squares, axis=0).max() * horizon_s / (sum(map(len, commands)) * TICK_S)))

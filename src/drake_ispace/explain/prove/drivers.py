@@ -6,6 +6,9 @@ from drake_ispace.explain.decide.survey.generic import WARM_S, Motion
 from drake_ispace.explain.predict.prediction import wheel_speeds
 
 CONSTANT = "nothing (constant)"
+TIME, LOAD, COMMANDED = "time", "load", "command"
+#: Those in which nothing is measured that noise moves.
+NO_NOISE = (CONSTANT, TIME, LOAD, COMMANDED)
 
 
 def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
@@ -26,9 +29,9 @@ def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
         "acceleration": np.column_stack(smooth),
         "heading": np.column_stack([np.cos(m.place[:, 2]), np.sin(m.place[:, 2])]),
         "place": m.place[:, :2] - m.place[:, :2].mean(axis=0),
-        "time": np.column_stack([m.t - m.t.mean(), np.exp(-m.t / WARM_S)]),
-        "load": np.abs(m.command),
-        "command": m.command,
+        TIME: np.column_stack([m.t - m.t.mean(), np.exp(-m.t / WARM_S)]),
+        LOAD: np.abs(m.command),
+        COMMANDED: m.command,
     }
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
-from drake_ispace.explain.prove.adequacy import Remainder
 from drake_ispace.explain.prove.gap import GapRow
 from drake_ispace.explain.prove.noise import ProcessNoise
+from drake_ispace.explain.prove.remainder import Remainder
 
 
 @dataclass(frozen=True)

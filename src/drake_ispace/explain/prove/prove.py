@@ -12,7 +12,7 @@ from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
-from drake_ispace.explain.prove.adequacy import NOTHING, TOO_LARGE, Remainder, remainders
+from drake_ispace.explain.prove.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
@@ -28,6 +28,7 @@ from drake_ispace.explain.prove.noise import (
     sensor_noise,
 )
 from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.explain.prove.remainder import NOTHING, Remainder
 from drake_ispace.explain.prove.sizes import (
     SizesByRun,
     filtered_sizes,
