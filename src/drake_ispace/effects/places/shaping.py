@@ -75,14 +75,9 @@ class Lag(BlockEffect):
     """
 
     def block_parameters(self, body, values):
-        memory, blend = shares_of(values["time_constant_s"])
-        return {"memory": memory, "blend": blend}
-
-
-def shares_of(time_constant_s: float) -> tuple[float, float]:
-    """The shares `memory` and `blend` of a lag, see `Lag`; without a lag where the time constant is not positive."""
-    memory = math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0
-    return memory, (1.0 - memory) * max(time_constant_s, 0.0) / TICK_S
+        time_constant_s = values["time_constant_s"]
+        memory = math.exp(-TICK_S / time_constant_s) if time_constant_s > 0.0 else 0.0
+        return {"memory": memory, "blend": (1.0 - memory) * time_constant_s / TICK_S}
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, keep, scale, shares_of, shift
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, scale, shift
 from drake_ispace.effects.wires import VelocityEffect
 
 
@@ -114,19 +114,25 @@ class VelocityCoupling(VelocityEffect):
 
 
 @kernel
-def lagged(xd, velocity, blend, out):
-    for i in range(3):
-        out[i] = blend[i] * xd[i] + (1.0 - blend[i]) * velocity[i]
+def mix_axes(xd, velocity, driving, turning, out):
+    """A share of the state, the rest of the command: `driving` of vx and vy, `turning` of wz."""
+    for i in range(2):
+        out[i] = driving * xd[i] + (1.0 - driving) * velocity[i]
+    out[2] = turning * xd[2] + (1.0 - turning) * velocity[2]
 
 
 @kernel
-def remember_lagged(xd, velocity, memory, out):
-    for i in range(3):
-        out[i] = memory[i] * xd[i] + (1.0 - memory[i]) * velocity[i]
+def lagged(xd, velocity, blend, turning_blend, out):
+    mix_axes(xd, velocity, blend, turning_blend, out)
 
 
-class VelocityLag(VelocityEffect):
-    """First-order lag of the held command, its mean over each tick, as `shaping.Lag` has it.
+@kernel
+def remember_lagged(xd, velocity, memory, turning_memory, out):
+    mix_axes(xd, velocity, memory, turning_memory, out)
+
+
+class VelocityLag(Lag, VelocityEffect):
+    """First-order lag of the held command, its mean over each tick (shaping.Lag).
 
     Where a speed control turns each wheel, the mass sets the lag of driving and the moment of inertia that of turning:
     the time constant of wz is time_constant_s + turning_extra_s, and at least zero.
@@ -149,9 +155,9 @@ class VelocityLag(VelocityEffect):
     output, update = lagged, remember_lagged
 
     def block_parameters(self, body, values):
-        driving, turning = values["time_constant_s"], values["time_constant_s"] + values["turning_extra_s"]
-        memory, blend = np.transpose([shares_of(time_constant_s) for time_constant_s in (driving, driving, turning)])
-        return {"memory": memory, "blend": blend}
+        turning_s = max(values["time_constant_s"] + values["turning_extra_s"], 0.0)
+        turning = super().block_parameters(body, {"time_constant_s": turning_s})
+        return super().block_parameters(body, values) | {f"turning_{name}": share for name, share in turning.items()}
 
 
 @kernel
@@ -177,19 +183,13 @@ def left_on_average(ticks):
 @kernel
 def slew_limited(xd, velocity, step, step_rad, out):
     driving, turning = ticks_away(xd, velocity, step, step_rad)
-    driving, turning = left_on_average(driving), left_on_average(turning)
-    out[0] = velocity[0] - driving * (velocity[0] - xd[0])
-    out[1] = velocity[1] - driving * (velocity[1] - xd[1])
-    out[2] = velocity[2] - turning * (velocity[2] - xd[2])
+    mix_axes(xd, velocity, left_on_average(driving), left_on_average(turning), out)
 
 
 @kernel
 def remember_reached(xd, velocity, step, step_rad, out):
     driving, turning = ticks_away(xd, velocity, step, step_rad)
-    driving, turning = left_after(driving), left_after(turning)
-    out[0] = velocity[0] - driving * (velocity[0] - xd[0])
-    out[1] = velocity[1] - driving * (velocity[1] - xd[1])
-    out[2] = velocity[2] - turning * (velocity[2] - xd[2])
+    mix_axes(xd, velocity, left_after(driving), left_after(turning), out)
 
 
 class VelocitySlewLimit(VelocityEffect):

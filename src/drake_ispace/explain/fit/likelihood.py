@@ -143,6 +143,12 @@ class Likelihood:
         return np.stack([*each(slope, moved), np.empty_like(w)])[:-1]
 
 
+def deviance_at(likelihood: Likelihood, point: Point) -> float:
+    """The deviance at a point; infinite where the model runs away."""
+    w = likelihood.whitened(point)
+    return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
+
+
 @dataclass(frozen=True)
 class Fit:
     """The best point.

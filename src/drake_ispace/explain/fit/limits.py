@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Likelihood, Point
+from drake_ispace.explain.fit.likelihood import Likelihood, Point, deviance_at
 from drake_ispace.explain.threads import each
 
 _TIMES = (0.0, 1.0, 3.0, 10.0, 30.0)  # how many times as narrow as its widest probe a limit is tried
@@ -25,10 +25,7 @@ def with_best_limits(
     probes: coordinates (k, parameters) at which its signatures were taken. Multiples of the widest one of each limit
         are tried with those of each of the others, beside the point.
     """
-    def deviance(z):
-        w = likelihood.whitened({**point, candidate: list(z)})
-        return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
-
     widest = [min(z for z in column if z > 0.0) for column in zip(*probes, strict=True)]
-    options = [tuple(point[candidate]), *itertools.product(*([times * z for times in _TIMES] for z in widest))]
-    return {**point, candidate: list(options[int(np.argmin(each(deviance, options)))])}
+    multiples = itertools.product(*([times * z for times in _TIMES] for z in widest))
+    options = [point, *({**point, candidate: list(z)} for z in multiples)]
+    return options[int(np.argmin(each(lambda option: deviance_at(likelihood, option), options)))]

@@ -4,7 +4,7 @@ import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Likelihood, Point
+from drake_ispace.explain.fit.likelihood import Likelihood, Point, deviance_at
 from drake_ispace.explain.threads import each
 
 
@@ -15,8 +15,7 @@ def with_best_shift(likelihood: Likelihood, point: Point, candidate: Candidate) 
     the deviance is a parabola. There may be a dip in each of them.
     """
     def deviance(z):
-        w = likelihood.whitened({**point, candidate: [float(z)]})
-        return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
+        return deviance_at(likelihood, {**point, candidate: [float(z)]})
 
     ((low, high),) = candidate.bounds
     halves = np.arange(low, high + 0.25 * TICK_S, 0.5 * TICK_S)

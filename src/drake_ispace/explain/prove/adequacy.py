@@ -21,7 +21,7 @@ from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.by_command import by_command, changes_before
+from drake_ispace.explain.prove.by_command import by_command
 from drake_ispace.explain.prove.command_times import left_by_command_times
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
@@ -42,7 +42,7 @@ from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
-from drake_ispace.explain.prove.predicted import PREDICTED, best_driver
+from drake_ispace.explain.prove.predicted import PREDICTED, predicted
 from drake_ispace.explain.prove.remainder import NOTHING, Remainder, Series, going_with, worst_runs
 from drake_ispace.explain.prove.repeats import repeated_share
 from drake_ispace.robots.robot import COMMAND
@@ -88,9 +88,9 @@ def remainders(
             pooled = _as_pooled(m)
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
             usual *= max(1.0, _by_chance(pooled, [run.errors for _, run in own]))
-            found += [r for r in (_predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
+            found += [r for r in (predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     if prediction.replay.body.robot.driven == COMMAND:
-        found += by_command(prediction, motion, sensors, names)
+        found += by_command(prediction, windows, motion, sensors)
     found += _unlike(motion, names, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
@@ -154,23 +154,8 @@ def _without_offset(m: Measure, rows: np.ndarray) -> np.ndarray:
     return rows - np.clip(rows.mean(axis=0), -most, most)
 
 
-def _predicted(m: Measure, runs: Sequence[tuple[str, Series]], usual: float) -> Remainder | None:
-    """The variable that predicts most of an error in runs from which this was not learned.
-
-    None where it is a small part of the error, or smaller than the usual error of a sound robot: pixels and counts
-    repeat themselves with the place.
-    """
-    series = [run for _, run in runs]
-    driver, share = best_driver(m, series, list(series[0].drivers))
-    size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-    if share < PREDICTED or size < usual:
-        return None
-    because = f"{100 * share:.0f} % of the squared error over {m.horizon} goes with {driver}"
-    return going_with(m, runs, driver, size, share / PREDICTED, because)
-
-
 def _repeated(m: Measure, runs: Sequence[tuple[str, Series]], usual: float) -> Remainder | None:
-    """An error that comes again in runs of the same motion; None as in `_predicted`."""
+    """An error that comes again in runs of the same motion; None as in `predicted`."""
     series = [run for _, run in runs]
     lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
     share, deviate = repeated_share(
@@ -235,16 +220,12 @@ def _sensed(prediction: Prediction, i: int, windows: Windows, after: Errors) -> 
     """Errors of wheels and IMU over the shortest horizon."""
     m = motion_of(prediction, prediction.tracks[i])
     drivers = drivers_of(m, False) | {"wheel angle": of_wheel_angle(m)}
-    ticks = windows.lengths[windows.shortest]
-    middle = windows.dense + ticks // 2
+    middle = windows.dense + windows.lengths[windows.shortest] // 2
     drivers = {name: rows[middle] for name, rows in drivers.items()}
-    pasts = 2 * ticks, round(HORIZONS_S[0] / TICK_S)
-    changes = changes_before(m.command, windows.dense + ticks - 1, pasts)
     series = {}
     for measure, rows in after.items():
         if (measure.metric, measure.horizon) == (PREDICTION, windows.shortest):
-            own = _without_offset(measure, rows)
-            series[measure] = Series(middle * TICK_S, own, drivers["speed"], drivers, changes)
+            series[measure] = Series(middle * TICK_S, _without_offset(measure, rows), drivers["speed"], drivers)
     return series
 
 

@@ -4,45 +4,55 @@ A drive that answers otherwise than the model errs after every change, whatever 
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.command_times import angles_left_by_command_times
 from drake_ispace.explain.prove.drivers import NO_NOISE
-from drake_ispace.explain.prove.free_run import Measure, rms
+from drake_ispace.explain.prove.free_run import HORIZONS_S, Measure, Windows
 from drake_ispace.explain.prove.gap import seconds
-from drake_ispace.explain.prove.predicted import PREDICTED, best_driver
+from drake_ispace.explain.prove.predicted import predicted
 from drake_ispace.explain.prove.remainder import Remainder, Series, going_with
 
 _SHIFTS = 20  # of time, at which the changes say nothing of the errors
 
 
 def by_command(
-    prediction: Prediction, motion: Sequence[Mapping[Measure, Series]], sensors: Mapping[Measure, float],
-    names: Sequence[str],
+    prediction: Prediction, windows: Sequence[Windows], motion: Sequence[Mapping[Measure, Series]],
+    sensors: Mapping[Measure, float],
 ) -> list[Remainder]:
     """Errors of wheels that follow from the commands, as noise does not, where they are larger than sensors leave.
 
-    motion: of each run, errors of the wheels over the shortest horizon. sensors: measure -> what sensors leave.
+    windows, motion: of each run, and errors of its wheels over the shortest horizon. sensors: measure -> what sensors
+        leave.
     """
-    found, wheels, tracks = [], prediction.replay.body.plant.geometry.inverse, prediction.tracks
-    for m in (m for m in (motion[0] if motion else ()) if m.channel.startswith("encoder")):
-        runs = [(name, run[m]) for name, run in zip(names, motion, strict=True) if m in run]
-        series = [run for _, run in runs]
-        unlogged = angles_left_by_command_times(tracks, wheels, seconds(m.horizon))
+    found, tracks, wheels = [], prediction.tracks, prediction.replay.body.plant.geometry.inverse
+    measures = [m for m in (motion[0] if motion else ()) if m.channel.startswith("encoder")]
+    if not measures:
+        return []
+    changes = [_changes(track.command, own) for track, own in zip(tracks, windows, strict=True)]
+    unlogged = angles_left_by_command_times(tracks, wheels, seconds(measures[0].horizon))
+    for m in measures:
         may_be = float(np.hypot(sensors.get(m, np.inf), unlogged))
-        driver, share = best_driver(m, series, NO_NOISE)
-        size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
-        if share >= PREDICTED and size > may_be:
-            because = f"{100 * share:.0f} % of the squared error over {m.horizon} goes with {driver}"
-            found.append(going_with(m, runs, driver, size, size / may_be, because))
-        size = left_at_changes([(run.changes, run.errors) for run in series])
+        which = [i for i, run in enumerate(motion) if m in run]
+        runs = [(tracks[i].name, motion[i][m]) for i in which]
+        if (told := predicted(m, runs, may_be, NO_NOISE)) is not None:
+            found.append(replace(told, ratio=told.size / may_be))
+        size = left_at_changes([(changes[i], motion[i][m].errors) for i in which])
         if size > may_be:
             because = f"after changes of the command the error over {m.horizon} is larger than at other times"
             found.append(going_with(m, runs, "changes of the command", size, size / may_be, because))
     return found
+
+
+def _changes(command, windows) -> np.ndarray:
+    """(k, 2) `changes_before` the ends of the windows of the shortest horizon, over two of these and over 1 s."""
+    ticks = windows.lengths[windows.shortest]
+    return changes_before(command, windows.dense + ticks - 1, (2 * ticks, round(HORIZONS_S[0] / TICK_S)))
 
 
 def changes_before(command: np.ndarray, ends: np.ndarray, pasts: Sequence[int]) -> np.ndarray:

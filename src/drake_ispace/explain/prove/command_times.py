@@ -14,14 +14,9 @@ def left_by_command_times(tracks: Sequence[Track], horizon_s: float) -> dict[str
     A change by u at any moment of a step T moves the robot by up to u T more or less than said, u T / sqrt(12) in the
     root mean square. A turn so early or late leads aside all that the robot goes afterwards.
     """
-    commands = [track.command[: track.ticks] for track in tracks]
-    lasts_s = sum(map(len, commands)) * TICK_S
-    each = [
-        np.sum(np.diff(command, axis=0) ** 2, axis=0) * track.command_step_s**2 / 12.0
-        for command, track in zip(commands, tracks, strict=True)
-    ]
-    x, y, heading = np.sum(each, axis=0) * horizon_s / lasts_s
-    way_m = np.mean(np.linalg.norm(np.vstack(commands)[:, :2], axis=1)) * horizon_s
+    x, y, heading = _squares_per_s(tracks, np.eye(3)) * horizon_s
+    driving = np.vstack([track.command[: track.ticks, :2] for track in tracks])
+    way_m = np.mean(np.linalg.norm(driving, axis=1)) * horizon_s
     return {"position": float(np.sqrt(x + y + heading * way_m**2 / 3.0)), "heading": float(np.sqrt(heading))}
 
 
@@ -30,9 +25,14 @@ def angles_left_by_command_times(tracks: Sequence[Track], wheels: np.ndarray, ho
 
     wheels: (n, 3) speeds of the wheels per velocity of the body.
     """
-    commands = [track.command[: track.ticks] for track in tracks]
-    squares = [
-        np.sum(np.diff(command @ wheels.T, axis=0) ** 2, axis=0) * track.command_step_s**2 / 12.0
+    return float(np.sqrt(_squares_per_s(tracks, wheels).max() * horizon_s))
+
+
+def _squares_per_s(tracks, axes) -> np.ndarray:
+    """(n,) by how much the mean square of what commands add up to, along the axes (n, 3), grows in a second."""
+    commands = [track.command[: track.ticks] @ axes.T for track in tracks]
+    each = [
+        np.sum(np.diff(command, axis=0) ** 2, axis=0) * track.command_step_s**2 / 12.0
         for command, track in zip(commands, tracks, strict=True)
     ]
-    return float(np.sqrt(np.sum(squares, axis=0).max() * horizon_s / (sum(map(len, commands)) * TICK_S)))
+    return np.sum(each, axis=0) / (sum(map(len, commands)) * TICK_S)

@@ -4,21 +4,35 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.prove.free_run import Measure
+from drake_ispace.explain.prove.free_run import Measure, rms
 from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
-from drake_ispace.explain.prove.remainder import Series
+from drake_ispace.explain.prove.remainder import Remainder, Series, going_with
 
 PREDICTED = 0.2  # share of the squared error that a variable may predict in runs from which this was not learned
 
 
-def best_driver(m: Measure, series: Sequence[Series], among: Sequence[str]) -> tuple[str, float]:
-    """The variable among these that predicts most of an error, and the share of its square; "", 0 where none can."""
+def predicted(
+    m: Measure, runs: Sequence[tuple[str, Series]], least: float, among: Sequence[str] | None = None
+) -> Remainder | None:
+    """The variable that predicts most of an error in runs from which this was not learned.
+
+    None where it is a small part of the error, or smaller than `least`, such as the usual error of a sound robot:
+    pixels and counts repeat themselves with the place.
+
+    runs: name and errors of each. among: the variables; None: all.
+    """
+    series = [run for _, run in runs]
     if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds(m.horizon):
-        return "", 0.0  # each fold must have a window to itself
-    shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in among}
+        return None  # each fold must have a window to itself
+    shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in among or series[0].drivers}
     driver = max(shares, key=shares.get)
-    return driver, shares[driver]
+    share = shares[driver]
+    size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
+    if share < PREDICTED or size < least:
+        return None
+    because = f"{100 * share:.0f} % of the squared error over {m.horizon} goes with {driver}"
+    return going_with(m, runs, driver, size, share / PREDICTED, because)
 
 
 def predicted_share(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:

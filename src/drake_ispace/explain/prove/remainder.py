@@ -34,16 +34,12 @@ class Remainder:
 
 @dataclass(frozen=True)
 class Series:
-    """Errors of one run in time: t (k,) [s], errors (k, d), motion (k, c) and drivers name -> (k, c) as measured.
-
-    changes: (k, c) of the command, as of `changes_before`; None where they are not looked at.
-    """
+    """Errors of one run in time: t (k,) [s], errors (k, d), motion (k, c) and drivers name -> (k, c) as measured."""
 
     t: np.ndarray
     errors: np.ndarray
     motion: np.ndarray
     drivers: Mapping[str, np.ndarray]
-    changes: np.ndarray | None = None
 
 
 def going_with(
