@@ -89,3 +89,13 @@ def test_a_camera_that_is_late_in_the_unseen_run_only_is_not_nothing():
     assert answer.verdict == "unknown" and not answer.effects
     assert [sentence.split(" by itself")[0] for sentence in answer.drifts] == ["run 4"]
     assert "Single runs" in answer.title
+
+
+def test_a_limit_of_a_thousand_metres_per_second_squared_is_nothing():
+    sound, slips = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}, {"slip_share": 0.0324}
+    case = prepare(two_wheels.model(), [
+        two_wheels.drive(60400 + i, 30.0, **sound, others=slips, in_step=True) for i in range(5)
+    ])
+    tried = candidates(case.effects_to_try, case.replay.body)
+    (room,) = (one for one in tried if one.name == "camera_scale")  # which is to wheels what slip is
+    assert not shown_by_one(case.prediction, {room: [-0.0323]}, tried, 0)

@@ -26,7 +26,8 @@ class Parameter:
         scale: "" (SI units), or one of SCALES: of the runs' own root mean squares of commanded torque and wheel speed.
         reciprocal: fitted as 1 / value, which is 0 where there is no limit.
         tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
-            deviation): a floor is never level to a tenth of a milliradian, and no model exact.
+            deviation): a floor is never level to a tenth of a milliradian, and no model exact. Of a limit it is the
+            reciprocal of one that is so high that it hardly shows.
         sensible: what a robot that drives about may have. A fit may go beyond, but its result is then not named.
         shape: whether it changes nothing while the other parameters are neutral: where, or at which speed, they act.
         shifts: whether it moves steps in time. A small change of it then says nothing of a step that is far off, and a

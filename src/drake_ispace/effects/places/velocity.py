@@ -208,8 +208,8 @@ class VelocitySlewLimit(VelocityEffect):
         "a lag takes its time for each",
     )
     parameters = (
-        Parameter("limit_m_s2", "m/s^2", math.inf, LEAST_LIMIT, math.inf, (3.0,), reciprocal=True),
-        Parameter("limit_rad_s2", "rad/s^2", math.inf, LEAST_LIMIT, math.inf, (10.0,), reciprocal=True),
+        Parameter("limit_m_s2", "m/s^2", math.inf, LEAST_LIMIT, math.inf, (3.0,), reciprocal=True, tolerance=1e-3),
+        Parameter("limit_rad_s2", "rad/s^2", math.inf, LEAST_LIMIT, math.inf, (10.0,), reciprocal=True, tolerance=1e-3),
     )
     output, update = slew_limited, remember_reached
 

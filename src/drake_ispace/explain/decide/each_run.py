@@ -16,7 +16,7 @@ from drake_ispace.explain.decide.propose import Proposal, clearest_effects, prop
 from drake_ispace.explain.decide.shown import alarm_of, held
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
-from drake_ispace.explain.decide.survey.view import View
+from drake_ispace.explain.decide.survey.view import View, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.levels import CERTAIN
@@ -47,7 +47,8 @@ def shown_by_one(
 
     The effect must be clear (p < 1e-6), also under the noise that the run has without it, and its size in the run
     another than in the others by more than chance, both whichever second of the run is left out: what a single second
-    shows may be chance, however improbable. Effects in a part of the room do not count: another run need not go there.
+    shows may be chance, however improbable. A size that a sound robot may have does not count, nor do effects in a part
+    of the room: another run need not go there.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
@@ -140,6 +141,8 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not _is_clear(detection):
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
+    if fitted.candidate.is_trifle(fitted.fit.point[fitted.candidate], scales_of(own.view.prediction)):
+        return None
     best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
     sizes, variances = _without_each_second(own, best)
     if not np.all(sizes**2 >= LEAST_FURTHER * variances):
