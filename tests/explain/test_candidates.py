@@ -5,7 +5,7 @@ import math
 from tried import candidate
 
 from drake_ispace.effects.card import Parameter
-from drake_ispace.explain.fit.candidates import Candidate, coordinate, is_trifle, probes, value_of
+from drake_ispace.explain.fit.candidates import Candidate, coordinate, probes, value_of
 
 PLAIN = Parameter("share", "1", 0.0, -0.5, 0.5, (0.1, 2.0))
 LIMIT = Parameter("limit", "N*m", math.inf, 0.1, math.inf, (0.5, 2.0), scale="torque", reciprocal=True)
@@ -56,13 +56,7 @@ def test_presliding_friction_is_coulomb_friction_where_its_reach_is_least():
     assert not candidate("stribeck_friction").has_become_another([0.01, 0.05])
 
 
-def test_a_limit_that_is_reached_in_no_time_is_a_trifle():
-    limits = candidate("velocity_slew_limit")
-    assert limits.is_trifle([1.0 / 1300.0, 1.0 / 6000.0], {}) and limits.is_trifle([0.0, 0.0], {})
-    assert not limits.is_trifle([1.0 / 3.0, 0.0], {}) and not limits.is_trifle([0.0, 1.0 / 10.0], {})
-
-
-def test_what_has_no_tolerance_is_no_trifle_and_a_tolerance_goes_with_its_scale():
-    assert not is_trifle([PLAIN], {"share": 0.0}, {})
+def test_a_tolerance_goes_with_its_scale():
     friction = Parameter("torque_n_m", "N m", scale="torque", tolerance=0.1)
-    assert [is_trifle([friction], {"torque_n_m": 0.15}, {"torque": size}) for size in (1.0, 2.0)] == [False, True]
+    tolerant = Candidate(Cause(), (), (PLAIN, friction))
+    assert tolerant.tolerances({"torque": 2.0}) == [0.0, 0.2] and tolerant.tolerances({}) == [0.0, 0.1]

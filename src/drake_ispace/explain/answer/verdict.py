@@ -9,7 +9,7 @@ from drake_ispace.explain.answer.sentences import p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import is_trifle
+from drake_ispace.explain.fit.candidates import coordinate
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.free_run import ATE, RPE
@@ -60,11 +60,20 @@ def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
     for effect in answer.effects:
         of_library, known = case.replay.effects[effect.name], case.replay.known.get(effect.name, {})
         parameters = of_library.parameters_of(case.replay.body)
-        if is_trifle(parameters, {name: size.estimate for name, size in effect.parameters.items()}, scales):
+        if _is_trifle(effect, parameters, scales):
             why[effect.name] = f"{effect.name} is no larger than in a sound robot"
         elif _may_be_none(effect, parameters, known, of_library.kinematic):
             why[effect.name] = f"the size of {effect.name} may be none"
     return why
+
+
+def _is_trifle(effect, parameters, scales) -> bool:
+    """Whether all sizes of an effect that have a tolerance are within it."""
+    shares = [
+        abs(coordinate(p, effect.parameters[p.name].estimate) - coordinate(p, p.neutral))
+        / (p.tolerance * scales.get(p.scale, 1.0)) for p in parameters if p.tolerance
+    ]
+    return bool(shares) and max(shares) <= 1.0
 
 
 def _may_be_none(effect, parameters, known, shows_in_path) -> bool:

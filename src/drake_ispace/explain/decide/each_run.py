@@ -47,8 +47,8 @@ def shown_by_one(
 
     The effect must be clear (p < 1e-6), also under the noise that the run has without it, and its size in the run
     another than in the others by more than chance, both whichever second of the run is left out: what a single second
-    shows may be chance, however improbable. A size that a sound robot may have does not count, nor do effects in a part
-    of the room: another run need not go there.
+    shows may be chance, however improbable. As chance counts, too, that any sound robot may be off a little. Effects in
+    a part of the room do not count: another run need not go there.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
@@ -94,6 +94,7 @@ class _Leader:
     Attributes:
         fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
             by the score that gains most. sizes, variances: of the same without each of the seconds of the run.
+        scales: of the tolerances, as of `probes`.
     """
 
     fitted: Proposal
@@ -103,6 +104,7 @@ class _Leader:
     best: "_Size"
     sizes: np.ndarray
     variances: np.ndarray
+    scales: dict[str, float]
 
     def in_run(self, name: str, p_value: float) -> OfOneRun:
         """The effect as that of the run of this name, with this probability."""
@@ -118,7 +120,8 @@ class _Leader:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
         apart = self.sizes - np.average([one.size for one in theirs], weights=weights)
-        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum())))
+        sound = candidate.tolerances(self.scales)[mine.at] ** 2
+        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum() + sound)))
 
 
 @dataclass(frozen=True)
@@ -141,14 +144,12 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not _is_clear(detection):
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
-    if fitted.candidate.is_trifle(fitted.fit.point[fitted.candidate], scales_of(own.view.prediction)):
-        return None
     best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
     sizes, variances = _without_each_second(own, best)
     if not np.all(sizes**2 >= LEAST_FURTHER * variances):
         return None
     near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
-    return _Leader(fitted, near, detection, proposals, best, sizes, variances)
+    return _Leader(fitted, near, detection, proposals, best, sizes, variances, scales_of(own.view.prediction))
 
 
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -78,9 +78,9 @@ class Candidate:
         within = [min(max(v, p.sensible[0]), p.sensible[1]) for p, v in zip(self.parameters, values, strict=True)]
         return [coordinate(p, value) for p, value in zip(self.parameters, within, strict=True)]
 
-    def is_trifle(self, z, scales: Mapping[str, float]) -> bool:
-        """Whether a sound robot may have every parameter at the coordinates `z`; scales: as of `probes`."""
-        return is_trifle(self.parameters, self.values(z), scales)
+    def tolerances(self, scales: Mapping[str, float]) -> list[float]:
+        """By how much each coordinate of a sound robot may be off (standard deviations); scales: as of `probes`."""
+        return [p.tolerance * scales.get(p.scale, 1.0) for p in self.parameters]
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
@@ -100,15 +100,6 @@ def value_of(parameter: Parameter, at: float) -> float:
     if not parameter.reciprocal:
         return at
     return math.inf if at <= 0.0 else 1.0 / at
-
-
-def is_trifle(parameters: Sequence[Parameter], values: Mapping[str, float], scales: Mapping[str, float]) -> bool:
-    """Whether all values, of those parameters that have a tolerance, are within it; scales: as of `probes`."""
-    shares = [
-        abs(coordinate(p, values[p.name]) - coordinate(p, p.neutral)) / (p.tolerance * scales.get(p.scale, 1.0))
-        for p in parameters if p.tolerance
-    ]
-    return bool(shares) and max(shares) <= 1.0
 
 
 def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:
