@@ -214,7 +214,7 @@ def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
     point, regression, begun, ended, least = start, None, [], [], np.inf
     residuals = view.prediction.residuals(merged(point))
     for _ in range(_MOST_TURNS):
-        likelihood = view.likelihood(point, residuals, near=near, start=regression)
+        likelihood = view.assuming_at(point, residuals).likelihood(point, residuals, near=near, start=regression)
         best = fit(likelihood, _with_best_shifts(likelihood, point))
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
         stds = np.maximum(np.sqrt(np.maximum(np.diag(covariance_of(likelihood, best)), 0.0)) * sizes, 1e-300)

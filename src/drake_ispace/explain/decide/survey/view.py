@@ -29,8 +29,8 @@ class View:
     Attributes:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
             are explained away while the noise is learned. offset_stacks: per run, changes by every nuisance of it.
-            tolerated_stacks: per run, changes by what a sound robot may be off. sizes: natural size of each coordinate
-            of each candidate.
+            tolerated_stacks: per run, changes by what a sound robot may be off. assumed: how many of these, the last
+            ones, are by other assumptions about noise. sizes: natural size of each coordinate of each candidate.
     """
 
     prediction: Prediction
@@ -39,6 +39,7 @@ class View:
     by_sizes: list[Residuals]
     offset_stacks: list[Stack]
     tolerated_stacks: list[Stack]
+    assumed: int
     sizes: Mapping[Candidate, Sequence[float]]
 
     @property
@@ -50,6 +51,17 @@ class View:
     def tolerated(self) -> list[Residuals]:
         """Changes by what a sound robot may be off."""
         return [list(change) for change in zip(*map(members, self.tolerated_stacks), strict=True)]
+
+    def assuming_at(self, point: Point, residuals: Residuals) -> "View":
+        """The View whose changes by other assumptions about noise are those of the `residuals` at `point`.
+
+        Where an effect is missing, a filter with other gains follows it otherwise: the change looks like the effect.
+        """
+        again = stacks_of(_by_assumptions(self.prediction, point, residuals), residuals)
+        return replace(self, tolerated_stacks=[
+            {name: np.concatenate([rows[: len(rows) - self.assumed], new[name]]) for name, rows in old.items()}
+            for old, new in zip(self.tolerated_stacks, again, strict=True)
+        ])
 
     def of_run(self, i: int) -> "View":
         """The View of one of its runs."""
@@ -134,14 +146,17 @@ def view_from(
     sizes = {c: _sizes(c, scales) for c in candidates}
     tested = signatures(prediction, point, others, scales, base) + generics(prediction, point, base)
     steady = [s.change for s in tested if not s.candidate.effect.is_local]
-    noise, timing = (
-        [difference(other, base) for other in assumed(merged(point))]
-        for assumed in (prediction.under_other_noise, prediction.under_other_timing)
-    )
+    timing = [difference(other, base) for other in prediction.under_other_timing(merged(point))]
+    assumed = _by_assumptions(prediction, point, base)
     by_sizes = _changes_by_sizes(prediction, point, sizes, base)
     offsets = stacks_of_runs(prediction.nuisances(merged(point)), base)
-    tolerated = stacks_of(_tolerated(tested, scales) + noise + timing, base)
-    return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, sizes)
+    tolerated = stacks_of(_tolerated(tested, scales) + timing + assumed, base)
+    return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, len(assumed), sizes)
+
+
+def _by_assumptions(prediction, point, residuals):
+    """Changes of the residuals at `point` by each other assumption about noise."""
+    return [difference(other, residuals) for other in prediction.under_other_noise(merged(point))]
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
@@ -179,11 +194,13 @@ def _tolerated(signatures, scales):
     changes, seen = [], set()
     for signature in signatures:
         candidate, at = signature.candidate, signature.at
-        if signature.z == candidate.neutral or (candidate, at) in seen or not candidate.parameters[at].tolerance:
+        if signature.z == candidate.neutral or (candidate, at) in seen:
             continue
         seen.add((candidate, at))
-        parameter = candidate.parameters[at]
-        share = parameter.tolerance * scales.get(parameter.scale, 1.0) / abs(signature.z[at] - candidate.neutral[at])
+        tolerance = candidate.tolerances(scales)[at]
+        if not tolerance or candidate.parameters[at].reciprocal:  # a limit has one sign
+            continue
+        share = tolerance / abs(signature.z[at] - candidate.neutral[at])
         changes.append([{name: share * rows for name, rows in run.items()} for run in signature.change])
     return changes
 
