@@ -286,7 +286,7 @@ def replay_of(
     rollout = compile_diagram(replay_diagram(scenario, robot, nominal, every))
     settling_ticks = nominal.settling_ticks if robot.driven == TORQUE else BLOCK_TICKS
     alone = None
-    if robot.driven == COMMAND and has >= {COMMAND, "encoder"} and ticks == 1:
+    if robot.driven == COMMAND and has >= {COMMAND, "encoder"}:
         alone = _alone(rollout, body.name, every, filters_of(scenario, robot, has - {COMMAND}, ticks)(body.plant))
     return Replay(body, every, known, rollout, has, filter, len(ASSUMED), settling_ticks, alone)
 

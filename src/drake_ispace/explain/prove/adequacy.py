@@ -22,7 +22,7 @@ from drake_ispace.explain.predict.prediction import IMU_OFFSETS, Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.by_command import by_command
-from drake_ispace.explain.prove.command_times import left_by_command_times
+from drake_ispace.explain.prove.command_times import angles_left_by_command_times, left_by_command_times
 from drake_ispace.explain.prove.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.fix_noise import error_of_each_fix, left_by_fixes
 from drake_ispace.explain.prove.free_run import (
@@ -77,10 +77,9 @@ def remainders(
     of_fixes = left_by_fixes(of_each, [(track.fix_t, track.poses) for track in tracks])
     names = [track.name for track in prediction.tracks]
     judged = [{m: _without_offset(m, e) for m, e in run.items() if _is_judged(m)} for run in after]
-    by_chance = chance | {
-        m: float(np.hypot(chance.get(m, 0.0), left_by_command_times(prediction.tracks, seconds(m.horizon))[m.channel]))
-        for m in {m for run in judged for m in run} if m.driven_by == COMMAND and m.metric == RPE
-    }
+    by_chance = dict(chance)
+    for m in {m for run in judged for m in run}:
+        by_chance[m] = float(np.hypot(chance.get(m, 0.0), _by_command_times(prediction, m)))
     found = [*_too_noisy(noise, names), *too_large(judged, sensors, by_chance, names, of_fixes)]
     for series in (motion, rooms):
         for m in {m: None for run in series for m in run}:
@@ -93,6 +92,16 @@ def remainders(
         found += by_command(prediction, windows, motion, sensors)
     found += _unlike(motion, names, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
+
+
+def _by_command_times(prediction, m) -> float:
+    """What unknown moments of changes of the command leave of a measure; 0 of one that is not of free runs on it."""
+    tracks, horizon_s = prediction.tracks, seconds(m.horizon) or TICK_S * prediction.row_ticks
+    if m.driven_by != COMMAND:
+        return 0.0
+    if m.metric == RPE:
+        return left_by_command_times(tracks, horizon_s)[m.channel]
+    return angles_left_by_command_times(tracks, prediction.replay.body.plant.geometry.inverse, horizon_s)
 
 
 def _is_judged(m: Measure) -> bool:

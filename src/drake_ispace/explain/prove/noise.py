@@ -24,7 +24,8 @@ from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.room_view import SIGHTING
-from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.predict.tracks import Track, coarsest_count
+from drake_ispace.explain.prove.counting import Recounting
 from drake_ispace.explain.prove.fix_noise import at_rest, on_the_move
 from drake_ispace.explain.prove.free_run import (
     HORIZONS_S,
@@ -63,7 +64,7 @@ class SensorNoise:
 
     Attributes:
         of_fixes: (poses (k, 3), generator) -> (k, 3) errors of fixes there [m, m, rad]. outputs: (p,) standard
-            deviations [rad, m/s^2, rad/s]. count_rad: of an encoder.
+            deviations [rad, m/s^2, rad/s]. count_rad: of an encoder, 0 for an exact one.
     """
 
     of_fixes: Callable[[np.ndarray, np.random.Generator], np.ndarray]
@@ -100,7 +101,8 @@ class ProcessNoise:
 def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
     """The noise of the camera, the encoders and the IMU."""
     settings, localizer = getattr(scenario, prediction.replay.body.name), scenario.space.localizer
-    count = 2.0 * np.pi / settings.encoder.counts_per_turn if settings.encoder.counts_per_turn else 0.0
+    said = 2.0 * np.pi / settings.encoder.counts_per_turn if settings.encoder.counts_per_turn else 0.0
+    count = max(said, coarsest_count(prediction.tracks))
     outputs = [count / np.sqrt(12.0)] * prediction.replay.body.wheels
     if prediction.replay.body.robot.has_imu:
         imu = settings.imu
@@ -162,7 +164,10 @@ class Spreads:
         unperturbed: Sequence[Simulated], noise: SensorNoise, seed: int,
     ):
         self._prediction, self._windows, self._values, self._noise = prediction, windows, values, noise
-        self._unperturbed, self._seed = unperturbed, seed
+        self._unperturbed, self._seed, self._recounting = unperturbed, seed, None
+        body, count = prediction.replay.body, noise.count_rad
+        if body.robot.driven == COMMAND and "encoder" in prediction.replay.feeds and count:
+            self._recounting = [Recounting(track, body.wheels, count) for track in prediction.tracks]
         self.errors = [
             compare(prediction, *run) for run in zip(prediction.tracks, windows, unperturbed, strict=True)
         ]
@@ -213,12 +218,16 @@ class Spreads:
 
     def _with_sensor_noise(self, i: int, generator) -> Track:
         track, replay = self._prediction.tracks[i], self._prediction.replay
-        measured = track.measured + generator.standard_normal(track.measured.shape) * self._noise.outputs
-        wheels = replay.body.wheels
+        recorded, wheels = track.measured, replay.body.wheels
+        if self._recounting:
+            track = self._recounting[i].drawn(generator)
+            measured = track.measured.copy()
+        else:
+            measured = recorded + generator.standard_normal(recorded.shape) * self._noise.outputs
         for name, values in self._values[i].items():
             measured[:, :wheels] += replay.effects[name].scattered(
-                track.measured[:, :wheels], values, self._noise.count_rad, generator
-            ) - track.measured[:, :wheels]
+                recorded[:, :wheels], values, self._noise.count_rad, generator
+            ) - recorded[:, :wheels]
         sightings = track.sightings.copy()
         if len(track.fix_rows):
             first, *reckoned = self._unperturbed[i].reckoned  # which has no pixels of its own
@@ -258,7 +267,8 @@ def process_noise(
     """The strengths that errors need beyond sensor noise.
 
     Those of the forces follow from the covariances of all wheels and rates at the next sample and at the shortest
-    horizon of the windows, those of slip from dead reckoning over 1 s.
+    horizon of the windows, those of slip from dead reckoning over 1 s. A drive leaves the commanded velocity by no more
+    than free runs on it show, over 1 s and from there to 5 s.
 
     Args:
         horizon: name of the shortest horizon. after: errors of each run. sensors: spread under sensor noise. unit:
@@ -268,7 +278,7 @@ def process_noise(
     pooled, noise = pooled_of(after), pooled_of(sensors)
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
-        if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of)):
+        if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
             needed[source] = min(strengths)
     forces = [source for source in (*FORCES, *JOLTS) if source in unit]
     blocks = [_shown(pooled, name) for name in (STEP, horizon)]
@@ -283,6 +293,10 @@ def process_noise(
         extra, *parts = (np.concatenate(column) for column in zip(*columns, strict=True))
         strengths = np.sqrt(nnls(np.column_stack(parts), extra)[0])
         needed |= dict(zip(forces, map(float, strengths), strict=True))
+        if robot.driven == COMMAND:  # noise that free runs on the command do not show is none
+            for source in forces:
+                of = ("heading", "rad") if source in (FORCES[2], JOLTS[2]) else ("position", "m")
+                needed[source] = min([needed[source], *_walk(pooled, noise, parts_of[source], *of, COMMAND)])
     limits = {source: robot.most_slip if source in WALKS else robot.most_unknown for source in needed}
     return ProcessNoise(needed, limits)
 
@@ -292,12 +306,12 @@ def pooled_of(runs: Sequence[Errors]) -> Errors:
     return {m: np.vstack([run[m] for run in runs if m in run]) for m in {m for run in runs for m in run}}
 
 
-def _walk(pooled, noise, walk, channel, unit) -> list[float]:
-    """Strengths of a random walk: by the errors of dead reckoning over 1 s, and by their growth from 1 s to 5 s.
+def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
+    """Strengths of a random walk: by the errors of free runs over 1 s, and by their growth from 1 s to 5 s.
 
     Errors that do not grow are no walk, and errors that are small over 1 s are no strong one.
     """
-    known = [m for m in (Measure(RPE, f"{s:g}s", channel, unit, WHEELS) for s in HORIZONS_S) if m in pooled]
+    known = [m for m in (Measure(RPE, f"{s:g}s", channel, unit, driven_by) for s in HORIZONS_S) if m in pooled]
     extra = [rms([pooled[m]]) ** 2 - rms([noise[m]]) ** 2 for m in known]
     squares = [rms([walk[m]]) ** 2 for m in known]
     pairs = zip([extra[:1], np.diff(extra)], [squares[:1], np.diff(squares)], strict=True) if known else ()
