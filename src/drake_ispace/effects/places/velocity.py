@@ -84,7 +84,9 @@ class VelocityGain(VelocityEffect):
         excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
         "camera, a gain between command and encoder; a speed limit spares slow commands",
     )
-    parameters = tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,)) for name in ("share_x", "share_y", "share_yaw"))
+    parameters = tuple(
+        Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,), tolerance=1e-3) for name in ("share_x", "share_y", "share_yaw")
+    )
     output = scaled
 
     def block_parameters(self, body, values):
