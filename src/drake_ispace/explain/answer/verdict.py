@@ -9,7 +9,7 @@ from drake_ispace.explain.answer.sentences import p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import coordinate
+from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.free_run import ATE, RPE
@@ -71,7 +71,7 @@ def _is_trifle(effect, parameters, scales) -> bool:
     """Whether all sizes of an effect that have a tolerance are within it."""
     shares = [
         abs(coordinate(p, effect.parameters[p.name].estimate) - coordinate(p, p.neutral))
-        / (p.tolerance * scales.get(p.scale, 1.0)) for p in parameters if p.tolerance
+        / tolerance_of(p, scales) for p in parameters if p.tolerance
     ]
     return bool(shares) and max(shares) <= 1.0
 

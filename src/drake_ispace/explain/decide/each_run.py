@@ -94,7 +94,7 @@ class _Leader:
     Attributes:
         fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
             by the score that gains most. sizes, variances: of the same without each of the seconds of the run.
-        scales: of the tolerances, as of `probes`.
+        tolerance: by how much the size may differ between runs of a sound robot (a standard deviation).
     """
 
     fitted: Proposal
@@ -104,7 +104,7 @@ class _Leader:
     best: "_Size"
     sizes: np.ndarray
     variances: np.ndarray
-    scales: dict[str, float]
+    tolerance: float
 
     def in_run(self, name: str, p_value: float) -> OfOneRun:
         """The effect as that of the run of this name, with this probability."""
@@ -120,8 +120,7 @@ class _Leader:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
         apart = self.sizes - np.average([one.size for one in theirs], weights=weights)
-        sound = candidate.tolerances(self.scales)[mine.at] ** 2
-        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum() + sound)))
+        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum() + self.tolerance**2)))
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,8 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not np.all(sizes**2 >= LEAST_FURTHER * variances):
         return None
     near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
-    return _Leader(fitted, near, detection, proposals, best, sizes, variances, scales_of(own.view.prediction))
+    tolerance = fitted.candidate.tolerances(scales_of(own.view.prediction))[best.at]
+    return _Leader(fitted, near, detection, proposals, best, sizes, variances, tolerance)
 
 
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:

@@ -80,7 +80,7 @@ class Candidate:
 
     def tolerances(self, scales: Mapping[str, float]) -> list[float]:
         """By how much each coordinate of a sound robot may be off (standard deviations); scales: as of `probes`."""
-        return [p.tolerance * scales.get(p.scale, 1.0) for p in self.parameters]
+        return [tolerance_of(p, scales) for p in self.parameters]
 
     @property
     def bounds(self) -> list[tuple[float, float]]:
@@ -100,6 +100,11 @@ def value_of(parameter: Parameter, at: float) -> float:
     if not parameter.reciprocal:
         return at
     return math.inf if at <= 0.0 else 1.0 / at
+
+
+def tolerance_of(parameter: Parameter, scales: Mapping[str, float]) -> float:
+    """By how much the coordinate of a sound robot may be off (standard deviation); scales: as of `probes`."""
+    return parameter.tolerance * scales.get(parameter.scale, 1.0)
 
 
 def candidates(effects: Mapping[str, Effect], body: Body) -> list[Candidate]:

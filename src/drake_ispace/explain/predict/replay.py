@@ -52,7 +52,7 @@ class Replay:
         settling_ticks: of the filter, where a run begins while the robot moves; where velocity is commanded, how long
             its drive may still follow what was commanded before.
         alone: indices of run-time numbers, and their values, with which wheels alone move the model, whatever was
-            commanded; None: no velocity was recorded, or wheels were not read at every tick.
+            commanded; None: no velocity was recorded.
     """
 
     body: Body
@@ -129,8 +129,8 @@ class Replay:
     def run(self, run: Track, start: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ticks, p) innovations of the outputs at every tick, and (k, 3) innovations of the fixes.
 
-        Wheels that were read at every tick lead to the fixes alone, whatever was commanded, and without rounding, which
-        would change with the instant at which one looks. Between rarer reads a command knows when the wheels changed.
+        Where velocity is commanded, the wheels alone lead to the fixes, whatever was commanded, and without rounding,
+        which would change with the instant at which one looks.
 
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
