@@ -10,10 +10,12 @@ from scipy.signal import lfilter
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
+from drake_ispace.explain.decide.clocks_set import with_clocks_set
 from drake_ispace.explain.fit.free_run import errors
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_replay import own_track
+from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Channel, Recording
 
 STEP_S = 1e-3
@@ -150,3 +152,42 @@ def test_a_friction_that_grows_with_the_place_is_not_said_to_be_all():
     found = di.explain(model(0.02), [rubbed(k, growing=0.01) for k in (1, 2, 3)])
     said = " ".join([*found.warnings, found.unknown.driver if found.unknown else ""])
     assert found.verdict in ("incomplete", "unknown") and "place and direction" in said
+
+
+def test_a_model_with_dry_friction_is_held_on_the_motion():
+    """Its friction is steep about rest: a filter for that slope leaves a moving model to itself."""
+    case = prepare(model(0.02, 0.006, 0.06), [rubbed(k) for k in (1, 2)])
+    for one in case.prediction.residuals({}):
+        assert np.sqrt(np.mean(one["motion"] ** 2)) < 4.0 * case.replay.angle_std
+
+
+@pytest.mark.parametrize("friction", [{}, {"viscous": 0.1}, {"coulomb": 0.2}])
+def test_dry_friction_is_as_steep_as_at_the_usual_speed(friction):
+    """A tanh of 0.01 rad/s is whole at 2 rad/s, and at rest 200 times as steep as from there to there."""
+    braking = model(0.5, **friction).in_motion(np.array([2.0]))[1, 1]
+    assert braking == pytest.approx(-(friction.get("viscous", 0.0) + friction.get("coulomb", 0.0) / 2.0) / 0.5)
+    assert np.array_equal(model(0.5, **friction).in_motion(np.zeros(1)), model(0.5, **friction).linearised()[0])
+
+
+@pytest.mark.parametrize(("every", "late_s"), [(5, 0.005), (5, 0.02), (1, 0.01), (20, 0.04)])
+def test_torques_that_are_stamped_late_are_set_to_the_tick(every, late_s):
+    runs = [Clock("torque", 1.0, late_s).apply(run(k, 0.02, push=0.01, every=every)) for k in (1, 2)]
+    found = di.explain(model(0.02), runs, effects=told_apart("viscous_friction", "command_delay", "motor_lag"))
+    assert found.verdict == "none"
+    assert [(one.fault, one.channel, one.repairs[0].offset_s) for one in found.data] == [
+        ("clock_offset", "torque", pytest.approx(-late_s))
+    ]
+
+
+@pytest.mark.parametrize("every", [1, 5, 20])
+@pytest.mark.parametrize("lacking", [{}, {"viscous": 0.01}, {"sag_per_s": 0.012}], ids=str)
+def test_whatever_a_drive_lacks_its_torques_are_not_late(lacking, every):
+    case = prepare(model(0.02), [run(k, 0.02, push=0.03, every=every, **lacking) for k in (1, 2)])
+    assert with_clocks_set(case, ["a", "b"]) == (case, [])
+
+
+def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive():
+    """One run in eight is off by more than twice what they leave on the average."""
+    few = told_apart("viscous_friction")
+    answers = [di.explain(model(0.033, 0.0033), run(k, 0.033, 0.0033, push=0.05), effects=few) for k in range(24)]
+    assert sum(answer.verdict != "none" for answer in answers) <= 1

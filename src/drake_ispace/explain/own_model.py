@@ -198,6 +198,32 @@ class OwnModel:
             )
         return a, b, c
 
+    def in_motion(self, speeds: np.ndarray) -> np.ndarray:
+        """(m, m) A of `linearised` for wheels that turn to and fro at `speeds` (n,) [rad/s].
+
+        Dry friction is steep about rest and level elsewhere: a filter that takes it for as steep everywhere does not
+        hold a model that moves.
+        """
+        a, b, c = self.linearised()
+        kicks, changes = _kicks(a, b, c), []
+        for kick, speed in zip(kicks.T, speeds, strict=True):
+            changes.append(self._change_by(speed * kick) / speed if speed > 0.0 else a @ kick)
+        steeper = np.column_stack(changes) - a @ kicks
+        return a + steeper @ c @ a if np.isfinite(steeper).all() else a
+
+    def _change_by(self, kick: np.ndarray) -> np.ndarray:
+        """(m,) half the difference of the derivatives at a change `kick` (m,) of the default state and at its opposite.
+        """
+        context = self.plant.CreateDefaultContext()
+        self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
+        start = context.get_continuous_state_vector().CopyToVector()
+        ahead, back = (self._derivatives(context, start + sense * kick) for sense in (1.0, -1.0))
+        return 0.5 * (ahead - back)
+
+    def _derivatives(self, context, state):
+        context.SetContinuousState(state)
+        return self.plant.EvalTimeDerivatives(context).CopyToVector()
+
     @property
     def robot(self) -> OwnRobot:
         """The plant as a robot."""
@@ -216,20 +242,10 @@ class OwnModel:
 
         Empty where a torque drives its own wheel backward, or the plant gives no numbers at some speed.
         """
-        context = self.plant.CreateDefaultContext()
-        self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
-        start = context.get_continuous_state_vector().CopyToVector()
-        mobility, torques = c @ a @ b, []
-        kicks = b @ np.linalg.inv(mobility)  # (m, n) change of the state that turns a wheel by 1 rad/s
-
-        def acceleration(state):
-            context.SetContinuousState(state)
-            return c @ a @ self.plant.EvalTimeDerivatives(context).CopyToVector()
-
-        for kick in kicks.T:
+        mobility, torques, change = c @ a @ b, [], self._change_by
+        for kick in _kicks(a, b, c).T:
             for speed in _SPEEDS_RAD_S:
-                change = acceleration(start + speed * kick) - acceleration(start - speed * kick)
-                torques.append(-0.5 * np.linalg.solve(mobility, change))
+                torques.append(-np.linalg.solve(mobility, c @ a @ change(speed * kick)))
         braking = np.reshape(torques, (self.wheels, len(_SPEEDS_RAD_S), self.wheels))
         braking = np.einsum("isi->is", braking)  # (n, speeds) of each wheel by its own speed
         if not np.isfinite(braking).all() or np.diag(mobility).min() <= 0.0:
@@ -239,3 +255,8 @@ class OwnModel:
             "viscous_n_m_s": max(float((braking / _SPEEDS_RAD_S).min()), 0.0),
             "coulomb_n_m": max(float(dry.max(axis=1).min()), 0.0),
         }
+
+
+def _kicks(a, b, c) -> np.ndarray:
+    """(m, n) changes of the state that turn one wheel by 1 rad/s."""
+    return b @ np.linalg.inv(c @ a @ b)

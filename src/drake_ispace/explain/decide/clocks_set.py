@@ -2,9 +2,11 @@
 
 Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing
 that a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
-come too early or the IMU at other times, whatever it lacks.
+come too early or the IMU at other times, whatever it lacks. Of a user's own plant that is only so for what friction
+cannot explain: where motion is slow and samples are rare, missing friction looks like a motion that leads its torque.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -15,6 +17,9 @@ from drake_ispace.effects.places.velocity import VelocityDelay
 from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
+from drake_ispace.explain.decide.survey.signatures import signatures
+from drake_ispace.explain.decide.survey.view import scales_of
+from drake_ispace.explain.fit.candidates import Candidate, candidates
 from drake_ispace.explain.predict.case import Case, part_of
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.stretches import MOST_S
@@ -30,10 +35,13 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
     names: of all runs.
     """
     robot, prediction = case.replay.body.robot, case.prediction
-    if case.scenario is None or not prediction.channels["motion"]:
+    if not case.is_filtered or not prediction.channels["motion"]:
         return case, []
-    driven, found = robot.driven, _Clocks(prediction)
-    if driven == COMMAND:
+    frictions = {}
+    if case.scenario is None:
+        frictions = {name: e for name, e in case.effects_to_try.items() if e.card.home == "transmission"}
+    driven, found = robot.driven, _Clocks(prediction, candidates(frictions, case.replay.body))
+    if driven == COMMAND or case.scenario is None:  # its samples may be rare, or the motion slow
         channel, ticks = driven, found.late(driven)
     else:
         senses = [(driven, 1), (driven, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
@@ -49,16 +57,23 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
 
 
 class _Clocks:
-    """What residuals leave if a channel was so many ticks earlier than its stamps say."""
+    """What residuals leave if a channel was so many ticks earlier than its stamps say.
 
-    def __init__(self, prediction: Prediction):
+    candidates: effects that the model may lack, so that what they explain does not count.
+    """
+
+    def __init__(self, prediction: Prediction, candidates: Sequence[Candidate]):
         lasted = np.cumsum([0] + [track.ticks * TICK_S for track in prediction.tracks])
         self._prediction = part_of(prediction, slice(int(np.searchsorted(lasted, MOST_S))))  # others say the same
         self.left = cache(self._left)
+        base = self._prediction.residuals({}) if candidates else []
+        found = signatures(self._prediction, {}, candidates, scales_of(self._prediction), base)
+        self._lacking = [[s.change[i]["motion"] for s in found] for i in range(len(self._prediction.tracks))]
 
     def _left(self, channel, ticks):
         tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks]
-        return _surprise(replace(self._prediction, tracks=tracks))
+        moved = replace(self._prediction, tracks=tracks).residuals({})
+        return sum(_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True))
 
     def near(self, channel: str, sense: int) -> tuple[str, int]:
         """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
@@ -73,27 +88,41 @@ class _Clocks:
         Nor is it by up to half a sample, by which changes between samples are logged late on the average, or where the
         robot might as well follow late.
         """
-        most, half_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks) / 2.0
+        most, step_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks)
         ticks = min(range(most + 1), key=lambda ticks: self.left(channel, ticks))
         least = self.left(channel, ticks)
-        if not least < self.left(channel, 0) - LEAST_FURTHER or ticks * TICK_S < half_s + 0.5 * TICK_S:
+        is_within_sample = 2 * ticks - 1 < round(step_s / TICK_S, 6)  # it is known to half a tick
+        if not least < self.left(channel, 0) - LEAST_FURTHER or is_within_sample:
             return 0
         latest = round(VelocityDelay.parameters[0].high / TICK_S)
         return ticks if all(self.left(channel, -delay) > least for delay in range(1, latest + 1)) else 0
 
 
-def _surprise(prediction: Prediction) -> float:
-    """-2 log likelihood, up to a constant, of what the residuals' past does not tell of the encoders' and the IMU's.
+def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float:
+    """-2 log likelihood, up to a constant, of what the past of residuals (k, p) of encoders and IMU does not tell.
 
-    Slow errors, such as those of forces, do not count.
+    Slow errors, such as those of forces, do not count, nor does what the changes (k, p) in `lacking` explain.
     """
-    found = 0.0
-    for run in prediction.residuals({}):
-        rows = run["motion"]
-        if len(rows) <= 2 * _PAST * rows.shape[1] or not np.isfinite(rows).all():
-            return np.inf
-        past = np.hstack([rows[_PAST - i - 1 : len(rows) - i - 1] for i in range(_PAST)])
-        scale = np.sqrt(np.mean(past**2, axis=0)) + 1e-300
-        left = rows[_PAST:] - past @ (np.linalg.lstsq(past / scale, rows[_PAST:], rcond=None)[0] / scale[:, None])
-        found += len(left) * np.linalg.slogdet(left.T @ left / len(left))[1]
-    return found
+    if len(rows) <= 2 * (_PAST * rows.shape[1] + len(lacking)) or not np.isfinite(rows).all():
+        return np.inf
+    if lacking:
+        told = _told_by_past(rows)
+        left = rows[_PAST:] - _past(rows) @ told
+        unit = 1.0 / (np.sqrt(np.mean(left**2, axis=0)) + 1e-300)
+        changes = [((change[_PAST:] - _past(change) @ told) * unit).ravel() for change in lacking]
+        amounts = np.linalg.lstsq(np.column_stack(changes), (left * unit).ravel(), rcond=None)[0]
+        rows = rows - np.tensordot(amounts, np.array(lacking), axes=1)
+    left = rows[_PAST:] - _past(rows) @ _told_by_past(rows)
+    return len(left) * float(np.linalg.slogdet(left.T @ left / len(left))[1])
+
+
+def _past(rows):
+    """(k - _PAST, _PAST p) the rows before each."""
+    return np.hstack([rows[_PAST - i - 1 : len(rows) - i - 1] for i in range(_PAST)])
+
+
+def _told_by_past(rows):
+    """(_PAST p, p) coefficients by which the rows before each predict it best."""
+    past = _past(rows)
+    scale = np.sqrt(np.mean(past**2, axis=0)) + 1e-300
+    return np.linalg.lstsq(past / scale, rows[_PAST:], rcond=None)[0] / scale[:, None]

@@ -13,6 +13,7 @@ from drake_ispace.explain.counts import smallest_step
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.filters import BANDWIDTH_RAD_S, CORRELATION_S, OTHER_NOISE
 from drake_ispace.explain.predict.follower import Filter, Follower, design
+from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.replay import Replay, Values, applicable
 from drake_ispace.explain.predict.room_view import LEAD_TICKS
 from drake_ispace.explain.predict.tracks import Track, read_ticks, track
@@ -126,7 +127,8 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
     if missing := set(model.effects) - set(every):
         raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
-    filters = [_filter(model, tracks, factors, (a, b, c)) for factors in assumed]
+    moving = model.in_motion(_usual_speeds(tracks, n)), b, c
+    filters = [_filter(model, tracks, factors, moving) for factors in assumed]
     filter = lambda plant, changed=None: filters[0 if changed is None else 1 + changed]  # noqa: E731
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
@@ -174,6 +176,12 @@ def _filter(model, tracks, factors, linear) -> Filter:
     value = solve_continuous_are(a, b, c.T @ c + 1e-12 * np.eye(len(a)), effort)
     feedback = np.linalg.solve(effort, b.T @ value)
     return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n), read_ticks(tracks))
+
+
+def _usual_speeds(tracks, n) -> np.ndarray:
+    """(n,) root mean square speed of each wheel [rad/s]."""
+    speeds = np.vstack([wheel_speeds(track.measured[: track.ticks, :n]) for track in tracks])
+    return np.sqrt(np.mean(speeds**2, axis=0))
 
 
 def _unknown_torque(model, tracks) -> float:

@@ -121,11 +121,12 @@ def _too_noisy(noise, names):
 def too_large(
     after: Sequence[Errors], sensors: Mapping[Measure, float], chance: Mapping[Measure, float], names: Sequence[str],
     of_fixes: Mapping[tuple[str, str], float] = MappingProxyType({}),
+    most: Mapping[Measure, float] = MappingProxyType({}),
 ) -> list[Remainder]:
     """Where an error of the next samples, or of places and angles over longer times, is larger than it may be.
 
     after: errors of each run. sensors, chance: as of `remainders`. names: of the runs. of_fixes: as of
-        `left_by_fixes`.
+        `left_by_fixes`. most: measure -> size that noise hardly ever exceeds, where it is known.
     """
     found = []
     for m in sorted({m for run in after for m in run}):
@@ -134,7 +135,7 @@ def too_large(
         errors = [run[m] for run in after if m in run]
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
-        if size > max(TOO_LARGE[m.metric], _by_chance(m, errors)) * max(floor, 1e-300):
+        if size > max(max(TOO_LARGE[m.metric], _by_chance(m, errors)) * floor, most.get(m, 0.0), 1e-300):
             because = f"sensors and plausible process noise leave {floor:.2g} {m.unit}"
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"

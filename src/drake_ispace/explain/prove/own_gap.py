@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, unit_of
 from drake_ispace.explain.fit.likelihood import merged
@@ -15,9 +17,11 @@ from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.noise import DRAWS
 from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
+from drake_ispace.explain.threads import each
+
+_DRAWS = 200  # of unknown torques: what they leave of a single run is then known to a tenth
 
 
 def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
@@ -36,10 +40,10 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     rows, left = [], []
     for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
         columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
-        noise = _noise(case.prediction, tracks, answer, columns[1], seed)
+        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed)
         rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
         if runs == HELD_OUT or not parts:
-            left += too_large(columns[1], *noise, [track.name for track in tracks])
+            left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
     return Proof("held-out runs" if parts else "", rows, worst, None, answer.point, plain.point or None, plant=plant)
@@ -67,14 +71,23 @@ def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
 
 def _noise(
     prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
-) -> tuple[Mapping[Measure, float], Mapping[Measure, float]]:
-    """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves."""
-    replay, (absolute, relative) = prediction.replay, after[0]
-    changes = [
-        errors(replay, pushed(replay, track, [seed, 4, i, draw]), merged(sizes.point), sizes.plant).reshape(-1, 1)
-        - after[i][absolute] for i, track in enumerate(tracks) for draw in range(DRAWS)
-    ]
+) -> list[Mapping[Measure, float]]:
+    """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves.
+
+    Both are root mean squares; a third one is what these torques cause once in as many runs as there is a false alarm.
+    """
+    replay, (absolute, relative), values = prediction.replay, after[0], merged(sizes.point)
+
+    def drawn(draw):
+        return rms([
+            errors(replay, pushed(replay, track, [seed, 4, i, draw]), values, sizes.plant).reshape(-1, 1)
+            - after[i][absolute] for i, track in enumerate(tracks)
+        ])
+
+    squares = np.square(each(drawn, range(_DRAWS)))
+    chance = float(np.mean(squares))
+    freedom = 2.0 * chance**2 / max(float(np.var(squares)), 1e-300)  # of a chi square with their mean and variance
+    most = np.sqrt(chance * chi2.isf(FALSE_ALARM_RATE, freedom) / freedom) if chance else 0.0
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
     size = rms([after[0][absolute]]) / max(rms([after[0][relative]]), 1e-300)
-    sensors, chance = float(std), rms(changes)
-    return {absolute: sensors, relative: sensors / size}, {absolute: chance, relative: chance / size}
+    return [{absolute: one, relative: one / size} for one in (float(std), np.sqrt(chance), most)]
