@@ -60,3 +60,10 @@ def test_a_tolerance_goes_with_its_scale():
     friction = Parameter("torque_n_m", "N m", scale="torque", tolerance=0.1)
     tolerant = Candidate(Cause(), (), (PLAIN, friction))
     assert tolerant.tolerances({"torque": 2.0}) == [0.0, 0.2] and tolerant.tolerances({}) == [0.0, 0.1]
+
+
+def test_a_fit_goes_no_further_than_bounds_and_sums_allow():
+    own, extra = Parameter("own_s", "s", low=0.0, high=1.0), Parameter("extra_s", "s", low=-1.0, added_to="own_s")
+    both = Candidate(Cause(), (), (own, extra))
+    assert both.within([0.2, -0.1]) == [0.2, -0.1] and both.within([2.0, 3.0]) == [1.0, 3.0]
+    assert both.within([0.2, -0.5]) == [0.2, -0.2] and both.within([-0.3, -0.5]) == [0.0, 0.0]

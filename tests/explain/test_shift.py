@@ -14,10 +14,11 @@ from drake_ispace.explain.fit.shift import with_best_shift
 DELAY = Candidate(Made("delay", 0.0), (), (Parameter("delay_s", "s", low=0.0, high=0.06, shifts=True),))
 
 
-def best(deviance, start: float = 0.0) -> float:
-    """The best shift in ticks, from `start`; deviance: of a delay in ticks."""
+def best(deviance, start: float = 0.0, reads: int = 1) -> float:
+    """The best shift in ticks, from `start`; deviance: of a delay in ticks; reads: ticks from one to the next."""
     likelihood = SimpleNamespace(
         whitened=lambda point: np.array([point[DELAY][0] / TICK_S]), deviance=lambda w: float(deviance(w[0])),
+        prediction=SimpleNamespace(row_ticks=reads),
     )
     return with_best_shift(likelihood, {DELAY: [start * TICK_S]}, DELAY)[DELAY][0] / TICK_S
 
@@ -47,3 +48,14 @@ def test_delays_at_which_the_model_runs_away_are_left_out():
 
 def test_a_delay_that_does_better_stays():
     assert best(lambda ticks: abs(ticks - 2.2), start=2.2) == pytest.approx(2.2)
+
+
+@pytest.mark.parametrize("reads", [2, 4, 5])
+@pytest.mark.parametrize("delay", [0.0, 0.3, 3.7, 8.0, 12.0])
+def test_of_rare_reads_the_best_delay_is_found_between_them(reads, delay):
+    def rippled(ticks):
+        return 100.0 * (ticks - delay) ** 2 + 5.0 * np.sin(np.pi * (ticks - delay)) ** 2
+
+    looked_at = []
+    assert best(lambda ticks: looked_at.append(ticks) or rippled(ticks), reads=reads) == pytest.approx(delay, abs=0.1)
+    assert len(looked_at) <= 12 / reads + 4 * reads + 5

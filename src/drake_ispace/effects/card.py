@@ -32,6 +32,7 @@ class Parameter:
         shape: whether it changes nothing while the other parameters are neutral: where, or at which speed, they act.
         shifts: whether it moves steps in time. A small change of it then says nothing of a step that is far off, and a
             fit must begin near the best value.
+        added_to: name of a parameter that it is added to, the sum being at least zero; "": none.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Parameter:
     sensible: tuple[float, float] = (-math.inf, math.inf)
     shape: bool = False
     shifts: bool = False
+    added_to: str = ""
 
     def makes_sense(self, value: float) -> bool:
         """Whether a robot that drives about may have this value."""

@@ -152,7 +152,7 @@ class VelocityLag(Lag, VelocityEffect):
     )
     parameters = (
         Parameter("time_constant_s", "s", 0.0, 0.0, 1.0, (0.02, 0.1), tolerance=1e-3),
-        Parameter("turning_extra_s", "s", 0.0, -1.0, 1.0, (0.02,), tolerance=1e-3),
+        Parameter("turning_extra_s", "s", 0.0, -1.0, 1.0, (0.02,), tolerance=1e-3, added_to="time_constant_s"),
     )
     output, update = lagged, remember_lagged
 

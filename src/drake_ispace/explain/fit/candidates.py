@@ -78,6 +78,18 @@ class Candidate:
         within = [min(max(v, p.sensible[0]), p.sensible[1]) for p, v in zip(self.parameters, values, strict=True)]
         return [coordinate(p, value) for p, value in zip(self.parameters, within, strict=True)]
 
+    def within(self, z) -> list[float]:
+        """The coordinates nearest to `z` that a fit may reach: within bounds, and where no sum goes below zero.
+
+        Below zero a sum is taken for zero, so that nothing would tell a fit the way back.
+        """
+        found = [float(min(max(at, low), high)) for at, (low, high) in zip(z, self.bounds, strict=True)]
+        for i, parameter in enumerate(self.parameters):
+            if parameter.added_to:
+                other = next(at for p, at in zip(self.parameters, found, strict=True) if p.name == parameter.added_to)
+                found[i] = max(found[i], -other)
+        return found
+
     def tolerances(self, scales: Mapping[str, float]) -> list[float]:
         """By how much each coordinate of a sound robot may be off (standard deviations); scales: as of `probes`."""
         return [tolerance_of(p, scales) for p in self.parameters]

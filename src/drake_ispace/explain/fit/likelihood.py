@@ -118,9 +118,8 @@ class Likelihood:
         """The point after a step (k,) of the coordinates `order`, in natural sizes, as far as bounds allow."""
         moved = {candidate: list(z) for candidate, z in point.items()}
         for (candidate, i), change in zip(order, step, strict=True):
-            low, high = candidate.bounds[i]
-            moved[candidate][i] = float(min(max(moved[candidate][i] + change * self.sizes[candidate][i], low), high))
-        return moved
+            moved[candidate][i] += change * self.sizes[candidate][i]
+        return {candidate: candidate.within(z) for candidate, z in moved.items()}
 
     def slopes(self, point: Point, moved: Sequence[tuple[Candidate, int]], w: np.ndarray) -> np.ndarray:
         """(len(moved), rows) changes of the whitened residuals per natural size of each coordinate; w: at `point`."""

@@ -12,12 +12,17 @@ def with_best_shift(likelihood: Likelihood, point: Point, candidate: Candidate) 
     """The point with the candidate's one parameter, a shift in time, where the deviance is least; the rest stays.
 
     From tick to tick the shifted signal, and with it the residual, goes in a straight line, so that between two ticks
-    the deviance is a parabola. There may be a dip in each of them.
+    the deviance is a parabola. There may be a dip in each of them. Those are looked at that lie within a read of the
+    encoders of the best whole number of reads: from read to read the deviance has no dips of its own.
     """
     def deviance(z):
         return deviance_at(likelihood, {**point, candidate: [float(z)]})
 
-    ((low, high),) = candidate.bounds
+    ((low, high),), read_s = candidate.bounds, likelihood.prediction.row_ticks * TICK_S
+    if read_s > TICK_S:
+        reads = np.arange(low, high + 0.5 * read_s, read_s)
+        nearest = reads[int(np.argmin(each(deviance, reads)))]
+        low, high = max(nearest - read_s, low), min(nearest + read_s, high)
     halves = np.arange(low, high + 0.25 * TICK_S, 0.5 * TICK_S)
     found = np.array(each(deviance, halves))
     before, within, after = found[:-2:2], found[1:-1:2], found[2::2]

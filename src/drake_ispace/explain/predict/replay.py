@@ -35,6 +35,7 @@ from drake_ispace.wiring.effects import chosen_effects, splice_effects
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 Inputs = Callable[[Track, np.ndarray], dict[str, np.ndarray]]  # (run, run-time numbers) -> inputs of the rollout
 _WHOLE = 2.0  # tanh(2) = 0.96
+_LED = 16  # logs of the views of a run that are kept
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class Replay:
     settling_ticks: int = 0
     alone: tuple[np.ndarray, np.ndarray] | None = None
     _packed: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, repr=False)
+    _led: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, repr=False)
 
     @property
     def may_begin_late(self) -> bool:
@@ -135,13 +137,25 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         numbers = self.since(run, numbers)
-        logs = looks = self._logs(run, start, numbers, self.logged_inputs)
-        if self.alone is not None:
-            which, values = self.alone
-            numbers = numbers.copy()
-            numbers[which] = values
-            looks = self._logs(run, start, numbers, self._straight_inputs)
-        return self.shown(run, logs, looks)
+        logs = self._logs(run, start, numbers, self.logged_inputs)
+        return self.shown(run, logs, logs if self.alone is None else self._led_by_wheels(run, start, numbers))
+
+    def _led_by_wheels(self, run, start, numbers):
+        """The log of the views where wheels alone move the model: the same whatever lies between command and wheels.
+
+        The last ones are kept as long as the run is.
+        """
+        which, values = self.alone
+        numbers = numbers.copy()
+        numbers[which] = values
+        kept, key = self._led.setdefault(run, {}), (start.tobytes(), numbers.tobytes())
+        view = kept.get(key)
+        if view is None:
+            view = self._logs(run, start, numbers, self._straight_inputs)["view"]
+            while len(kept) >= _LED:
+                kept.pop(next(iter(kept)), None)  # another thread may have been here
+            kept[key] = view
+        return {"view": view}
 
     def shown(self, run: Track, logs: Mapping[str, np.ndarray], looks: Mapping[str, np.ndarray]):
         """As `run`, from the logs of a rollout, and of that which leads to the fixes."""
