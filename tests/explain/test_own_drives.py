@@ -92,6 +92,7 @@ def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
     runs = [run(k, 0.02, push=0.03, every=20) for k in (1, 2, 3)]
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "torque_slew_limit"))
     assert found.verdict == "none"
+    assert "training runs, ATE run, simulated wheel angle, relative (torque): 0." in str(found)
 
 
 @pytest.mark.parametrize("start_s", [0.0, 0.5, 1234.0, -3.0])
@@ -191,3 +192,13 @@ def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive():
     few = told_apart("viscous_friction")
     answers = [di.explain(model(0.033, 0.0033), run(k, 0.033, 0.0033, push=0.05), effects=few) for k in range(24)]
     assert sum(answer.verdict != "none" for answer in answers) <= 1
+
+
+@pytest.mark.parametrize(("every", "warned"), [(1, False), (4, True)])
+def test_torques_that_were_logged_more_rarely_than_the_encoder_are_said_to_be_held(every, warned):
+    whole = run(1, 0.02)
+    torque = whole.channels["torque"]
+    rare = replace(torque, t=torque.t[::every], values=torque.values[::every])
+    found = prepare(model(0.02), replace(whole, channels=whole.channels | {"torque": rare}))
+    assert found.warning.startswith("torque was logged every 20 ms, the encoder every 5 ms") == warned
+    assert bool(found.warning) == warned

@@ -118,8 +118,8 @@ def explain(
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
             add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
-    if case.shortened:
-        answer.warnings.append(case.shortened)
+    if case.warning:
+        answer.warnings.append(case.warning)
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")

@@ -256,11 +256,12 @@ class Explanation:
         return sorted([*self.drifts, *self.warnings], key=lambda warning: warning not in of_data)
 
     def gap_in_words(self) -> list[str]:
-        """The headline, and the places on unseen runs over each horizon."""
+        """The headline, and the places on unseen runs over each horizon; on the training runs if no other is left."""
         row = self.headline
         lines = [line for line in [gap_sentence(row, self.proof, bool(self.effects))] if line]
-        others = [other for other in self.gap if other.runs == HELD_OUT and is_place(other) and other is not row]
-        return lines + [short(other) for other in others]
+        unseen = [other for other in self.gap if other.runs == HELD_OUT]
+        others = [short(other) for other in unseen or self.gap if is_place(other) and other is not row]
+        return lines + (others if unseen else [f"training runs, {other}" for other in others])
 
     def save(self, path: str | Path) -> None:
         """Write the explanation as JSON, whole or not at all.

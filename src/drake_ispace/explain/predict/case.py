@@ -33,7 +33,8 @@ class Case:
         scenario: the model; None for a plant of the user's own. robot: its name. runs: the training runs as recorded.
         replay: the compiled prediction Diagram. prediction: of the training runs. held_out: of the held-out runs, None
             without any. kinds: kind of held-out runs -> which of them are of that kind, in the order of `held_out`.
-        shortened: a sentence if long runs are represented by stretches of them, else "".
+        warning: a sentence where runs stand for more than was recorded: stretches for long ones, or torques that are
+            held between rare samples; else "".
     """
 
     scenario: Scenario | None
@@ -43,7 +44,7 @@ class Case:
     prediction: Prediction
     held_out: Prediction | None
     kinds: Mapping[str, slice]
-    shortened: str = ""
+    warning: str = ""
 
     @property
     def is_filtered(self) -> bool:
@@ -97,14 +98,14 @@ def prepare(
     if not training:
         raise InputError("explain: there is no run, expected at least one")
     n, others = len(training), {kind: listed(some) for kind, some in kinds.items()}
-    shortened = ""
+    warning = ""
     loaded = [
         (name_of(run, i), run if isinstance(run, Recording) else load(run))
         for i, run in enumerate([*training, *(run for some in others.values() for run in some)])
     ]
     if scenario is None:
         robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
-        replay = own_replay(model, tracks[:n], effects)
+        replay, warning = own_replay(model, tracks[:n], effects), _held_between(tracks)
         tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
     else:
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
@@ -112,10 +113,10 @@ def prepare(
         replay = replay_of(scenario, known, channels, effects, read_ticks(tracks), coarsest_count(tracks))
         tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
         if known.driven == TORQUE:
-            tracks, n, others, shortened = _shortened(tracks, n, others, most_s, replay)
+            tracks, n, others, warning = _shortened(tracks, n, others, most_s, replay)
     case = Case(
         scenario, robot, [recording for _, recording in loaded[: len(training)]], replay, predict(replay, tracks[:n]),
-        predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), shortened,
+        predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), warning,
     )
     if scenario is not None:
         _check_comparable(case)
@@ -145,6 +146,17 @@ def _shortened(tracks, n, kinds, most_s, replay):
         ) if before and _seconds(after) < _seconds(before)
     ]
     return [*training, *held_out], len(training), found, "; ".join(said)
+
+
+def _held_between(tracks) -> str:
+    """That torques are taken as held between their samples, where the encoder was read at least twice as often."""
+    torque_s, read_s = max(track.command_step_s for track in tracks), read_ticks(tracks) * TICK_S
+    if torque_s < 2.0 * read_s:
+        return ""
+    return (
+        f"torque was logged every {1e3 * torque_s:.3g} ms, the encoder every {1e3 * read_s:.3g} ms: the torque is taken "
+        "as held in between, and one that changed there looks like a lag or a friction"
+    )
 
 
 def _seconds(tracks):
