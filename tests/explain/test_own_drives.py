@@ -181,10 +181,23 @@ def test_torques_that_are_stamped_late_are_set_to_the_tick(every, late_s):
 
 
 @pytest.mark.parametrize("every", [1, 5, 20])
+@pytest.mark.parametrize("effects", [None, ["command_delay", "motor_lag"]])
 @pytest.mark.parametrize("lacking", [{}, {"viscous": 0.01}, {"sag_per_s": 0.012}], ids=str)
-def test_whatever_a_drive_lacks_its_torques_are_not_late(lacking, every):
-    case = prepare(model(0.02), [run(k, 0.02, push=0.03, every=every, **lacking) for k in (1, 2)])
+def test_whatever_a_drive_lacks_its_torques_are_not_late(lacking, effects, every):
+    runs = [run(k, 0.02, push=0.03, every=every, **lacking) for k in (1, 2)]
+    case = prepare(model(0.02), runs, effects=effects and told_apart(*effects))
     assert with_clocks_set(case, ["a", "b"]) == (case, [])
+
+
+def test_a_drive_that_lacks_dry_friction_has_torques_that_are_not_late():
+    case = prepare(model(0.02), [rubbed(k, viscous=0.0) for k in (1, 2)])
+    assert with_clocks_set(case, ["a", "b"]) == (case, [])
+
+
+def test_a_run_that_is_too_short_to_tell_hides_no_lateness():
+    runs = [Clock("torque", 1.0, 0.02).apply(run(k, 0.02, push=0.01, seconds=s)) for k, s in ((1, 12.0), (2, 0.3))]
+    (finding,) = with_clocks_set(prepare(model(0.02), runs), ["a", "b"])[1]
+    assert finding.repairs[0].offset_s == pytest.approx(-0.02)
 
 
 def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive():

@@ -9,7 +9,7 @@ that the user adds; none changes a parameter of the plant. There is no room and 
 model, and the `encoder` is compared.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -205,24 +205,24 @@ class OwnModel:
         hold a model that moves.
         """
         a, b, c = self.linearised()
-        kicks, changes = _kicks(a, b, c), []
+        kicks, change, changes = _kicks(a, b, c), self._change(), []
         for kick, speed in zip(kicks.T, speeds, strict=True):
-            changes.append(self._change_by(speed * kick) / speed if speed > 0.0 else a @ kick)
+            changes.append(change(speed * kick) / speed if speed > 0.0 else a @ kick)
         steeper = np.column_stack(changes) - a @ kicks
         return a + steeper @ c @ a if np.isfinite(steeper).all() else a
 
-    def _change_by(self, kick: np.ndarray) -> np.ndarray:
-        """(m,) half the difference of the derivatives at a change `kick` (m,) of the default state and at its opposite.
-        """
+    def _change(self) -> Callable[[np.ndarray], np.ndarray]:
+        """A function of a change (m,) of the default state: (m,) half the difference of the derivatives there and at
+        the opposite change."""
         context = self.plant.CreateDefaultContext()
         self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
         start = context.get_continuous_state_vector().CopyToVector()
-        ahead, back = (self._derivatives(context, start + sense * kick) for sense in (1.0, -1.0))
-        return 0.5 * (ahead - back)
 
-    def _derivatives(self, context, state):
-        context.SetContinuousState(state)
-        return self.plant.EvalTimeDerivatives(context).CopyToVector()
+        def derivatives(state):
+            context.SetContinuousState(state)
+            return self.plant.EvalTimeDerivatives(context).CopyToVector()
+
+        return lambda kick: 0.5 * (derivatives(start + kick) - derivatives(start - kick))
 
     @property
     def robot(self) -> OwnRobot:
@@ -242,7 +242,7 @@ class OwnModel:
 
         Empty where a torque drives its own wheel backward, or the plant gives no numbers at some speed.
         """
-        mobility, torques, change = c @ a @ b, [], self._change_by
+        mobility, torques, change = c @ a @ b, [], self._change()
         for kick in _kicks(a, b, c).T:
             for speed in _SPEEDS_RAD_S:
                 torques.append(-np.linalg.solve(mobility, c @ a @ change(speed * kick)))

@@ -260,8 +260,8 @@ class Explanation:
         row = self.headline
         lines = [line for line in [gap_sentence(row, self.proof, bool(self.effects))] if line]
         unseen = [other for other in self.gap if other.runs == HELD_OUT]
-        others = [short(other) for other in unseen or self.gap if is_place(other) and other is not row]
-        return lines + (others if unseen else [f"training runs, {other}" for other in others])
+        shown, where = (unseen, "") if unseen else (self.gap, "training runs, ")
+        return lines + [where + short(other) for other in shown if is_place(other) and other is not row]
 
     def save(self, path: str | Path) -> None:
         """Write the explanation as JSON, whole or not at all.

@@ -2,8 +2,9 @@
 
 Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing
 that a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
-come too early or the IMU at other times, whatever it lacks. Of a user's own plant that is only so for what friction
-cannot explain: where motion is slow and samples are rare, missing friction looks like a motion that leads its torque.
+come too early or the IMU at other times, whatever it lacks. Of a user's own plant that is only so for what its
+transmission cannot explain: where motion is slow and samples are rare, missing friction looks like a motion that leads
+its torque.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from functools import cache
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.places.actuator import CommandDelay
 from drake_ispace.effects.places.velocity import VelocityDelay
 from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.finding import Finding, named
@@ -37,12 +39,16 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
     robot, prediction = case.replay.body.robot, case.prediction
     if not case.is_filtered or not prediction.channels["motion"]:
         return case, []
-    frictions = {}
-    if case.scenario is None:
-        frictions = {name: e for name, e in case.effects_to_try.items() if e.card.home == "transmission"}
-    driven, found = robot.driven, _Clocks(prediction, candidates(frictions, case.replay.body))
-    if driven == COMMAND or case.scenario is None:  # its samples may be rare, or the motion slow
-        channel, ticks = driven, found.late(driven)
+    driven, is_own, lacking = robot.driven, case.scenario is None, []
+    if is_own:
+        of_transmission = {name: e for name, e in case.effects_to_try.items() if e.card.home == "transmission"}
+        if not of_transmission:
+            return case, []
+        lacking = candidates(of_transmission, case.replay.body)
+    found = _Clocks(prediction, lacking)
+    if driven == COMMAND or is_own:  # its samples may be rare, or the motion slow
+        delay = VelocityDelay if driven == COMMAND else CommandDelay
+        channel, ticks = driven, found.late(driven, round(delay.parameters[0].high / TICK_S))
     else:
         senses = [(driven, 1), (driven, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
         channel, ticks = min((found.near(*one) for one in senses), key=lambda one: found.left(*one))
@@ -59,21 +65,24 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
 class _Clocks:
     """What residuals leave if a channel was so many ticks earlier than its stamps say.
 
-    candidates: effects that the model may lack, so that what they explain does not count.
+    lacking: effects that the model may lack, so that what they explain does not count.
     """
 
-    def __init__(self, prediction: Prediction, candidates: Sequence[Candidate]):
+    def __init__(self, prediction: Prediction, lacking: Sequence[Candidate]):
         lasted = np.cumsum([0] + [track.ticks * TICK_S for track in prediction.tracks])
         self._prediction = part_of(prediction, slice(int(np.searchsorted(lasted, MOST_S))))  # others say the same
         self.left = cache(self._left)
-        base = self._prediction.residuals({}) if candidates else []
-        found = signatures(self._prediction, {}, candidates, scales_of(self._prediction), base)
-        self._lacking = [[s.change[i]["motion"] for s in found] for i in range(len(self._prediction.tracks))]
+        self._lacking = [[] for _ in self._prediction.tracks]
+        if lacking:
+            base, scales = self._prediction.residuals({}), scales_of(self._prediction)
+            found = {(s.candidate, s.at): s.change for s in signatures(self._prediction, {}, lacking, scales, base)}
+            self._lacking = [[change[i]["motion"] for change in found.values()] for i in range(len(base))]
 
     def _left(self, channel, ticks):
         tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks]
         moved = replace(self._prediction, tracks=tracks).residuals({})
-        return sum(_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True))
+        known = [_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True)]
+        return sum(left for left in known if left is not None) if any(left is not None for left in known) else np.inf
 
     def near(self, channel: str, sense: int) -> tuple[str, int]:
         """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
@@ -82,11 +91,11 @@ class _Clocks:
             ticks += sense
         return channel, ticks
 
-    def late(self, channel: str) -> int:
+    def late(self, channel: str, latest: int) -> int:
         """By how many ticks within a latency the channel is late, whatever lies between; 0 where it is not.
 
         Nor is it by up to half a sample, by which changes between samples are logged late on the average, or where the
-        robot might as well follow late.
+        robot might as well follow late, by up to `latest` ticks.
         """
         most, step_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks)
         ticks = min(range(most + 1), key=lambda ticks: self.left(channel, ticks))
@@ -94,16 +103,18 @@ class _Clocks:
         is_within_sample = 2 * ticks - 1 < round(step_s / TICK_S, 6)  # it is known to half a tick
         if not least < self.left(channel, 0) - LEAST_FURTHER or is_within_sample:
             return 0
-        latest = round(VelocityDelay.parameters[0].high / TICK_S)
         return ticks if all(self.left(channel, -delay) > least for delay in range(1, latest + 1)) else 0
 
 
-def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float:
+def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float | None:
     """-2 log likelihood, up to a constant, of what the past of residuals (k, p) of encoders and IMU does not tell.
 
     Slow errors, such as those of forces, do not count, nor does what the changes (k, p) in `lacking` explain.
+    None of a run that is too short to tell; infinite where the model runs away.
     """
-    if len(rows) <= 2 * (_PAST * rows.shape[1] + len(lacking)) or not np.isfinite(rows).all():
+    if len(rows) <= 2 * (_PAST * rows.shape[1] + len(lacking)):
+        return None
+    if not np.isfinite(rows).all():
         return np.inf
     if lacking:
         told = _told_by_past(rows)

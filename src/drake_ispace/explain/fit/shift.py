@@ -5,6 +5,7 @@ import numpy as np
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Likelihood, Point, deviance_at
+from drake_ispace.explain.predict.tracks import read_ticks
 from drake_ispace.explain.threads import each
 
 
@@ -18,10 +19,11 @@ def with_best_shift(likelihood: Likelihood, point: Point, candidate: Candidate) 
     def deviance(z):
         return deviance_at(likelihood, {**point, candidate: [float(z)]})
 
-    ((low, high),), read_s = candidate.bounds, likelihood.prediction.row_ticks * TICK_S
+    ((low, high),) = candidate.bounds
+    read_s = min(read_ticks([track]) for track in likelihood.prediction.tracks) * TICK_S
     if read_s > TICK_S:
-        reads = np.arange(low, high + 0.5 * read_s, read_s)
-        nearest = reads[int(np.argmin(each(deviance, reads)))]
+        reads = np.minimum(np.arange(low, high + read_s, read_s), high)
+        nearest = reads[int(np.argmin(np.nan_to_num(each(deviance, reads), nan=np.inf)))]
         low, high = max(nearest - read_s, low), min(nearest + read_s, high)
     halves = np.arange(low, high + 0.25 * TICK_S, 0.5 * TICK_S)
     found = np.array(each(deviance, halves))

@@ -41,4 +41,4 @@ class Begun:
         for name, rows in segments.logs.items():
             rows[:since] = self._logs[name][:since]
         logs = segments.run(since, self._last, tuple(part.copy() for part in self._states[since]), self._numbers)
-        return self._replay.shown(other, logs, logs)
+        return self._replay.shown(other, logs)

@@ -154,8 +154,8 @@ def _held_between(tracks) -> str:
     if torque_s < 2.0 * read_s:
         return ""
     return (
-        f"torque was logged every {1e3 * torque_s:.3g} ms, the encoder every {1e3 * read_s:.3g} ms: the torque is taken "
-        "as held in between, and one that changed there looks like a lag or a friction"
+        f"torque was logged every {1e3 * torque_s:.3g} ms, the encoder every {1e3 * read_s:.3g} ms: the torque is "
+        "taken as held in between, and one that changed there looks like a lag or a friction"
     )
 
 

@@ -35,7 +35,7 @@ from drake_ispace.wiring.effects import chosen_effects, splice_effects
 Values = Mapping[str, Mapping[str, float]]  # effect -> parameter -> value
 Inputs = Callable[[Track, np.ndarray], dict[str, np.ndarray]]  # (run, run-time numbers) -> inputs of the rollout
 _WHOLE = 2.0  # tanh(2) = 0.96
-_LED = 16  # logs of the views of a run that are kept
+_LED = 16  # innovations of the fixes of a run, under other run-time numbers each, that are kept
 
 
 @dataclass(frozen=True)
@@ -137,11 +137,11 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         numbers = self.since(run, numbers)
-        logs = self._logs(run, start, numbers, self.logged_inputs)
-        return self.shown(run, logs, logs if self.alone is None else self._led_by_wheels(run, start, numbers))
+        innovations, fixes = self.shown(run, self._logs(run, start, numbers, self.logged_inputs))
+        return innovations, fixes if self.alone is None else self._led_by_wheels(run, start, numbers)
 
     def _led_by_wheels(self, run, start, numbers):
-        """The log of the views where wheels alone move the model: the same whatever lies between command and wheels.
+        """(k, 3) innovations of the fixes where wheels alone move the model: the same whatever lies before the wheels.
 
         The last ones are kept as long as the run is.
         """
@@ -149,17 +149,18 @@ class Replay:
         numbers = numbers.copy()
         numbers[which] = values
         kept, key = self._led.setdefault(run, {}), (start.tobytes(), numbers.tobytes())
-        view = kept.get(key)
-        if view is None:
-            view = self._logs(run, start, numbers, self._straight_inputs)["view"]
-            while len(kept) >= _LED:
-                kept.pop(next(iter(kept)), None)  # another thread may have been here
-            kept[key] = view
-        return {"view": view}
+        fixes = kept.pop(key, None)
+        if fixes is None:
+            fixes = self.shown(run, self._logs(run, start, numbers, self._straight_inputs))[1]
+        for oldest in list(kept)[: len(kept) + 1 - _LED]:  # another thread may have been here
+            kept.pop(oldest, None)
+        kept[key] = fixes
+        return fixes
 
-    def shown(self, run: Track, logs: Mapping[str, np.ndarray], looks: Mapping[str, np.ndarray]):
-        """As `run`, from the logs of a rollout, and of that which leads to the fixes."""
-        return logs["innovation"][1 : run.ticks + 1], looks["view"][run.fix_rows + 1]
+    @staticmethod
+    def shown(run: Track, logs: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """As `run`, from the logs of a rollout."""
+        return logs["innovation"][1 : run.ticks + 1], logs["view"][run.fix_rows + 1]
 
     def _logs(self, run, start, numbers, inputs):
         return self.rollout.run(

@@ -17,11 +17,12 @@ from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.noise import DRAWS
 from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
 from drake_ispace.explain.threads import each
 
-_DRAWS = 200  # of unknown torques: what they leave of a single run is then known to a tenth
+_DRAWS = 200  # of unknown torques where an answer is judged by them: what they leave is then known to a tenth
 
 
 def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
@@ -40,9 +41,10 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     rows, left = [], []
     for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
         columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
-        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed)
+        is_judged = runs == HELD_OUT or not parts
+        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed, _DRAWS if is_judged else DRAWS)
         rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
-        if runs == HELD_OUT or not parts:
+        if is_judged:
             left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
@@ -70,11 +72,11 @@ def _errors(replay, tracks, sizes: Sizes) -> list[Errors]:
 
 
 def _noise(
-    prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int
+    prediction: Prediction, tracks: Sequence, sizes: Sizes, after: Sequence[Errors], seed: int, draws: int
 ) -> list[Mapping[Measure, float]]:
     """Errors that the encoder's noise, and unknown torques as strong as the model assumes, cause by themselves.
 
-    Both are root mean squares; a third one is what these torques cause once in as many runs as there is a false alarm.
+    Both are root mean squares; a third one is exceeded by these torques as rarely as a false alarm may be.
     """
     replay, (absolute, relative), values = prediction.replay, after[0], merged(sizes.point)
 
@@ -84,7 +86,7 @@ def _noise(
             - after[i][absolute] for i, track in enumerate(tracks)
         ])
 
-    squares = np.square(each(drawn, range(_DRAWS)))
+    squares = np.square(each(drawn, range(draws)))
     chance = float(np.mean(squares))
     freedom = 2.0 * chance**2 / max(float(np.var(squares)), 1e-300)  # of a chi square with their mean and variance
     most = np.sqrt(chance * chi2.isf(FALSE_ALARM_RATE, freedom) / freedom) if chance else 0.0
