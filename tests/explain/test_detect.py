@@ -75,3 +75,8 @@ def test_an_effect_on_a_part_of_the_room_is_a_candidate_for_each_ninth_and_four_
     first, last = found[0].neutral, found[-1].neutral
     assert first == [0.0, -1.5, -0.5, -3.0, -1.0, 0.05] and last == [0.0, -0.5, 1.5, -1.0, 3.0, 0.05]
     assert all(set(c.values(c.neutral)) == {"force_n", *EDGES, "edge_m"} for c in found)
+
+
+def test_draws_of_noise_may_be_clearer_than_any_number_tells():
+    near, far = detect(3.0, TRIALS), detect(403.0, TRIALS + 400.0)
+    assert far.p_value == pytest.approx(near.p_value) and far.threshold == pytest.approx(near.threshold + 400.0)

@@ -66,7 +66,8 @@ def detect(minus_log10_p: float, largest: np.ndarray) -> Detection:
     effective number M of independent effects, which is taken from the upper tenth of the trials.
     """
     upper = np.quantile(largest, 0.9)
-    effective = -np.log(0.9) * 10.0**upper
-    p_value = float(-np.expm1(-effective * 10.0 ** (-minus_log10_p)))
-    threshold = float(np.log10(effective / -np.log1p(-FALSE_ALARM_RATE)))
+    log10_effective = np.log10(-np.log(0.9)) + upper
+    with np.errstate(over="ignore"):  # nothing is as clear as the draws
+        p_value = float(-np.expm1(-(10.0 ** (log10_effective - minus_log10_p))))
+    threshold = float(log10_effective - np.log10(-np.log1p(-FALSE_ALARM_RATE)))
     return Detection(p_value, float(minus_log10_p), threshold)
