@@ -81,8 +81,9 @@ class _Clocks:
     def _left(self, channel, ticks):
         tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks]
         moved = replace(self._prediction, tracks=tracks).residuals({})
-        known = [_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True)]
-        return sum(left for left in known if left is not None) if any(left is not None for left in known) else np.inf
+        by_run = (_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True))
+        known = [left for left in by_run if left is not None]
+        return sum(known) if known else np.inf
 
     def near(self, channel: str, sense: int) -> tuple[str, int]:
         """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
@@ -117,13 +118,15 @@ def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float | None:
     if not np.isfinite(rows).all():
         return np.inf
     if lacking:
-        told = _told_by_past(rows)
-        left = rows[_PAST:] - _past(rows) @ told
+        past = _past(rows)
+        told = _told_by(past, rows)
+        left = rows[_PAST:] - past @ told
         unit = 1.0 / (np.sqrt(np.mean(left**2, axis=0)) + 1e-300)
         changes = [((change[_PAST:] - _past(change) @ told) * unit).ravel() for change in lacking]
         amounts = np.linalg.lstsq(np.column_stack(changes), (left * unit).ravel(), rcond=None)[0]
         rows = rows - np.tensordot(amounts, np.array(lacking), axes=1)
-    left = rows[_PAST:] - _past(rows) @ _told_by_past(rows)
+    past = _past(rows)
+    left = rows[_PAST:] - past @ _told_by(past, rows)
     return len(left) * float(np.linalg.slogdet(left.T @ left / len(left))[1])
 
 
@@ -132,8 +135,7 @@ def _past(rows):
     return np.hstack([rows[_PAST - i - 1 : len(rows) - i - 1] for i in range(_PAST)])
 
 
-def _told_by_past(rows):
-    """(_PAST p, p) coefficients by which the rows before each predict it best."""
-    past = _past(rows)
+def _told_by(past, rows):
+    """(_PAST p, p) coefficients by which the past of rows (k, p) predicts them best."""
     scale = np.sqrt(np.mean(past**2, axis=0)) + 1e-300
     return np.linalg.lstsq(past / scale, rows[_PAST:], rcond=None)[0] / scale[:, None]

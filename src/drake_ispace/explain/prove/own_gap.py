@@ -22,7 +22,7 @@ from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
 from drake_ispace.explain.threads import each
 
-_DRAWS = 200  # of unknown torques where an answer is judged by them: what they leave is then known to a tenth
+_JUDGING_DRAWS = 200  # of unknown torques, by which an answer is judged: what they leave is then known to a tenth
 
 
 def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
@@ -42,7 +42,8 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
         columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
         is_judged = runs == HELD_OUT or not parts
-        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed, _DRAWS if is_judged else DRAWS)
+        draws = _JUDGING_DRAWS if is_judged else DRAWS
+        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed, draws)
         rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
         if is_judged:
             left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
