@@ -58,7 +58,7 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import joined, prepare
 from drake_ispace.explain.predict.stretches import MOST_S
-from drake_ispace.explain.prove.own_gap import prove_own
+from drake_ispace.explain.prove.own.gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
 from drake_ispace.robots.robot import COMMAND
@@ -146,8 +146,7 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
     answer = answered(decision)
     if not case.is_filtered:
         return decision, answer
-    if answer.verdict == "incomplete":
-        decision, answer = _with_asked(decision, answer, answered)
+    decision, answer = _with_asked(decision, answer, answered)
     if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
         decision, answer = _with_further(decision, answer, answered)
     doubted = answer.verdict == "incomplete" and decision.otherwise is not None
@@ -163,15 +162,20 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
 
 
 def _with_asked(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision with what training runs ask for as long as unseen runs have no more too much, and its answer."""
-    while answer.verdict == "incomplete" and decision.asked is not None and (asked := decision.asked()) is not None:
-        effect, point = asked
-        other = decision.renamed(replace(decision, kept=(*decision.kept, effect)), point)
-        left = answered(other)
-        if _too_large(left) > _too_large(answer):
+    """The decision with what training runs ask for as long as unseen runs have no more too much, and its answer.
+
+    Where nothing was detected, what they ask for must suffice.
+    """
+    further, left = decision, answer
+    while further.asked is not None and (asked := further.asked()) is not None:
+        other = further.renamed(replace(further, kept=(*further.kept, asked.effect)), asked.point)
+        if asked.rivals is not None and asked.effect in other.named.point:
+            other.rivals[asked.effect] = asked.rivals
+        answer_with_it = answered(other)
+        if _too_large(answer_with_it) > _too_large(left):
             break
-        decision, answer = other, left
-    return decision, answer
+        further, left = other, answer_with_it
+    return (further, left) if answer.verdict == "incomplete" or _suffices(left) else (decision, answer)
 
 
 def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:

@@ -164,7 +164,6 @@ def offset(torque, offsets_n_m, out):
 class MotorOffset(TorqueEffect):
     """A constant torque added on the wheel that is named, 1 to n."""
 
-    general = False
     choices = ("wheel",)
     card = Card(
         name="motor_offset", title="Torque offset of one motor", home="actuator",

@@ -78,7 +78,6 @@ def one_coulomb(torque, wheel_rate, torques_n_m, speed_scale_rad_s, out):
 class SingleWheelFriction(TorqueEffect):
     """-C tanh(w / w_s) on the wheel that is named, 1 to n."""
 
-    general = False
     choices = ("wheel",)
     card = Card(
         name="single_wheel_friction", title="Friction of one wheel", home="transmission",
@@ -109,7 +108,6 @@ def one_way(torque, wheel_rate, torque_n_m, way, speed_scale_rad_s, out):
 class DirectionalFriction(TorqueEffect):
     """-C (1 + tanh(w / w_s)) / 2 on every wheel for C > 0: forwards only; -C (1 - tanh(w / w_s)) / 2 for C < 0."""
 
-    general = False
     card = Card(
         name="directional_friction", title="Friction in one direction", home="transmission",
         equation="tau' = tau - C for w > 0 where C > 0, tau' = tau - C for w < 0 where C < 0",

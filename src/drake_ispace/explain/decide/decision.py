@@ -57,6 +57,20 @@ class LeftOver:
     is_more: bool
 
 
+@dataclass(frozen=True)
+class Asked:
+    """An effect that the proof asks for.
+
+    Attributes:
+        effect: the effect. point: all effects that are to be named then. rivals: those that the proof cannot tell from
+            it; None: the proof does not say.
+    """
+
+    effect: Candidate
+    point: Point
+    rivals: list[Rival] | None = None
+
+
 @dataclass
 class Decision:
     """Which effects the runs support.
@@ -70,8 +84,7 @@ class Decision:
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
             them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
-            instead of a rival, and all that are to be named then, or None; None where the proof asks for nothing. kept:
-            effects that were asked for. renamed: turns a Decision into one that names the effects of a point.
+            instead of a rival, or None; None where the proof asks for nothing. kept: effects that were asked for. renamed: turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -86,7 +99,7 @@ class Decision:
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
     further: list[Point] = field(default_factory=list)
-    asked: "Callable[[], tuple[Candidate, Point] | None] | None" = None
+    asked: Callable[[], Asked | None] | None = None
     kept: tuple[Candidate, ...] = ()
     renamed: "Callable[[Decision, Point], Decision] | None" = None
 

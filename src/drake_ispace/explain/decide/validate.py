@@ -62,7 +62,7 @@ def validated_choice(
         raise InputError(f"{tracks[0].name}: is the only run, expected two at least: one half validates the other")
     scales, error_of_set = scales_of(prediction), {}
     for names in _sets(tried):
-        error_of_set[names] = _validated(replay, tracks, _start(names, scales))
+        error_of_set[names] = _validated(replay, tracks, start_of(names, scales))
         label = " + ".join(candidate.label for candidate in names) or "no effect"
         tell(f"{label}: {error_of_set[names]:.3g} {unit_of(replay)}")
     least_error = min(error_of_set.values())
@@ -72,7 +72,7 @@ def validated_choice(
     best = min(fewest, key=error_of_set.get)
     rivals = [names for names in fewest if names != best]
     base = fitted(replay, tracks, {})
-    return Choice(fitted(replay, tracks, _start(best, scales)) if best else base, base, rivals, error_of_set)
+    return Choice(fitted(replay, tracks, start_of(best, scales)) if best else base, base, rivals, error_of_set)
 
 
 def _sets(tried) -> list[_Set]:
@@ -95,7 +95,7 @@ def _parameters(names):
     return sum(len(candidate.parameters) for candidate in names)
 
 
-def _start(names: _Set, scales: Mapping[str, float]) -> Point:
+def start_of(names: Sequence[Candidate], scales: Mapping[str, float]) -> Point:
     """Each effect at its largest probe."""
     point = {}
     for candidate in names:

@@ -7,8 +7,7 @@ explains little is not. What is lacking then may add up over a run all the same,
 from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
-from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.fit.candidates import Candidate
+from drake_ispace.explain.decide.decision import Asked, Decision
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.free_run import Measure, Windows
@@ -20,7 +19,7 @@ from drake_ispace.robots.robot import COMMAND
 def asked_for(
     training: Prediction, windows: Sequence[Windows], decision: Decision, without: Sequence[Point],
     floors: Mapping[Measure, float], alone: Collection[int],
-) -> tuple[Candidate, Point] | None:
+) -> Asked | None:
     """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
 
     It is one that is not named, or a rival with more numbers in the place of a named effect. It must take away as much
@@ -32,7 +31,7 @@ def asked_for(
             alone: runs that are passed over: others do not tell their sizes.
 
     Returns:
-        The effect, and the effects to name instead; None where none takes away as much, where fewer than two runs can
+        None where none takes away as much, where fewer than two runs can
         be left out, or where torque drives the robot.
     """
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
@@ -53,5 +52,5 @@ def asked_for(
             continue
         left = left_with(found.without)
         if left < least:
-            best, least = (effect, {**point, effect: size}), left
+            best, least = Asked(effect, {**point, effect: size}), left
     return best

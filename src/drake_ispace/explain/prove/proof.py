@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from drake_ispace.explain.decide.decision import Asked
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.prove.gap import GapRow
@@ -43,5 +44,5 @@ class Proof:
     least_squares: dict[Candidate, list[float | None]] | None
     without: Sequence[Point] = ()
     plant: list[PlantParameter] = field(default_factory=list)
-    asked: Callable[[], tuple[Candidate, Point] | None] | None = None
+    asked: Callable[[], Asked | None] | None = None
     alone: list[str] = field(default_factory=list)

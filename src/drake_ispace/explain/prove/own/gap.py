@@ -1,12 +1,14 @@
 """The gap of a user's own plant: free-run simulations of whole runs on the recorded torque."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import UNNAMED
+from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.validate import Choice
@@ -18,7 +20,8 @@ from drake_ispace.explain.prove.adequacy import too_large
 from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.noise import DRAWS
-from drake_ispace.explain.prove.own_sizes import leads_nearer, pushed
+from drake_ispace.explain.prove.own.asked import asked_for_own
+from drake_ispace.explain.prove.own.sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
 from drake_ispace.explain.threads import each
 
@@ -49,7 +52,10 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
             left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
-    return Proof("held-out runs" if parts else "", rows, worst, None, answer.point, plain.point or None, plant=plant)
+    asks = isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS
+    asked = partial(asked_for_own, case.prediction, decision, bool(worst)) if asks else None
+    by, shown = "held-out runs" if parts else "", plain.point or None
+    return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
