@@ -51,3 +51,8 @@ def cut(prediction: Prediction, blocks: int) -> Prediction:
     """The model against equal blocks of the only run."""
     parts = equal_parts(prediction.tracks[0], blocks, prediction.replay.settling_ticks)
     return predict(prediction.replay, parts, tune=False)
+
+
+def in_parts(prediction: Prediction) -> Prediction:
+    """The model against runs of which each may be left out: all of them, or blocks of the only one."""
+    return prediction if len(prediction.tracks) > 1 else cut(prediction, blocks_in(prediction))

@@ -145,10 +145,17 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
             [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
         ]
-    yield Generic("spring_in_the_room", "force", "place", 3), [
-        [push(m, *_in_body_frame(m, force)) for m in motions]
-        for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
-    ]
+    ways = [m.angles.mean(axis=1) for m in motions]
+    if body.robot.in_room:
+        yield Generic("spring_in_the_room", "force", "place", 3), [
+            [push(m, *_in_body_frame(m, force)) for m in motions]
+            for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
+        ]
+    else:
+        longest = max(np.abs(way).max() for way in ways) or 1.0
+        yield Generic("spring_along_the_way", "force", "wheel angle", 1), [
+            [push(m, -way / longest) for m, way in zip(motions, ways, strict=True)]
+        ]
     if not _is_motion(motions, around, slice(2)):
         return
     yield Generic("drag_of_speed_squared", "force", "speed squared", 1), [
@@ -158,7 +165,6 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         [resist(m, np.exp(-m.t / WARM_S)) for m in motions], [resist(m, m.t / STRETCH_S) for m in motions],
     ]
     if not body.robot.in_room:
-        ways = [m.angles.mean(axis=1) for m in motions]
         low, high = min(way.min() for way in ways), max(way.max() for way in ways)
         along = [legvander((2.0 * way - low - high) / max(high - low, 1e-9), _DEGREES) for way in ways]
         yield Generic("resistance_along_the_way", "force", "place and direction", _DEGREES), [

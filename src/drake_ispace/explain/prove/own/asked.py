@@ -21,7 +21,7 @@ from drake_ispace.explain.fit.likelihood import deviance_at
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.left_out import blocks_in, cut
+from drake_ispace.explain.prove.left_out import in_parts
 from drake_ispace.explain.threads import each
 
 _SHARES = (1.0, 0.25, 0.0625)  # of its largest usual size, from which a fit of an effect may begin
@@ -40,7 +40,7 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
     Returns:
         None where no effect is as clear, or where there is nothing to leave out.
     """
-    replay, tracks = prediction.replay, _parts(prediction)
+    replay, tracks = prediction.replay, in_parts(prediction).tracks
     if len(tracks) < 2:
         return None
     named = {} if decision.named is None else decision.named.point
@@ -74,13 +74,6 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
         if found[other][1] < alike * least and found[other][2] < deviance + MARGIN and other.name != best.name:
             rivals.setdefault(other.name, Rival(other, found[other][2] - deviance))
     return Asked(best, sizes.point, list(rivals.values()))
-
-
-def _parts(prediction: Prediction) -> Sequence[Track]:
-    """The runs, or blocks of the only one."""
-    if len(prediction.tracks) > 1:
-        return prediction.tracks
-    return cut(prediction, blocks_in(prediction)).tracks
 
 
 def _fitted(replay, tracks, named, candidate: Candidate, scales) -> Sizes:
