@@ -13,8 +13,11 @@ _FINE = 10
 
 
 def cases(data: Path):
-    """(name, model, training runs, held out by kind, effects to try, function of run, effects and plant -> errors)."""
-    from emps_carriage import MASS_KG, RADIUS_M, ForceOffset, carriage, rail_runs
+    """(name, model, training runs, held out by kind, effects to try, function of run, effects and plant -> errors).
+
+    Effects to try: None for the whole library.
+    """
+    from emps_carriage import MASS_KG, RADIUS_M, carriage, rail_runs
     from regbot_motors import motors, voltage_steps
 
     import drake_ispace as di
@@ -22,7 +25,7 @@ def cases(data: Path):
     _, first, second = rail_runs(data)
     inertia = MASS_KG * RADIUS_M**2
     yield (
-        "EMPS", carriage(), [first], {"second half": [second]}, [*di.effects().values(), ForceOffset()],
+        "EMPS", carriage(), [first], {"second half": [second]}, None,
         lambda run, effects, plant: _angles(run, effects, lambda torque, w: torque / inertia),
     )
     runs, held_out = voltage_steps(data, None)
@@ -41,7 +44,7 @@ def _rates(run, effects, acceleration):
     t, torque = run.channels["torque"].t, run.channels["torque"].values
     viscous = effects.get("viscous_friction", {}).get("coefficient_n_m_s", 0.0)
     dry = effects.get("coulomb_friction", {}).get("torque_n_m", 0.0)
-    offset = effects.get("force_offset", {}).get("offset_n_m", 0.0)
+    offset = effects.get("motor_offset", {}).get("offset_n_m", 0.0)
     w, angle = np.zeros(torque.shape[1]), run.channels["encoder"].values[0].astype(float).copy()
     rates, angles = [], []
     for k, h in enumerate(np.append(np.diff(t), 0.0)):

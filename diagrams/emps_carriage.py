@@ -1,4 +1,4 @@
-"""A plant of one's own and an effect of one's own: EMPS, a carriage on a rail, and its runs.
+"""A plant of one's own: EMPS, a carriage on a rail, and its runs.
 
 M q'' = F, M = 95.1 kg (A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", 2019).
 """
@@ -10,9 +10,6 @@ import numpy as np
 
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.effect import Effect
-from drake_ispace.effects.wires import TorqueEffect
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.fit.free_run import error_of, fitted, measured, rms
@@ -51,24 +48,6 @@ class Carriage(Block):
         ))
 
 
-@kernel
-def shifted(torque, offset_n_m, out):
-    for i in range(out.shape[0]):
-        out[i] = torque[i] + offset_n_m
-
-
-class ForceOffset(TorqueEffect):
-    """tau + offset: a drive that pushes a little when told to rest."""
-
-    card = Card(
-        name="force_offset", title="Force offset", home="actuator", equation="tau' = tau + offset",
-        source="offset of the amplifier, a rail that is not level", signature="a constant unmodelled torque",
-        look_alikes=("coulomb_friction",), excitation="motion both ways: friction turns its sign, an offset does not",
-    )
-    parameters = (Parameter("offset_n_m", "N*m", 0.0, -np.inf, np.inf, (0.03, 0.1), "torque"),)
-    output = shifted
-
-
 def carriage() -> OwnModel:
     """The model."""
     return OwnModel(Carriage(), name="carriage")
@@ -85,16 +64,16 @@ def rail_runs(data: Path) -> tuple[Recording, Recording, Recording]:
     return whole, _part(whole, encoder.t[0], cut), _part(whole, cut, np.inf)
 
 
-def steps(model: OwnModel, run: Recording, answer: Explanation, effects: list[Effect]) -> list[dict]:
+def steps(model: OwnModel, run: Recording, answer: Explanation) -> list[dict]:
     """Relative errors of free-run simulations with one effect of the answer more at a time, their sizes fitted anew."""
     named = {effect.name: effect for effect in sorted(answer.effects, key=lambda effect: -effect.share)}
-    case = prepare(model, [run], effects=effects)
+    case = prepare(model, [run])
     tried = {candidate.name: candidate for candidate in candidates(case.replay.effects, case.replay.body)}
     tracks, point, found = case.prediction.tracks, {}, []
     size = rms(measured(case.replay, tracks[0]))
     for name, effect in {"none": None, **named}.items():
         if effect is not None:
-            point[tried[name]] = [parameter.estimate for parameter in effect.parameters.values()]
+            point[tried[name]] = [effect.parameters[p.name].estimate for p in tried[name].parameters]
         error = error_of(case.replay, tracks, fitted(case.replay, tracks, point))
         found.append({"effect": name, "relative_error": error / size})
     return found

@@ -43,7 +43,7 @@ def smaller(found, runs, horizon="run"):
     return 1.0 - row["after"] / row["before"]
 
 
-EMPS = {"viscous_friction", "coulomb_friction", "force_offset"}
+EMPS = {"viscous_friction", "coulomb_friction", "motor_offset"}
 
 
 def test_half_of_emps_names_all_three_terms_and_simulates_the_other_half_within_5_percent():

@@ -58,6 +58,7 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import joined, prepare
 from drake_ispace.explain.predict.stretches import MOST_S
+from drake_ispace.explain.prove.own.asked import is_missed
 from drake_ispace.explain.prove.own.gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
@@ -154,6 +155,8 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
         decision = decision.otherwise
         answer = answered(decision)
     decision, answer = _without_nonsense(decision, answer, answered)
+    if case.scenario is None and answer.verdict == "incomplete" and len(decision.named.point) > 1:
+        decision, answer = _without_least(case, decision, answer, answered)
     needed = _needed(case, decision, answer) if answer.effects else decision
     if needed is not decision and _suffices(without := answered(needed)):
         add_trace(without, answer)
@@ -205,6 +208,18 @@ def _without_nonsense(decision, answer, answered) -> tuple[Decision, Explanation
     other = decision.renamed(decision, kept) if kept else decision.without_effects()
     without = answered(other)
     add_nonsense(without, answer)
+    return other, without
+
+
+def _without_least(case, decision, answer, answered) -> tuple[Decision, Explanation]:
+    """The decision without the effect that explains least, and its answer, if that suffices and whole runs do not miss
+    the effect."""
+    least = min(decision.gains, key=decision.gains.get)
+    other = decision.renamed(decision, {c: z for c, z in decision.named.point.items() if c is not least})
+    without = answered(other)
+    if not _suffices(without) or is_missed(case.prediction, decision.named.point, least):
+        return decision, answer
+    add_trace(without, answer)
     return other, without
 
 

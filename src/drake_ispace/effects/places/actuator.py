@@ -10,7 +10,7 @@ import numpy as np
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, mix, one_wheel, scale, shift
+from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, mix, one_wheel, scale, shift, tolerated
 from drake_ispace.effects.wires import TorqueEffect
 
 
@@ -173,8 +173,11 @@ class MotorOffset(TorqueEffect):
         excitation="both directions and several headings: friction turns its sign with the wheel, a slope with the "
         "robot, a weak motor with the command",
     )
-    parameters = (Parameter("offset_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=0.008),)
     output = offset
+
+    def parameters_of(self, body):
+        tolerance = tolerated(body, 0.008)
+        return (Parameter("offset_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=tolerance),)
 
     def block_parameters(self, body, values):
         return {"offsets_n_m": one_wheel(body, values, values["offset_n_m"], 0.0)}

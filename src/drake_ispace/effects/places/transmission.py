@@ -10,7 +10,7 @@ from drake_ispace.blocks.functions import exp
 from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
-from drake_ispace.effects.places.shaping import one_wheel
+from drake_ispace.effects.places.shaping import one_wheel, tolerated
 from drake_ispace.effects.places.smooth import LEAST_SPEED_RAD_S, dry, slope_left, speed_scale, steepest_slope
 from drake_ispace.effects.wires import TorqueEffect, WheelAngleEffect
 
@@ -87,8 +87,11 @@ class SingleWheelFriction(TorqueEffect):
         excitation="both directions, at several torques: a weak motor misses in proportion to its command, an offset "
         "does not turn its sign with the wheel",
     )
-    parameters = (Parameter("torque_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.3), "torque", tolerance=0.008),)
     output = one_coulomb
+
+    def parameters_of(self, body):
+        tolerance = tolerated(body, 0.008)
+        return (Parameter("torque_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.3), "torque", tolerance=tolerance),)
 
     def applies_to(self, body):
         """Whether there is more than one wheel: of one it would be Coulomb friction."""
@@ -117,8 +120,11 @@ class DirectionalFriction(TorqueEffect):
         excitation="the same speeds forwards and backwards: Coulomb friction brakes both ways alike, an offset pushes "
         "one way and brakes the other",
     )
-    parameters = (Parameter("torque_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=0.008),)
     output = one_way
+
+    def parameters_of(self, body):
+        tolerance = tolerated(body, 0.008)
+        return (Parameter("torque_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=tolerance),)
 
     def block_parameters(self, body, values):
         torque = values["torque_n_m"]

@@ -84,7 +84,8 @@ class Decision:
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
             them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
-            instead of a rival, or None; None where the proof asks for nothing. kept: effects that were asked for. renamed: turns a Decision into one that names the effects of a point.
+            instead of a rival, or None; None where the proof asks for nothing. kept: effects that were asked for.
+            renamed: turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection

@@ -31,8 +31,7 @@ def asked_for(
             alone: runs that are passed over: others do not tell their sizes.
 
     Returns:
-        None where none takes away as much, where fewer than two runs can
-        be left out, or where torque drives the robot.
+        None where none takes away as much, where fewer than two runs can be left out, or where torque drives the robot.
     """
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
         return None

@@ -1,12 +1,12 @@
 """A further effect that free-run simulations of a user's own plant ask for.
 
-A filter that the measured motion holds hardly feels what adds up over a run, such as a small constant torque beside
-slow noise. Each run is therefore simulated with every effect in turn, whose size is fitted to the other runs. What is
-left of the error is mostly one slow motion of each wheel in each run, so that two squared errors are compared as those
-of so many independent numbers.
+A filter that the measured motion holds hardly feels what adds up over a run, such as a small friction of one wheel.
+Each run is therefore simulated with every effect in turn, whose size is fitted to the other runs. What is left of the
+error is mostly one slow motion of each wheel in each run, so that two squared errors are compared as those of so many
+independent numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.stats import f as fisher
@@ -17,14 +17,14 @@ from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.decide.validate import start_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.free_run import Sizes, errors_of, fitted
-from drake_ispace.explain.fit.likelihood import deviance_at
+from drake_ispace.explain.fit.likelihood import Point, deviance_at
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.left_out import in_parts
 from drake_ispace.explain.threads import each
 
-_SHARES = (1.0, 0.25, 0.0625)  # of its largest usual size, from which a fit of an effect may begin
+_SHARES = (1.0, 0.25, 0.0625)  # of its largest usual size, from the best of which a fit of an effect begins
 
 
 def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) -> Asked | None:
@@ -41,17 +41,15 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
         None where no effect is as clear, or where there is nothing to leave out.
     """
     replay, tracks = prediction.replay, in_parts(prediction).tracks
-    if len(tracks) < 2:
-        return None
     named = {} if decision.named is None else decision.named.point
     likelihood, taken = decision.end.likelihood, {candidate.name for candidate in named}
     tried = [candidate for candidate in likelihood.sizes if candidate.name not in taken]
-    numbers = len(tracks) * replay.body.wheels
-    level = FALSE_ALARM_RATE if is_lacking else FALSE_ALARM_RATE / max(len(tried), 1)
-    clearly, alike = fisher.isf([level, FALSE_ALARM_RATE], numbers, numbers)  # ratios of squared errors
-    base = fitted(replay, tracks, named)
-    before, refused = _left_out(replay, tracks, base), deviance_at(likelihood, named) + MARGIN
-    scales = scales_of(prediction)
+    if len(tracks) < 2 or not tried:
+        return None
+    clearly = _clearly(FALSE_ALARM_RATE / (1 if is_lacking else len(tried)), replay, tracks)
+    alike = _clearly(FALSE_ALARM_RATE, replay, tracks)
+    base, scales = fitted(replay, tracks, named), scales_of(prediction)
+    enough, refused = _left_out(replay, tracks, base) / clearly, deviance_at(likelihood, named) + MARGIN
 
     def found_with(candidate):
         """The Sizes with this effect, what they leave when each run is left out, and the deviance; None: no answer."""
@@ -59,37 +57,61 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
         z = sizes.point[candidate]
         if not candidate.makes_sense(z) or candidate.has_become_another(z):
             return None
-        if clearly * _squared(replay, tracks, sizes) > before:  # nor will it with runs left out
+        if _squared(replay, tracks, sizes) > enough:  # nor will it be less with runs left out
             return None
         deviance = deviance_at(likelihood, sizes.point)
         return (sizes, _left_out(replay, tracks, sizes), deviance) if deviance < refused else None
 
     found = {c: one for c, one in zip(tried, each(found_with, tried), strict=True) if one is not None}
-    best = min(found, key=lambda candidate: found[candidate][1], default=None)
-    if best is None or clearly * found[best][1] > before:
+    nearest_first = sorted(found, key=lambda candidate: found[candidate][1])
+    if not nearest_first or found[nearest_first[0]][1] > enough:
         return None
+    best, *others = nearest_first
     sizes, least, deviance = found[best]
     rivals = {}  # of an effect on one wheel, the wheel that does best
-    for other in sorted(found, key=lambda candidate: found[candidate][1]):
-        if found[other][1] < alike * least and found[other][2] < deviance + MARGIN and other.name != best.name:
-            rivals.setdefault(other.name, Rival(other, found[other][2] - deviance))
+    for other in others:
+        _, left, behind = found[other]
+        if other.name != best.name and left < alike * least and behind < deviance + MARGIN:
+            rivals.setdefault(other.name, Rival(other, behind - deviance))
     return Asked(best, sizes.point, list(rivals.values()))
 
 
-def _fitted(replay, tracks, named, candidate: Candidate, scales) -> Sizes:
-    """The Sizes that come nearest with a further effect, from the best of a few sizes: from one that is far too large
-    the model runs away, and dry friction can hold it on the wrong side."""
-    start, neutral, bounds = start_of([candidate], scales)[candidate], candidate.neutral, candidate.bounds
+def is_missed(prediction: Prediction, point: Point, effect: Candidate) -> bool:
+    """Whether free runs that no size was fitted to come clearly nearer with an effect of `point` than without it."""
+    replay, tracks = prediction.replay, in_parts(prediction).tracks
+    if len(tracks) < 2:
+        return True
+    rest = {candidate: z for candidate, z in point.items() if candidate is not effect}
+    with_it, without = (_left_out(replay, tracks, fitted(replay, tracks, one)) for one in (point, rest))
+    return without > _clearly(FALSE_ALARM_RATE, replay, tracks) * with_it
+
+
+def _clearly(level: float, replay: OwnReplay, tracks: Sequence[Track]) -> float:
+    """The ratio of two squared errors of these runs that is exceeded by chance with the probability `level`."""
+    numbers = len(tracks) * replay.body.wheels
+    return float(fisher.isf(level, numbers, numbers))
+
+
+def _fitted(
+    replay: OwnReplay, tracks: Sequence[Track], named: Sizes, candidate: Candidate, scales: Mapping[str, float]
+) -> Sizes:
+    """The Sizes that come nearest with a further effect, from the best of a few sizes of either sign.
+
+    From one that is far too large the model runs away, and dry friction can hold it on the wrong side.
+    """
+    usual = start_of([candidate], scales)[candidate]
 
     def at(share):
-        """The effect at a share of its largest usual size, the shape of it as it is there."""
-        moved = [z if p.shape else n + share * (z - n) for z, n, p in zip(start, neutral, candidate.parameters, strict=True)]
-        within = [min(max(z, low), high) for z, (low, high) in zip(moved, bounds, strict=True)]
-        return Sizes({**named.point, candidate: within}, named.plant)
+        """The effect at a share of its largest usual size; what gives it a shape stays."""
+        z = []
+        for parameter, size, neutral, (low, high) in zip(
+            candidate.parameters, usual, candidate.neutral, candidate.bounds, strict=True
+        ):
+            z.append(size if parameter.shape else min(max(neutral + share * (size - neutral), low), high))
+        return Sizes({**named.point, candidate: z}, named.plant)
 
-    tried = [at(sign * share) for share in _SHARES for sign in (1.0, -1.0)]
-    best = min(tried, key=lambda sizes: _squared(replay, tracks, sizes))
-    return fitted(replay, tracks, best.point)
+    begun = [at(sign * share) for share in _SHARES for sign in (1.0, -1.0)]
+    return fitted(replay, tracks, min(begun, key=lambda sizes: _squared(replay, tracks, sizes)).point)
 
 
 def _left_out(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> float:
