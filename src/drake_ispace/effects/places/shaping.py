@@ -94,8 +94,9 @@ def one_wheel(body: Body, values: Mapping[str, float], own: float, others: float
 
 
 def tolerated(body: Body, share: float) -> float:
-    """A tolerance that is a share of the usual torque; 0 for a plant of the user's own.
+    """The tolerance of a constant or one-sided torque, a share of the usual one; 0 for a plant of the user's own.
 
-    Where no camera and no feedback calls it back, a torque of a hundredth of the usual one leads it far away.
+    Nothing calls such a plant back, and what makes a sound one look lossy, as small errors in time do, is alike for
+    both directions and all wheels.
     """
     return share if body.robot.in_room else 0.0

@@ -62,7 +62,7 @@ def _described(case, decision: Decision) -> Explanation:
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
     if asked := [effect.label for effect in decision.kept if named is not None and effect in named.point]:
-        warnings.append(f"what asks for {', '.join(asked)} are whole runs: from sample to sample it hardly shows")
+        warnings.append(f"whole runs ask for {', '.join(asked)}: without it they end further off than by chance")
     if effects and case.held_out is None:
         if are_one_motion([motion_of(case.prediction, track).body for track in case.prediction.tracks]):
             warnings.append("all runs repeat one motion: what explains it may be wrong for another")

@@ -52,8 +52,10 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
             left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
-    asks = isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS
-    asked = partial(asked_for_own, case.prediction, decision, bool(worst)) if asks else None
+    asked = None
+    if isinstance(decision, Decision) and len(answer.point) < MOST_EFFECTS:
+        is_lacking = bool(worst) or decision.unknown is not None
+        asked = partial(asked_for_own, case.prediction, decision, is_lacking)
     by, shown = "held-out runs" if parts else "", plain.point or None
     return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
 
