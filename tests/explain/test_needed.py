@@ -5,10 +5,12 @@ Further ones are named where it does not suffice without them either.
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import pytest
+
+from drake_ispace.explain.decide.decision import Asked
 
 explained = importlib.import_module("drake_ispace.explain.explain")
 BODY = SimpleNamespace(robot=SimpleNamespace(driven="torque"))
@@ -25,7 +27,7 @@ def decided(names, in_doubt=False):
     """A Decision that names these effects, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
     return SimpleNamespace(
-        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), asked=None,
+        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), asked=None, kept={},
         renamed=lambda decision, kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
     )
 
@@ -74,7 +76,7 @@ class Asking:
 
     point: dict
     asked: Callable | None = None
-    kept: tuple = ()
+    kept: dict = field(default_factory=dict)
     otherwise: None = None
 
     def renamed(self, decision, point):
@@ -88,7 +90,7 @@ def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_wo
     monkeypatch.setattr(explained, "_needed", lambda case, decision, answer: decision)
     monkeypatch.setattr(explained, "_with_further", lambda decision, answer, answered: (decision, answer))
     radii = Named("radii")
-    first = Asking({"radius": [0.1]}, asked=lambda: (radii, {"radii": [0.1], "lag": [0.2]}))
+    first = Asking({"radius": [0.1]}, asked=lambda: Asked(radii, {"radii": [0.1], "lag": [0.2]}))
 
     def answered(one):
         remainders = [SimpleNamespace(ratio=2.0 if one is first else after)]

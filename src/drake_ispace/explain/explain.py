@@ -58,7 +58,6 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import joined, prepare
 from drake_ispace.explain.predict.stretches import MOST_S
-from drake_ispace.explain.prove.own.asked import is_missed
 from drake_ispace.explain.prove.own.gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
@@ -155,8 +154,6 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
         decision = decision.otherwise
         answer = answered(decision)
     decision, answer = _without_nonsense(decision, answer, answered)
-    if case.scenario is None and answer.verdict == "incomplete" and len(decision.named.point) > 1:
-        decision, answer = _without_least(case, decision, answer, answered)
     needed = _needed(case, decision, answer) if answer.effects else decision
     if needed is not decision and _suffices(without := answered(needed)):
         add_trace(without, answer)
@@ -165,20 +162,20 @@ def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
 
 
 def _with_asked(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision with what training runs ask for as long as unseen runs have no more too much, and its answer.
+    """The decision with what training runs ask for as long as the answer gets no worse, and the answer.
 
-    Where nothing was detected, what they ask for must suffice.
+    Where it is known that something is missing, but not what, all that they ask for must suffice.
     """
     further, left = decision, answer
     while further.asked is not None and (asked := further.asked()) is not None:
-        other = further.renamed(replace(further, kept=(*further.kept, asked.effect)), asked.point)
-        if asked.rivals is not None and asked.effect in other.named.point:
-            other.rivals[asked.effect] = asked.rivals
+        kept = {**further.kept, asked.effect: asked.rivals}
+        other = further.renamed(replace(further, kept=kept), asked.point)
         answer_with_it = answered(other)
-        if _too_large(answer_with_it) > _too_large(left):
+        spoilt = _suffices(left) and not _suffices(answer_with_it)
+        if spoilt or _too_large(answer_with_it) > _too_large(left):
             break
         further, left = other, answer_with_it
-    return (further, left) if answer.verdict == "incomplete" or _suffices(left) else (decision, answer)
+    return (decision, answer) if answer.verdict == "unknown" and not _suffices(left) else (further, left)
 
 
 def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
@@ -211,18 +208,6 @@ def _without_nonsense(decision, answer, answered) -> tuple[Decision, Explanation
     return other, without
 
 
-def _without_least(case, decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision without the effect that explains least, and its answer, if that suffices and whole runs do not miss
-    the effect."""
-    least = min(decision.gains, key=decision.gains.get)
-    other = decision.renamed(decision, {c: z for c, z in decision.named.point.items() if c is not least})
-    without = answered(other)
-    if not _suffices(without) or is_missed(case.prediction, decision.named.point, least):
-        return decision, answer
-    add_trace(without, answer)
-    return other, without
-
-
 def _too_large(answer) -> float:
     """How much unseen runs leave in the channels that have too much left."""
     return sum(remainder.ratio**2 for remainder in answer.remainders)
@@ -234,12 +219,13 @@ def _suffices(answer) -> bool:
 
 
 def _needed(case, decision, answer) -> Decision:
-    """The decision without doubtful effects, or without any where it is in doubt."""
+    """The decision without doubtful effects, or without any where it is in doubt and nothing was asked for."""
     why = doubtful(answer, case)
     kept = {c: z for c, z in decision.named.point.items() if c.name not in why}
     if why and kept:
         return decision.renamed(decision, kept)
-    return decision.without_effects() if why or decision.detection.in_doubt else decision
+    in_doubt = decision.detection.in_doubt and not decision.kept
+    return decision.without_effects() if why or in_doubt else decision
 
 
 def _answered(case, decision, seed, tell) -> Explanation:

@@ -122,6 +122,10 @@ class DirectionalFriction(TorqueEffect):
     )
     output = one_way
 
+    def applies_to(self, body):
+        """Whether there is more than one wheel: of one it would be Coulomb friction and an offset, half of it each."""
+        return super().applies_to(body) and body.wheels > 1
+
     def parameters_of(self, body):
         tolerance = tolerated(body, 0.008)
         return (Parameter("torque_n_m", "N*m", 0.0, -math.inf, math.inf, (0.05, 0.2), "torque", tolerance=tolerance),)

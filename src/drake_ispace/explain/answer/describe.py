@@ -61,8 +61,9 @@ def _described(case, decision: Decision) -> Explanation:
         warnings.append(f"channel {channel} was not used, because not every held-out run has it")
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
-    if asked := [effect.label for effect in decision.kept if named is not None and effect in named.point]:
-        warnings.append(f"whole runs ask for {', '.join(asked)}: without it they end further off than by chance")
+    asked = [effect.label for effect in decision.kept if named is not None and effect in named.point]
+    if asked and case.scenario is None:
+        warnings.append(f"whole runs ask for {', '.join(asked)}: without, they end further off than by chance")
     if effects and case.held_out is None:
         if are_one_motion([motion_of(case.prediction, track).body for track in case.prediction.tracks]):
             warnings.append("all runs repeat one motion: what explains it may be wrong for another")
@@ -165,7 +166,7 @@ def _named(case, decision, candidate: Candidate) -> NamedEffect:
         parameters[parameter.name] = _estimate(case, named, candidate, i, ends)
     rivals = list(dict.fromkeys(rival.candidate.name for rival in decision.rivals.get(candidate, [])))
     share = decision.gains.get(candidate, 0.0) / max(decision.total_gain, 1e-12)
-    return NamedEffect(card.name, card.home, rivals, parameters, float(min(share, 1.0)), card.excitation)
+    return NamedEffect(card.name, card.home, rivals, parameters, float(np.clip(share, 0.0, 1.0)), card.excitation)
 
 
 def _chosen(case, choice, candidate) -> NamedEffect:

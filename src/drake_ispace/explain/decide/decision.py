@@ -1,7 +1,7 @@
 """The result of deciding: which effects are named, and what these runs cannot tell from them."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection
@@ -84,8 +84,9 @@ class Decision:
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
             them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
-            instead of a rival, or None; None where the proof asks for nothing. kept: effects that were asked for.
-            renamed: turns a Decision into one that names the effects of a point.
+            instead of a rival, or None; None where the proof asks for nothing. kept: effect that was asked for -> its
+            rivals by what asked for it, None if that does not say. renamed: turns a Decision into one that names the
+            effects of a point.
     """
 
     detection: Detection
@@ -101,7 +102,7 @@ class Decision:
     otherwise: "Decision | None" = None
     further: list[Point] = field(default_factory=list)
     asked: Callable[[], Asked | None] | None = None
-    kept: tuple[Candidate, ...] = ()
+    kept: Mapping[Candidate, list[Rival] | None] = field(default_factory=dict)
     renamed: "Callable[[Decision, Point], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
@@ -114,4 +115,4 @@ class Decision:
 
     def without_effects(self) -> "Decision":
         """The Decision that nothing is named."""
-        return Decision(self.detection, self.start, self.start)
+        return Decision(self.detection, self.start, self.start, renamed=self.renamed)

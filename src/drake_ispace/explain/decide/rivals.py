@@ -17,9 +17,14 @@ def with_rivals(decision: Decision) -> Decision:
     behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
     nearest size that does, unless the named effect's size makes none either. A rival whose best size makes sense takes
     the place of a named effect whose size makes none, of one that does no better with more parameters, and of one that
-    becomes the rival at some value of its shape. An effect that was asked for stays.
+    becomes the rival at some value of its shape. An effect that was asked for stays,
+    and has the rivals of what asked for it.
     """
     for effect in decision.named.point:
+        if (known := decision.kept.get(effect)) is not None:
+            named = {candidate.name for candidate in decision.named.point}
+            decision.rivals[effect] = [rival for rival in known if rival.candidate.name not in named]
+            continue
         fits_of = _rivals(decision, effect)
         decision.rivals[effect] = [rival for rival, _ in fits_of]
         if effect in decision.kept:

@@ -17,7 +17,7 @@ from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.decide.validate import start_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.free_run import Sizes, errors_of, fitted
-from drake_ispace.explain.fit.likelihood import Point, deviance_at
+from drake_ispace.explain.fit.likelihood import deviance_at
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
@@ -49,41 +49,32 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
     clearly = _clearly(FALSE_ALARM_RATE / (1 if is_lacking else len(tried)), replay, tracks)
     alike = _clearly(FALSE_ALARM_RATE, replay, tracks)
     base, scales = fitted(replay, tracks, named), scales_of(prediction)
-    enough, refused = _left_out(replay, tracks, base) / clearly, deviance_at(likelihood, named) + MARGIN
+    enough = _left_out(replay, tracks, base) / clearly
+    refused = max(deviance_at(likelihood, point) for point in (named, base.point)) + MARGIN
 
     def found_with(candidate):
-        """The Sizes with this effect, what they leave when each run is left out, and the deviance; None: no answer."""
+        """The Sizes with this effect, what they leave when each run is left out, and the deviance; None: no rival."""
         sizes = _fitted(replay, tracks, base, candidate, scales)
         z = sizes.point[candidate]
         if not candidate.makes_sense(z) or candidate.has_become_another(z):
             return None
-        if _squared(replay, tracks, sizes) > enough:  # nor will it be less with runs left out
+        if _squared(replay, tracks, sizes) > alike * enough:  # nor will it be less with runs left out
             return None
         deviance = deviance_at(likelihood, sizes.point)
-        return (sizes, _left_out(replay, tracks, sizes), deviance) if deviance < refused else None
+        return (sizes, _left_out(replay, tracks, sizes), deviance) if deviance < refused + MARGIN else None
 
     found = {c: one for c, one in zip(tried, each(found_with, tried), strict=True) if one is not None}
     nearest_first = sorted(found, key=lambda candidate: found[candidate][1])
-    if not nearest_first or found[nearest_first[0]][1] > enough:
+    best = next((candidate for candidate in nearest_first if found[candidate][2] < refused), None)
+    if best is None or found[best][1] >= enough:
         return None
-    best, *others = nearest_first
     sizes, least, deviance = found[best]
     rivals = {}  # of an effect on one wheel, the wheel that does best
-    for other in others:
-        _, left, behind = found[other]
-        if other.name != best.name and left < alike * least and behind < deviance + MARGIN:
-            rivals.setdefault(other.name, Rival(other, behind - deviance))
+    for other in nearest_first:
+        _, left, others = found[other]
+        if other.name != best.name and left < alike * least and others < deviance + MARGIN:
+            rivals.setdefault(other.name, Rival(other, others - deviance))
     return Asked(best, sizes.point, list(rivals.values()))
-
-
-def is_missed(prediction: Prediction, point: Point, effect: Candidate) -> bool:
-    """Whether free runs that no size was fitted to come clearly nearer with an effect of `point` than without it."""
-    replay, tracks = prediction.replay, in_parts(prediction).tracks
-    if len(tracks) < 2:
-        return True
-    rest = {candidate: z for candidate, z in point.items() if candidate is not effect}
-    with_it, without = (_left_out(replay, tracks, fitted(replay, tracks, one)) for one in (point, rest))
-    return without > _clearly(FALSE_ALARM_RATE, replay, tracks) * with_it
 
 
 def _clearly(level: float, replay: OwnReplay, tracks: Sequence[Track]) -> float:

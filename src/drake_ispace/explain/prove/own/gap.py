@@ -53,9 +53,8 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
     asked = None
-    if isinstance(decision, Decision) and len(answer.point) < MOST_EFFECTS:
-        is_lacking = bool(worst) or decision.unknown is not None
-        asked = partial(asked_for_own, case.prediction, decision, is_lacking)
+    if isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS:
+        asked = partial(asked_for_own, case.prediction, decision, bool(worst))
     by, shown = "held-out runs" if parts else "", plain.point or None
     return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
 

@@ -5,7 +5,7 @@ friction. But what unknown torques do adds up, too, and least squares takes it f
 simulated with sizes fitted to the others: those that come nearer are the answer's. A single run leaves none to judge
 by. There least squares must take a larger share of the errors away than it mostly takes of what unknown torques do, how
 strong these are not being asked. Sizes that the filter refuses more than to do without one of the effects are never
-the answer's.
+the answer's; where whole runs asked for an effect, that the filter hardly feels, its margin of doubt counts.
 """
 
 from dataclasses import replace
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, slopes
 from drake_ispace.explain.predict.filters import CORRELATION_S
@@ -31,7 +31,8 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
     """
     likelihood = decision.end.likelihood
     refused = likelihood.deviance(likelihood.whitened(plain.point)) - decision.named.deviance
-    if not refused < min(decision.gains.values()):  # nor where the model runs away with them
+    least = min(decision.gains.values())
+    if not refused < (max(least, MARGIN) if decision.kept else least):  # nor where the model runs away with them
         return False
     if len(prediction.tracks) == 1:
         return _beats_chance(prediction, filtered, plain, seed)
