@@ -192,7 +192,7 @@ def test_of_two_that_do_as_well_the_one_with_fewer_parameters_is_named():
     decision = with_rivals(named)
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == ["scale"]
     assert gains(decision) == {"tilt": named.total_gain}
-    assert list(sizes(with_rivals(replace(named, kept=(scale,))))) == ["scale"]
+    assert list(sizes(with_rivals(replace(named, kept={scale: None})))) == ["scale"]
 
 
 @pytest.mark.parametrize("most, equals", [(0.75, ["tilt"]), (0.3, [])])

@@ -47,8 +47,9 @@ EMPS = {"viscous_friction", "coulomb_friction", "motor_offset"}
 
 
 def test_half_of_emps_names_all_three_terms_and_simulates_the_other_half_within_5_percent():
+    """What is left beside them, 1 to 2 % of what they explain, may get a name; the answer is "incomplete" then."""
     found = answer("emps_drive", "--half")
-    assert set(names(found)[0]) == EMPS
+    assert set(names(found)[0]) == EMPS or (set(names(found)[0]) > EMPS and found["verdict"] == "incomplete")
     (held_out,) = (row for row in found["gap"] if row["kind"] == "second half" and row["unit"] == "1")
     assert held_out["before"] > 10.0 and held_out["after"] < 0.05
 
@@ -56,7 +57,7 @@ def test_half_of_emps_names_all_three_terms_and_simulates_the_other_half_within_
 @pytest.mark.slow
 def test_emps_names_all_three_terms_and_simulates_within_3_percent():
     found = answer("emps_drive")
-    assert set(names(found)[0]) == set(names(found["half"])[0]) == EMPS
+    assert set(names(found)[0]) == EMPS <= set(names(found["half"])[0])
     errors = [step["relative_error"] for step in found["steps"]]
     assert len(errors) == 4 and errors[1] > 0.3 and errors[-1] < 0.03
 
