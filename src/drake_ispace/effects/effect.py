@@ -83,6 +83,8 @@ class Effect:
     replayed = True
     #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.
     general = False
+    #: How many wheels a robot needs to have it: of fewer it would be another effect, or two.
+    least_wheels = 1
 
     @property
     def name(self) -> str:
@@ -107,8 +109,9 @@ class Effect:
         return angles
 
     def applies_to(self, body: Body) -> bool:
-        """Whether the robot offers all that it needs."""
-        return body.robot.offers.issuperset(self.needs) and (self.general or body.robot.in_si)
+        """Whether the robot offers all that it needs, and has wheels enough."""
+        fits = self.general or body.robot.in_si
+        return fits and body.wheels >= self.least_wheels and body.robot.offers.issuperset(self.needs)
 
     def neutral(self, body: Body) -> dict[str, float]:
         """Every parameter and choice at the value that changes nothing."""

@@ -13,7 +13,8 @@ def bodies_of(effect: Effect) -> list[Body]:
 
 def robots_of(effect: Effect) -> list[str]:
     """Names of the robots that can have it, for people."""
-    return [body.name for body in bodies_of(effect)] + (["any with wheels"] if effect.general else [])
+    any_other = "any with wheels" if effect.least_wheels == 1 else f"any with {effect.least_wheels} wheels or more"
+    return [body.name for body in bodies_of(effect)] + ([any_other] if effect.general else [])
 
 
 def cards() -> list[dict]:

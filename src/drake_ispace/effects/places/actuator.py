@@ -134,6 +134,7 @@ class TorqueGainError(TorqueEffect):
 class WeakMotor(TorqueEffect):
     """(1 - loss) tau on the wheel that is named, 1 to n."""
 
+    least_wheels = 2  # of one it would be the torque gain error
     choices = ("wheel",)
     card = Card(
         name="weak_motor", title="Weak motor", home="actuator", equation="tau'_i = (1 - loss) tau_i, i = wheel",
@@ -146,10 +147,6 @@ class WeakMotor(TorqueEffect):
     )
     parameters = (Parameter("loss", "1", 0.0, -0.5, 0.95, (0.05, 0.3), tolerance=0.005),)
     output = scaled
-
-    def applies_to(self, body):
-        """Whether there is more than one wheel: of one it would be the torque gain error."""
-        return super().applies_to(body) and body.wheels > 1
 
     def block_parameters(self, body, values):
         return {"gain": one_wheel(body, values, 1.0 - values["loss"])}

@@ -78,6 +78,7 @@ def one_coulomb(torque, wheel_rate, torques_n_m, speed_scale_rad_s, out):
 class SingleWheelFriction(TorqueEffect):
     """-C tanh(w / w_s) on the wheel that is named, 1 to n."""
 
+    least_wheels = 2  # of one it would be Coulomb friction
     choices = ("wheel",)
     card = Card(
         name="single_wheel_friction", title="Friction of one wheel", home="transmission",
@@ -93,10 +94,6 @@ class SingleWheelFriction(TorqueEffect):
         tolerance = tolerated(body, 0.008)
         return (Parameter("torque_n_m", "N*m", 0.0, 0.0, math.inf, (0.05, 0.3), "torque", tolerance=tolerance),)
 
-    def applies_to(self, body):
-        """Whether there is more than one wheel: of one it would be Coulomb friction."""
-        return super().applies_to(body) and body.wheels > 1
-
     def block_parameters(self, body, values):
         torque = values["torque_n_m"]
         return {"torques_n_m": one_wheel(body, values, torque, 0.0), "speed_scale_rad_s": speed_scale(body, torque)}
@@ -111,6 +108,7 @@ def one_way(torque, wheel_rate, torque_n_m, way, speed_scale_rad_s, out):
 class DirectionalFriction(TorqueEffect):
     """-C (1 + tanh(w / w_s)) / 2 on every wheel for C > 0: forwards only; -C (1 - tanh(w / w_s)) / 2 for C < 0."""
 
+    least_wheels = 2  # of one it would be Coulomb friction and an offset, half of it each
     card = Card(
         name="directional_friction", title="Friction in one direction", home="transmission",
         equation="tau' = tau - C for w > 0 where C > 0, tau' = tau - C for w < 0 where C < 0",
@@ -121,10 +119,6 @@ class DirectionalFriction(TorqueEffect):
         "one way and brakes the other",
     )
     output = one_way
-
-    def applies_to(self, body):
-        """Whether there is more than one wheel: of one it would be Coulomb friction and an offset, half of it each."""
-        return super().applies_to(body) and body.wheels > 1
 
     def parameters_of(self, body):
         tolerance = tolerated(body, 0.008)

@@ -17,7 +17,7 @@ from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.least_squares import plain_fit
-from drake_ispace.explain.prove.left_out import blocks_in, cut
+from drake_ispace.explain.prove.left_out import blocks_in, in_parts
 from drake_ispace.explain.prove.noise import (
     ProcessNoise,
     SensorNoise,
@@ -91,7 +91,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     training, n = case.prediction, len(case.prediction.tracks)
     sensors = sensor_noise(case.scenario, training)
     blocks, by = blocks_in(training), "leave-one-run-out"
-    left_out = training if n > 1 else cut(training, blocks)
+    left_out = in_parts(training)
     parts = len(left_out.tracks)
     kinds, every = {UNNAMED: slice(0, parts)}, left_out
     if n == 1:

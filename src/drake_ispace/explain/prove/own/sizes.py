@@ -5,7 +5,8 @@ friction. But what unknown torques do adds up, too, and least squares takes it f
 simulated with sizes fitted to the others: those that come nearer are the answer's. A single run leaves none to judge
 by. There least squares must take a larger share of the errors away than it mostly takes of what unknown torques do, how
 strong these are not being asked. Sizes that the filter refuses more than to do without one of the effects are never
-the answer's; where whole runs asked for an effect, that the filter hardly feels, its margin of doubt counts.
+the answer's. An effect that whole runs asked for is hardly felt by the filter: sizes then count as refused where it
+would rule out a rival by as much.
 """
 
 from dataclasses import replace
