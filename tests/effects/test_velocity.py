@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import arguments
@@ -21,6 +22,8 @@ SOME = {
     "velocity_delay": {"delay_s": 0.012}, "velocity_saturation": {"limit_m_s": 0.2, "limit_rad_s": 0.3},
     "velocity_gain": {"share_x": 0.1, "share_y": -0.1, "share_yaw": 0.2},
     "velocity_slew_limit": {"limit_m_s2": 0.4, "limit_rad_s2": 2.0},
+    "velocity_braking_limit": {"limit_m_s2": 0.3, "limit_rad_s2": 1.5}, "velocity_dead_zone": {"width_rad_s": 0.4},
+    "velocity_overshoot": {"time_constant_s": 0.04, "damping": 0.3},
     "velocity_coupling": {"yaw_per_x": 0.3, "yaw_per_y": -0.2},
     "velocity_lag": {"time_constant_s": 0.05, "turning_extra_s": -0.02},
 }
@@ -103,6 +106,53 @@ def test_an_acceleration_limit_keeps_the_direction_and_gives_the_mean_over_each_
 def test_turns_have_an_acceleration_limit_of_their_own():
     found = through("velocity_slew_limit", [[0.3, 0.0, -1.0], [0.3, 0.0, 1.0]], limit_rad_s2=1.0 / TICK_S)
     assert found == pytest.approx(np.array([[0.3, 0.0, -0.5], [0.3, 0.0, -0.5]]))
+
+
+def test_brakes_take_their_time_and_what_rises_does_not():
+    limit = 0.2 / TICK_S
+    found = through("velocity_braking_limit", [[0.3, 0.4, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+                    limit_m_s2=limit)
+    assert found == pytest.approx(np.outer([0.5, 0.4, 0.2, 0.5 * 0.5 * 0.1], [0.6, 0.8, 0.0]))
+
+
+def test_a_reversal_brakes_to_rest_and_rises_at_once():
+    found = through("velocity_braking_limit", [[0.0, 0.0, 0.5], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0]],
+                    limit_rad_s2=0.4 / TICK_S)
+    assert found[:, 2] == pytest.approx([0.5, 0.3, 0.25 * 0.05 - 0.75 * 1.0])
+
+
+def test_a_change_of_direction_brakes_to_the_slowest_point_on_the_way():
+    half = np.sqrt(0.5)  # from (1, 0) to (0, 1) the speed falls on the first half, which is so long
+    found = through("velocity_braking_limit", [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]],
+                    limit_m_s2=half / TICK_S)
+    assert found[1] == pytest.approx([0.75, 0.25, 0.0])
+    assert found[2] == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_a_dead_zone_slows_every_wheel_down_and_stops_the_slow_ones():
+    geometry = BODY.plant.nominal_geometry
+    told = geometry.forward @ [2.0, -0.3, 0.1]
+    found = through("velocity_dead_zone", [told], width_rad_s=0.5)[0]
+    assert geometry.inverse @ found == pytest.approx([1.5, 0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.2, 0.8])
+def test_an_overshoot_is_the_mean_of_the_solution_over_each_tick(damping):
+    constant, fine = 0.02, 1e-6
+    t, (y, rate), means = np.arange(0.0, TICK_S, fine), (0.0, 0.0), []
+    for _ in range(4):
+        solved = solve_ivp(lambda _, s: [s[1], (1.0 - s[0] - 2.0 * damping * constant * s[1]) / constant**2],
+                           (0.0, TICK_S), [y, rate], rtol=1e-10, atol=1e-12, t_eval=[*t, TICK_S])
+        means.append(np.trapezoid(solved.y[0], solved.t) / TICK_S)
+        y, rate = solved.y[:, -1]
+    found = through("velocity_overshoot", np.ones((4, 3)), time_constant_s=constant, damping=damping)
+    assert found[:, 1] == pytest.approx(means, rel=1e-6)
+
+
+def test_an_overshoot_passes_the_command_by_what_its_damping_says():
+    found = through("velocity_overshoot", np.ones((400, 3)), time_constant_s=0.05, damping=0.3)[:, 0]
+    assert found.max() == pytest.approx(1.0 + np.exp(-np.pi * 0.3 / np.sqrt(1.0 - 0.3**2)), abs=2e-3)
+    assert found[-1] == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)

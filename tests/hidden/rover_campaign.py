@@ -37,15 +37,19 @@ NAMED = {
     "gain_share": (0.1, {"velocity_gain"}),
     "skid_s": (0.1, {"cornering_slip"}),
     "ramp_s2_m": (2.0, {"velocity_slew_limit"}),
+    "brake_s2_m": (2.0, {"velocity_braking_limit"}),
+    "dead_rad_s": (1.0, {"velocity_dead_zone"}),
+    "swing_s2": (0.01, {"velocity_overshoot"}),
 }
 #: What no library names -> largest size.
 OUTSIDE = {
     "lean_s2_m": 0.1, "belt_m_s": 0.01, "deflating_share": 0.05, "patch_share": 0.1, "fast_slip_s2_m2": 0.3,
-    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05, "swing_s2": 0.01, "dead_rad_s": 1.0,
-    "brake_s2_m": 2.0,
+    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05, "least_rad_s": 3.0,
+    "steps_rad_s": 2.0,
 }
 _POSITIVE = (
     "lost_share", "ramp_s2_m", "slip_share", "patch_share", "fast_slip_s2_m2", "swing_s2", "dead_rad_s", "brake_s2_m",
+    "least_rad_s", "steps_rad_s",
 )
 _OWN = ("left_share", "late_s", "lag_s")  # arguments of `drive`
 _RUNS, _TRAINING = 5, 3

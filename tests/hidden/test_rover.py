@@ -22,6 +22,7 @@ def test_a_robot_that_does_as_it_is_told_lacks_nothing():
     assert found.verdict == "none", found
 
 
+@pytest.mark.slow
 def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     """A camera that shows the room 1.5 % larger looks like wheels that slip by less than nothing."""
     case, found = told({"camera_share": 0.015}, ["constant_slip", "camera_scale", "track_error"])
@@ -49,6 +50,19 @@ def test_a_drive_that_speeds_up_slowly_is_no_drive_that_lags_or_goes_too_slowly(
     assert judged(case, found) == "exact" and found.verdict == "named"
     assert found.effects[0].parameters["limit_m_s2"].estimate == pytest.approx(0.25, rel=0.01)
     assert found.effects[0].parameters["limit_rad_s2"].estimate == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("hidden", "name", "size"), [
+    ({"brake_s2_m": 0.5}, "velocity_braking_limit", {"limit_m_s2": 2.0, "limit_rad_s2": 8.0}),
+    ({"dead_rad_s": 0.2}, "velocity_dead_zone", {"width_rad_s": 0.2}),
+    ({"swing_s2": 0.003}, "velocity_overshoot", {"time_constant_s": 0.0548, "damping": 0.333}),
+])
+def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
+    """It brakes slowly, does not move for small commands, or overshoots."""
+    rivals = ["velocity_braking_limit", "velocity_dead_zone", "velocity_overshoot", "velocity_lag", "velocity_delay"]
+    case, found = told(hidden, rivals)
+    assert judged(case, found) == "exact" and found.verdict == "named"
+    assert {n: p.estimate for n, p in found.effects[0].parameters.items()} == pytest.approx(size, rel=0.05)
 
 
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
@@ -79,7 +93,9 @@ def test_a_trace_is_named_without_which_the_answer_does_not_suffice():
     assert "single_wheel_radius_error" in {wheel.name, *wheel.equivalents} and not found.remainders
 
 
-@pytest.mark.parametrize("has", [("encoder", "kinect"), ("command", "encoder", "kinect")])
+@pytest.mark.parametrize("has", [
+    ("encoder", "kinect"), pytest.param(("command", "encoder", "kinect"), marks=pytest.mark.slow),
+])
 def test_a_log_may_begin_while_the_robot_moves(has):
     """What a late camera shows at first, and a drive that lags does, was before the log."""
     runs = [two_wheels.drive(k, 12.0, left_share=0.0, late_s=0.09, lag_s=0.05, in_step=True) for k in (100, 101, 102)]
@@ -103,6 +119,7 @@ def test_what_hardly_shows_from_fix_to_fix_is_named_if_free_runs_need_it():
     assert effect.name == "marker_offset" and effect.parameters["y_m"].estimate == pytest.approx(-0.046, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_marker_far_from_the_middle_is_named_and_measured():
     found = answer(Case({"marker_x_m": 0.1, "marker_y_m": 0.4}, 50), 10.0)
     (effect,) = found.effects
@@ -154,6 +171,7 @@ def test_a_floor_that_moves_has_no_name():
     assert judged(case, found) in ("unknown", "incomplete")
 
 
+@pytest.mark.slow
 def test_tyres_that_are_pressed_in_bends_are_no_wrong_track():
     """Who turns at one speed cannot tell them apart; the turn that is lost grows with the square of the speed."""
     case, found = told({"lean_s2_m": -0.026})

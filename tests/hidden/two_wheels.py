@@ -31,6 +31,9 @@ OTHERS = {
     "gain_share": 0.0,  # the drive turns the wheels faster than told
     "ramp_s2_m": 0.0,  # one over the largest acceleration of the drive; that of turns is four times as many rad/s^2
     "skid_s": 0.0,  # the robot slides outwards: sideways velocity over speed times turning rate
+    "swing_s2": 0.0,  # the drive overshoots: one over the square of its frequency, damped by a third
+    "dead_rad_s": 0.0,  # a wheel that is told less stands still, and is as much slower if told more
+    "brake_s2_m": 0.0,  # as ramp_s2_m, but only where the robot becomes slower
     # what no library names
     "lean_s2_m": 0.0,  # the outer wheel is pressed: share of the radius over speed times turning rate
     "belt_m_s": 0.0,  # the floor moves along x of W
@@ -40,9 +43,8 @@ OTHERS = {
     "skewed_share": 0.0,  # motion capture's x grows with y
     "warped_rad_m": 0.0,  # its heading with x
     "ripple_rad": 0.0,  # both encoders, twice a turn
-    "swing_s2": 0.0,  # the drive overshoots: one over the square of its frequency, damped by a third
-    "dead_rad_s": 0.0,  # a wheel that is told less stands still, and is as much slower if told more
-    "brake_s2_m": 0.0,  # as ramp_s2_m, but only where the robot becomes slower
+    "least_rad_s": 0.0,  # a wheel that is told less stands still, and is as told if told more
+    "steps_rad_s": 0.0,  # the drive knows multiples of this speed only
 }
 
 
@@ -83,11 +85,14 @@ def drive(
     if o["ramp_s2_m"] > 0.0:
         v, w = _ramped(v, _STEP_S / o["ramp_s2_m"]), _ramped(w, 4.0 * _STEP_S / o["ramp_s2_m"])
     if o["brake_s2_m"] > 0.0:
-        v, w = _ramped(v, _STEP_S / o["brake_s2_m"], 1.0), _ramped(w, 4.0 * _STEP_S / o["brake_s2_m"], 4.0)
+        v, w = _braked(v, _STEP_S / o["brake_s2_m"]), _braked(w, 4.0 * _STEP_S / o["brake_s2_m"])
     sent = np.column_stack([v + HALF_TRACK_M * w, v - HALF_TRACK_M * w]) / RADIUS_M  # right, left, as it believes
     late = round(o["delay_s"] / _STEP_S)
     sent = (1.0 + o["gain_share"]) * np.vstack([np.zeros((late, 2)), sent[: n - late]])
     sent = np.sign(sent) * np.maximum(np.abs(sent) - o["dead_rad_s"], 0.0)
+    sent = np.where(np.abs(sent) < o["least_rad_s"], 0.0, sent)
+    if o["steps_rad_s"] > 0.0:
+        sent = o["steps_rad_s"] * np.round(sent / o["steps_rad_s"])
     if o["swing_s2"] > 0.0:
         sent = _swung(sent, 1.0 / np.sqrt(o["swing_s2"]))
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0
@@ -134,12 +139,21 @@ def _way(forward, sideways, phi, belt_m_s, patch_share):
     return x, y
 
 
-def _ramped(told, most, faster=None):
-    """(n,) what follows `told` by at most so much a step, or where it becomes larger by at most `faster`."""
+def _ramped(told, most):
+    """(n,) what follows `told` by at most so much a step."""
     reached, at = np.empty(len(told)), 0.0
     for i, value in enumerate(told):
-        limit = most if faster is None or abs(value) < abs(at) else faster
-        at += min(max(value - at, -limit), limit)
+        at += min(max(value - at, -most), most)
+        reached[i] = at
+    return reached
+
+
+def _braked(told, most):
+    """(n,) what comes nearer to rest by at most so much a step, and else is as told."""
+    reached, at = np.empty(len(told)), 0.0
+    for i, value in enumerate(told):
+        least = max(abs(at) - most, 0.0)
+        at = np.sign(at) * least if least > 0.0 and value * np.sign(at) < least else value
         reached[i] = at
     return reached
 

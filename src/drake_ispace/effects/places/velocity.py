@@ -219,6 +219,139 @@ class VelocitySlewLimit(VelocityEffect):
         return {"step": values["limit_m_s2"] * TICK_S, "step_rad": values["limit_rad_s2"] * TICK_S}
 
 
+@kernel
+def braking(x, y, by_x, by_y, step):
+    """How much of a change (by_x, by_y) of (x, y) brakes: (the share of it, how many ticks of `step` each it takes)."""
+    size = np.sqrt(by_x * by_x + by_y * by_y)
+    share = min(max(-(x * by_x + y * by_y), 0.0) / max(size * size, 1e-300), 1.0)
+    return share, share * size / step
+
+
+@kernel
+def left_after_braking(share, ticks):
+    """The share of a change that a tick leaves, where `braking` takes so many ticks and the rest none."""
+    return 1.0 - share / ticks if ticks >= 1.0 else 0.0
+
+
+@kernel
+def left_while_braking(share, ticks):
+    """The mean over a tick of the share of a change that is left."""
+    return 1.0 - 0.5 * share / ticks if ticks >= 1.0 else ticks * (1.0 - 0.5 * share)
+
+
+@kernel
+def braking_limited(xd, velocity, step, step_rad, out):
+    share, ticks = braking(xd[0], xd[1], velocity[0] - xd[0], velocity[1] - xd[1], step)
+    turning, turning_ticks = braking(xd[2], 0.0, velocity[2] - xd[2], 0.0, step_rad)
+    mix_axes(xd, velocity, left_while_braking(share, ticks), left_while_braking(turning, turning_ticks), out)
+
+
+@kernel
+def remember_braked(xd, velocity, step, step_rad, out):
+    share, ticks = braking(xd[0], xd[1], velocity[0] - xd[0], velocity[1] - xd[1], step)
+    turning, turning_ticks = braking(xd[2], 0.0, velocity[2] - xd[2], 0.0, step_rad)
+    mix_axes(xd, velocity, left_after_braking(share, ticks), left_after_braking(turning, turning_ticks), out)
+
+
+class VelocityBrakingLimit(VelocitySlewLimit):
+    """A velocity that comes down by at most limit_m_s2, its turning rate by limit_rad_s2, and rises at once.
+
+    Of a change of direction that part brakes on which the speed falls. x_d and `output` as of VelocitySlewLimit.
+    """
+
+    card = Card(
+        name="velocity_braking_limit", title="Braking limit", home="actuator",
+        equation="d|(vx', vy')|/dt >= -limit_m_s2, d|wz'|/dt >= -limit_rad_s2",
+        source="ramp in the drive's firmware for slowing down alone, drives that cannot brake but only coast",
+        signature="encoders and pose run on by a ramp where the command falls, and follow at once where it rises",
+        look_alikes=("velocity_slew_limit", "velocity_lag", "velocity_delay"),
+        excitation="steps of the command up and down: a lag, a delay and an acceleration limit err at both alike",
+    )
+    output, update = braking_limited, remember_braked
+
+
+@kernel
+def beyond_dead_zone(velocity, width_rad_s, wheels, motion, out):
+    """wheels: G (n, 3), row by row; motion: the velocity of the body from wheel rates, J (3, n), column by column."""
+    out[0], out[1], out[2] = velocity[0], velocity[1], velocity[2]
+    for i in range(wheels.shape[0] // 3):
+        j = 3 * i
+        rate = wheels[j] * velocity[0] + wheels[j + 1] * velocity[1] + wheels[j + 2] * velocity[2]
+        lost = min(max(rate, -width_rad_s), width_rad_s)
+        for k in range(3):
+            out[k] -= motion[j + k] * lost
+
+
+class VelocityDeadZone(VelocityEffect):
+    """Every wheel slower than told by width_rad_s, and at rest where it is told less: w - clip(w, -width, width)."""
+
+    card = Card(
+        name="velocity_dead_zone", title="Dead zone of the drive", home="actuator",
+        equation="theta_dot' = theta_dot - clip(theta_dot, -width_rad_s, width_rad_s)",
+        source="motors without speed control, which need some voltage to turn at all",
+        signature="wheels that are slower than told by one speed whatever the command, and do not move for a small one",
+        look_alikes=("velocity_gain", "velocity_saturation"),
+        excitation="commands of several sizes, both ways: a gain takes its share of each, a dead zone the same of all",
+    )
+    parameters = (Parameter("width_rad_s", "rad/s", 0.0, 0.0, math.inf, (0.05, 0.2), "speed", tolerance=1e-3),)
+    output = beyond_dead_zone
+
+    def block_parameters(self, body, values):
+        geometry = body.plant.nominal_geometry
+        return dict(values) | {"wheels": geometry.inverse.ravel(), "motion": geometry.forward.T.ravel()}
+
+
+@kernel
+def swung(xd, velocity, mean, out):
+    for i in range(3):
+        out[i] = velocity[i] + (mean[0] * (xd[i] - velocity[i]) + mean[1] * xd[3 + i])
+
+
+@kernel
+def remember_swing(xd, velocity, motion, out):
+    for i in range(3):
+        away = xd[i] - velocity[i]
+        out[i] = velocity[i] + (motion[0] * away + motion[1] * xd[3 + i])
+        out[3 + i] = motion[2] * away + motion[3] * xd[3 + i]
+
+
+class VelocityOvershoot(VelocityEffect):
+    """A velocity that swings around the held command; x_d = [what it reaches at the end of the tick (3), its rate (3)].
+
+    `update` is the exact solution of the equation over a tick, `output` the mean over it.
+    """
+
+    card = Card(
+        name="velocity_overshoot", title="Overshoot of the velocity", home="actuator",
+        equation="time_constant^2 d2(v')/dt2 + 2 damping time_constant d(v')/dt = v - v'",
+        source="speed control with an integral part, tuned briskly; wheels on a springy shaft or belt",
+        signature="encoders and pose pass the command after each of its steps and come back, in waves of one period",
+        look_alikes=("velocity_lag", "velocity_delay", "velocity_slew_limit"),
+        excitation="steps of the command that are held for some periods: a lag comes near from one side only",
+    )
+    parameters = (
+        Parameter("time_constant_s", "s", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=1e-3),
+        Parameter("damping", "1", 0.5, 0.05, 0.9, (0.2,), shape=True),
+    )
+    output, update = swung, remember_swing
+
+    def memory_size(self, body):
+        return 2 * super().memory_size(body)
+
+    def block_parameters(self, body, values):
+        constant_s, damping = values["time_constant_s"], values["damping"]
+        if not constant_s > 0.0:
+            return {"motion": np.zeros(4), "mean": np.zeros(2)}
+        slowing, frequency = damping / constant_s, math.sqrt(1.0 - damping**2) / constant_s
+        left, angle = math.exp(-slowing * TICK_S), frequency * TICK_S
+        along, across = left * math.cos(angle), left * math.sin(angle) / frequency
+        motion = np.array([along + slowing * across, across, -across / constant_s**2, along - slowing * across])
+        # the integral of the difference over the tick, from the equation itself
+        back = 2.0 * damping * constant_s * (motion[:2] - [1.0, 0.0]) + constant_s**2 * (motion[2:] - [0.0, 1.0])
+        return {"motion": motion, "mean": -back / TICK_S}
+
+
 EFFECTS = (
-    VelocityDelay(), VelocitySaturation(), VelocitySlewLimit(), VelocityGain(), VelocityCoupling(), VelocityLag(),
+    VelocityDelay(), VelocitySaturation(), VelocitySlewLimit(), VelocityBrakingLimit(), VelocityGain(),
+    VelocityCoupling(), VelocityDeadZone(), VelocityOvershoot(), VelocityLag(),
 )
