@@ -70,6 +70,7 @@ def test_printed_yaw_gains_are_unstable_at_95_ms_by_computation(monkeypatch):
     assert loops["printed gains, vision"]["radius_xy"] < 1.0
 
 
+@pytest.mark.slow
 def test_a_larger_wheel_that_only_the_path_shows_is_named_beside_a_late_camera(monkeypatch):
     monkeypatch.syspath_prepend(FOLDER)
     import camera_rates

@@ -94,7 +94,7 @@ def test_wheels_lead_to_the_fixes_whether_or_not_the_command_was_logged(encoder_
         assert logged["motion"].any() and logged["room"] == pytest.approx(alone["room"], rel=0.0, abs=off)
 
 
-@pytest.mark.parametrize("has_command", [False, True])
+@pytest.mark.parametrize("has_command", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
     monkeypatch.setattr(two_wheels, "FIX_RMS", (1e-4, 1e-4, 4e-4))

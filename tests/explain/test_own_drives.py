@@ -112,7 +112,7 @@ def begun_later(run, since_s):
     })
 
 
-@pytest.mark.parametrize("since_s", [2.1, 3.0])
+@pytest.mark.parametrize("since_s", [pytest.param(2.1, marks=pytest.mark.slow), 3.0])
 def test_a_log_that_begins_in_motion_lacks_nothing(since_s):
     runs = [begun_later(run(k, 0.02, push=0.03), since_s) for k in (1, 2, 3)]
     case = prepare(model(0.02), runs)
@@ -143,6 +143,7 @@ def rubbed(seed, growing=0.0, inertia=0.02, viscous=0.006, coulomb=0.06, seconds
     return logged(generator, t, told, angles, 1e-3, 5)
 
 
+@pytest.mark.slow
 def test_two_frictions_that_stay_as_they_are_drift_nowhere():
     found = di.explain(model(0.02), [rubbed(k, seconds=8.0) for k in (30, 31, 32)])
     assert sorted(effect.name for effect in found.effects) == ["coulomb_friction", "viscous_friction"]

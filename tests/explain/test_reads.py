@@ -50,7 +50,7 @@ def test_a_robot_under_torque_and_reads_at_every_tick_are_left_as_they_are():
     assert prepare("omni_multirate", [run]).prediction.tracks[0].reads is None
 
 
-@pytest.mark.parametrize("encoder_hz", [50.0, 200.0])
+@pytest.mark.parametrize("encoder_hz", [50.0, pytest.param(200.0, marks=pytest.mark.slow)])
 def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     some = runs(3, 8.0, encoder_hz=encoder_hz, others={"delay_s": 0.064})
     effects = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain")]

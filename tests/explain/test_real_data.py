@@ -46,6 +46,7 @@ def smaller(found, runs, horizon="run"):
 EMPS = {"viscous_friction", "coulomb_friction", "motor_offset"}
 
 
+@pytest.mark.slow
 def test_half_of_emps_names_all_three_terms_and_simulates_the_other_half_within_5_percent():
     """What is left beside them, 1 to 2 % of what they explain, may get a name; the answer is "incomplete" then."""
     found = answer("emps_drive", "--half")

@@ -117,6 +117,7 @@ def test_fixes_of_an_unknown_state_are_not_scored():
     assert scored[0] == 150 and len(scored) == 200
 
 
+@pytest.mark.slow
 def test_a_sound_pendulum_lacks_nothing_in_a_log_that_begins_late():
     def late(run):
         channels = {name: channel for name, channel in run.channels.items() if name != "reference"}

@@ -10,7 +10,6 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
-from hidden.effects_truth import ROBOTS
 from hidden.generator import generate
 
 MOTIONS = ("square", "eight")
@@ -22,7 +21,7 @@ def sound(robot, seed, process_noise=1.0, seconds=12.0):
             for i, motion in enumerate(MOTIONS)]
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=["omni", pytest.param("pendulum", marks=pytest.mark.slow)])
 def surveyed(request):
     case = prepare(f"{request.param}_multirate", sound(request.param, 70))
     return survey(case.prediction, {}, candidates(case.replay.effects, case.replay.body))
@@ -66,6 +65,7 @@ def test_the_largest_minus_log10_p_on_noise_is_that_of_some_independent_effects(
     assert 10.0**tenth * -np.log(0.9) < 2.0 * len(surveyed.screen.candidates)
 
 
+@pytest.mark.slow
 def test_noise_of_another_kind_is_no_wrong_inertia():
     """A robot that is exactly the model, with torque and slip noise that is white instead of coloured."""
     model = load_scenario("pendulum_multirate")

@@ -72,6 +72,7 @@ def test_four_wheels_that_slip_against_each_other_are_sound():
     assert explain("omni_multirate", slipped, effects=some("mass_error", "coulomb_friction")).verdict == "none"
 
 
+@pytest.mark.slow
 def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     """Which feels the torque of the very instant of its sample, not the mean over the tick."""
     runs = [
@@ -114,6 +115,7 @@ def test_what_no_name_explains_is_said():
     assert found.unknown.driver == "place and direction" and found.unknown.nearest == "soft_floor"
 
 
+@pytest.mark.slow
 def test_a_patch_of_the_floor_is_where_it_is_said_to_be():
     """Up to edges that no run reached."""
     patch = {"soft_patch": scaled("soft_patch", "omni", 0.8)}

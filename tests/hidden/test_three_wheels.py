@@ -24,6 +24,7 @@ def test_a_wheel_that_is_turned_is_no_slip():
     assert effect.parameters["angle_rad"].estimate == pytest.approx(0.04, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_turn_that_is_lost_at_speed_is_no_wrong_track():
     found = told(understeer_s2_m2=-0.2)
     assert found.verdict == "unknown" and found.unknown.driver == "speed and turning"
@@ -37,6 +38,7 @@ def test_slip_that_comes_and_goes_is_no_constant_slip(hidden, driver):
     assert found.verdict == "unknown" and found.unknown.driver == driver
 
 
+@pytest.mark.slow
 def test_encoders_that_ripple_twice_a_turn_are_not_eccentric():
     found = told(ALIKE, ripple_rad=0.015)
     assert not found.effects and found.detection.p_value < 1e-10
