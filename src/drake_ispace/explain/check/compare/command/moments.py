@@ -21,6 +21,7 @@ from drake_ispace.robots.robot import COMMAND
 
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
 _SHARES = np.linspace(0.0, 1.0, 20, endpoint=False)  # of changes that act at their samples
+_PARTS = (slice(0, 2), slice(2, 3))  # of a command: translation and turning
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 
 
@@ -34,7 +35,7 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     if sum(len(samples[i]) for i in drives) < FEWEST:
         return []
     step_s = float(np.median([drive.step_s for drive in drives.values()]))
-    sizes = np.abs(np.vstack([drive.changes[samples[i] - 1] for i, drive in drives.items()]))
+    answers = [np.vstack(every) for every in zip(*(_answers(drives[i], samples[i]) for i in drives), strict=True)]
     ends = np.cumsum([len(samples[i]) for i in drives])[:-1]
     moved = {i: np.zeros(len(drive.command.t)) for i, drive in drives.items()}
     score, gained = 0.0, np.inf
@@ -43,7 +44,9 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
         found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
         earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
-        at_once, half, within, twice = (_log_likelihood(earlier, std, sizes, k * step_s) for k in (0.0, 0.5, 1.0, 2.0))
+        at_once, half, within, twice = (
+            _log_likelihood(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
+        )
         score, gained = within - at_once, within - at_once - score
         if score < SAID:
             return []
@@ -97,18 +100,44 @@ def _moments(
     return moved[samples] + more, noise * np.sqrt(np.diag(inverse))
 
 
-def _log_likelihood(earlier, std, sizes, step_s):
+def _answers(drive, samples) -> list[np.ndarray]:
+    """Ways in which a drive may be late at changes of its command, (c, a) columns in units of their own each.
+
+    To translation and to turning it may answer late by a time each that grows with the size of a change; or by another
+    polynomial in it where the speed falls, as where it brakes slowly. Where both change, wheels show the mean of both
+    times, by how much either turns them.
+    """
+    before, after = drive.command.values[samples - 1], drive.command.values[samples]
+    changes, turned = after - before, drive.geometry.inverse
+    parts = np.column_stack([np.sum((changes[:, own] @ turned[:, own].T) ** 2, axis=1) for own in _PARTS])
+    shares = parts / np.maximum(parts.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    sizes, speeds, reached = (
+        np.column_stack([np.linalg.norm(velocities[:, own], axis=1) for own in _PARTS])
+        for velocities in (changes, before, after)
+    )
+    slower = reached < speeds
+    return [
+        np.hstack([shares * sizes**power for power in range(2)]),
+        np.hstack([shares * which * sizes**power for which in (slower, ~slower) for power in range(3)]),
+    ]
+
+
+def _log_likelihood(earlier, std, answers, step_s):
     """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
 
-    What goes with the size of a change, the same for all of them, counts as the drive's answer and is left out.
+    The drive's answer, the same for all of them, is added to it: any of `answers`, in amounts as large as `earlier`.
 
-    earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. sizes: (c, 3) of the changes.
+    earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. answers: as of `_answers`.
     """
-    variance = std**2 + step_s**2 / 12.0
-    with_size = np.column_stack([np.ones(len(earlier)), sizes / np.maximum(sizes.max(axis=0), 1e-12)])
-    columns, shown = with_size / np.sqrt(variance)[:, None], earlier / np.sqrt(variance)
-    left = shown - columns @ np.linalg.lstsq(columns, shown, rcond=1e-6)[0]
-    return -0.5 * float(np.sum(left**2 + np.log(variance)))
+    spread, scale = np.sqrt(std**2 + step_s**2 / 12.0), np.sqrt(np.mean(earlier**2))
+    shown, found = earlier / spread, []
+    for answer in answers:
+        columns = scale * answer / np.maximum(answer.max(axis=0), 1e-12) / spread[:, None]
+        inner = np.eye(columns.shape[1]) + columns.T @ columns
+        product = columns.T @ shown
+        squares = shown @ shown - product @ np.linalg.solve(inner, product)
+        found.append(-0.5 * (squares + np.linalg.slogdet(inner)[1]) - np.log(spread).sum())
+    return float(max(found))
 
 
 def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: float) -> np.ndarray:
