@@ -34,6 +34,11 @@ def test_one_wheel_alone_has_friction_of_its_own():
     assert left == pytest.approx([1.0, 1.2, 1.0])
 
 
+def test_one_wheel_alone_has_viscous_friction_of_its_own():
+    left = given("single_wheel_viscous_friction", [1, 1, 1], [9, -9, 9], wheel=2, coefficient_n_m_s=0.02)
+    assert left == pytest.approx([1.0, 1.18, 1.0])
+
+
 def test_friction_in_one_direction_leaves_the_other_alone():
     assert given("directional_friction", [1, 1, 1], [9, -9, 0], torque_n_m=0.2) == pytest.approx([0.8, 1.0, 0.9])
     assert given("directional_friction", [1, 1, 1], [9, -9, 0], torque_n_m=-0.2) == pytest.approx([1.0, 1.2, 1.1])

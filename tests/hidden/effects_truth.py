@@ -37,6 +37,7 @@ _BOTH = {
     "viscous_friction": {"coefficient_n_m_s": 0.0},
     "coulomb_friction": {"torque_n_m": 0.0},
     "single_wheel_friction": {"wheel": 1, "torque_n_m": 0.0},
+    "single_wheel_viscous_friction": {"wheel": 1, "coefficient_n_m_s": 0.0},
     "directional_friction": {"torque_n_m": 0.0},
     "wheel_drag": {"coefficient_n_m_s2": 0.0},
     "stribeck_friction": {"bump_n_m": 0.0, "speed_rad_s": 1.0},
@@ -112,6 +113,7 @@ class Effects(NamedTuple):
     bend_s: float  # outward velocity over centripetal acceleration
     slope: np.ndarray  # of the floor along x, y of W [rad]
     own_dry: np.ndarray  # Coulomb friction of one wheel
+    own_viscous: np.ndarray  # viscous friction of one
     offset: np.ndarray  # constant torque of one motor
     eccentric: np.ndarray  # (n, 2) of the encoders: amplitudes of sine and cosine
     delay_s: float
@@ -207,6 +209,7 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         floor_n=float(values["soft_floor"]["force_n"]),
         encoder_gain=1.0 + values["encoder_scale"]["share"],
         own_dry=of_one_wheel(robot, values["single_wheel_friction"], "torque_n_m"),
+        own_viscous=of_one_wheel(robot, values["single_wheel_viscous_friction"], "coefficient_n_m_s"),
         offset=of_one_wheel(robot, values["motor_offset"], "offset_n_m"),
         eccentric=np.column_stack([
             of_one_wheel(robot, values["encoder_eccentricity"], key) for key in ("sine_rad", "cosine_rad")
@@ -300,7 +303,7 @@ def dry_friction(wheel, torque, rate, time_s, e):
 @njit(cache=True)
 def steady_torque(wheel, rate, angle, e):
     """Torque [N m] by the effects that does not jump with the direction of a wheel."""
-    drag = (e.viscous + e.wheel_drag * abs(rate)) * rate
+    drag = (e.viscous + e.own_viscous[wheel] + e.wheel_drag * abs(rate)) * rate
     return e.offset[wheel] - drag + e.cogging_n_m * np.sin(COGS * angle)
 
 

@@ -84,7 +84,9 @@ class SingleWheelFriction(TorqueEffect):
         name="single_wheel_friction", title="Friction of one wheel", home="transmission",
         equation="tau'_i = tau_i - C sign(w_i), i = wheel", source="one tight bearing, hair around one axle",
         signature="an unmodelled torque of one size against the direction of one wheel; none on the others",
-        look_alikes=("coulomb_friction", "weak_motor", "motor_offset", "turn_scrub"),
+        look_alikes=(
+            "coulomb_friction", "single_wheel_viscous_friction", "weak_motor", "motor_offset", "turn_scrub",
+        ),
         excitation="both directions, at several torques: a weak motor misses in proportion to its command, an offset "
         "does not turn its sign with the wheel",
     )
@@ -97,6 +99,35 @@ class SingleWheelFriction(TorqueEffect):
     def block_parameters(self, body, values):
         torque = values["torque_n_m"]
         return {"torques_n_m": one_wheel(body, values, torque, 0.0), "speed_scale_rad_s": speed_scale(body, torque)}
+
+
+@kernel
+def one_viscous(torque, wheel_rate, coefficients_n_m_s, out):
+    for i in range(out.shape[0]):
+        out[i] = torque[i] - coefficients_n_m_s[i] * wheel_rate[i]
+
+
+class SingleWheelViscousFriction(TorqueEffect):
+    """-c w on the wheel that is named, 1 to n; at most what the 5 ms step can integrate."""
+
+    least_wheels = 2  # of one it would be viscous friction
+    choices = ("wheel",)
+    card = Card(
+        name="single_wheel_viscous_friction", title="Viscous friction of one wheel", home="transmission",
+        equation="tau'_i = tau_i - c w_i, i = wheel", source="one bearing with stiff grease, a motor that brakes",
+        signature="an unmodelled torque against the speed of one wheel and in proportion to it; none on the others",
+        look_alikes=("single_wheel_friction", "viscous_friction", "weak_motor"),
+        excitation="several speeds in both directions: Coulomb friction of the wheel is the same at each; a weak motor "
+        "misses in proportion to its command",
+    )
+    output = one_viscous
+
+    def parameters_of(self, body):
+        name, unit, scale, tolerance = "coefficient_n_m_s", "N*m*s/rad", "torque/speed", tolerated(body, 0.008)
+        return (Parameter(name, unit, 0.0, 0.0, slope_left(body), (0.05, 0.3), scale, tolerance=tolerance),)
+
+    def block_parameters(self, body, values):
+        return {"coefficients_n_m_s": one_wheel(body, values, values["coefficient_n_m_s"], 0.0)}
 
 
 @kernel
@@ -304,6 +335,6 @@ class TransmissionBacklash(WheelAngleEffect):
 
 
 EFFECTS = (
-    ViscousFriction(), WheelDrag(), CoulombFriction(), SingleWheelFriction(), DirectionalFriction(), StribeckFriction(),
-    PreslidingFriction(), LoadDependentFriction(), TransmissionBacklash(),
+    ViscousFriction(), WheelDrag(), CoulombFriction(), SingleWheelFriction(), SingleWheelViscousFriction(),
+    DirectionalFriction(), StribeckFriction(), PreslidingFriction(), LoadDependentFriction(), TransmissionBacklash(),
 )
