@@ -124,7 +124,7 @@ class SingleWheelViscousFriction(TorqueEffect):
 
     def parameters_of(self, body):
         name, unit, scale, tolerance = "coefficient_n_m_s", "N*m*s/rad", "torque/speed", tolerated(body, 0.008)
-        return (Parameter(name, unit, 0.0, 0.0, slope_left(body), (0.05, 0.3), scale, tolerance=tolerance),)
+        return (Parameter(name, unit, 0.0, 0.0, slope_left(body), (0.03, 0.15), scale, tolerance=tolerance),)
 
     def block_parameters(self, body, values):
         return {"coefficients_n_m_s": one_wheel(body, values, values["coefficient_n_m_s"], 0.0)}
