@@ -21,7 +21,6 @@ from drake_ispace.robots.robot import COMMAND
 
 _ANSWERED = -np.log(np.finfo(float).eps)  # time constants, after which all of a change has come
 _SHARES = np.linspace(0.0, 1.0, 20, endpoint=False)  # of changes that act at their samples
-_PARTS = (slice(0, 2), slice(2, 3))  # of a command: translation and turning
 _LEVEL = np.sqrt(np.finfo(float).eps)  # share of the mean squared length, below which a change shows nothing
 
 
@@ -108,11 +107,11 @@ def _answers(drive, samples) -> list[np.ndarray]:
     times, by how much either turns them.
     """
     before, after = drive.command.values[samples - 1], drive.command.values[samples]
-    changes, turned = after - before, drive.geometry.inverse
-    parts = np.column_stack([np.sum((changes[:, own] @ turned[:, own].T) ** 2, axis=1) for own in _PARTS])
+    changes, turned, axes = after - before, drive.geometry.inverse, ([0, 1], [2])
+    parts = np.column_stack([np.sum((changes[:, own] @ turned[:, own].T) ** 2, axis=1) for own in axes])
     shares = parts / np.maximum(parts.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     sizes, speeds, reached = (
-        np.column_stack([np.linalg.norm(velocities[:, own], axis=1) for own in _PARTS])
+        np.column_stack([np.linalg.norm(velocities[:, own], axis=1) for own in axes])
         for velocities in (changes, before, after)
     )
     slower = reached < speeds
