@@ -9,7 +9,7 @@ from drake_ispace.blocks.kernels import arguments
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
-from drake_ispace.effects.places.velocity import EFFECTS
+from drake_ispace.effects.places.velocity import EFFECTS, beyond_dead_zone
 from drake_ispace.plants.rover import RoverPlantParameters
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
@@ -136,15 +136,25 @@ def test_a_dead_zone_slows_every_wheel_down_and_stops_the_slow_ones():
     assert geometry.inverse @ found == pytest.approx([1.5, 0.0, 0.0], abs=1e-12)
 
 
+def test_of_more_wheels_than_ways_to_move_the_nearest_motion_is_taken():
+    body = Body(robots()["rover"], RoverPlantParameters(wheels="mecanum"), 4)
+    geometry, effect = body.plant.nominal_geometry, library()["velocity_dead_zone"]
+    told, out = np.array([0.02, 0.01, 0.1]), np.empty(3)
+    beyond_dead_zone(told, out=out, **effect.block_parameters(body, {"width_rad_s": 0.5}))
+    wheels = geometry.inverse @ told
+    nearest, *_ = np.linalg.lstsq(geometry.inverse, wheels - np.clip(wheels, -0.5, 0.5), rcond=None)
+    assert np.sum(np.abs(wheels) < 0.5) == 2 and out == pytest.approx(nearest)
+
+
 @pytest.mark.parametrize("damping", [0.2, 0.8])
 def test_an_overshoot_is_the_mean_of_the_solution_over_each_tick(damping):
-    constant, fine = 0.02, 1e-6
-    t, (y, rate), means = np.arange(0.0, TICK_S, fine), (0.0, 0.0), []
-    for _ in range(4):
-        solved = solve_ivp(lambda _, s: [s[1], (1.0 - s[0] - 2.0 * damping * constant * s[1]) / constant**2],
-                           (0.0, TICK_S), [y, rate], rtol=1e-10, atol=1e-12, t_eval=[*t, TICK_S])
-        means.append(np.trapezoid(solved.y[0], solved.t) / TICK_S)
-        y, rate = solved.y[:, -1]
+    constant, edges = 0.02, TICK_S * np.arange(5)
+
+    def rates(_, state):  # of velocity, its rate, and the way
+        return [state[1], (1.0 - state[0] - 2.0 * damping * constant * state[1]) / constant**2, state[0]]
+
+    way = solve_ivp(rates, (0.0, edges[-1]), [0.0, 0.0, 0.0], rtol=1e-10, atol=1e-12, t_eval=edges).y[2]
+    means = np.diff(way) / TICK_S
     found = through("velocity_overshoot", np.ones((4, 3)), time_constant_s=constant, damping=damping)
     assert found[:, 1] == pytest.approx(means, rel=1e-6)
 

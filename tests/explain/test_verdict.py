@@ -152,7 +152,7 @@ def test_a_size_that_fades_in_every_run_is_told():
     assert answer.verdict == "incomplete" and "drifts between the halves of runs" in answer.drifts[0], answer
 
 
-@pytest.mark.parametrize("drag, verdict", [pytest.param(1.5e-5, "none", marks=pytest.mark.slow), (1.5e-4, "named")],
+@pytest.mark.parametrize("drag, verdict", [(1.5e-5, "none"), pytest.param(1.5e-4, "named", marks=pytest.mark.slow)],
                          ids=["trace", "effect"])
 def test_an_alarm_in_doubt_must_show_on_unseen_runs(monkeypatch, drag, verdict):
     monkeypatch.setattr(detect, "CLEAR_MINUS_LOG10_P", np.inf)  # every alarm is in doubt

@@ -10,6 +10,7 @@ from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
+from hidden.effects_truth import ROBOTS
 from hidden.generator import generate
 
 MOTIONS = ("square", "eight")
@@ -21,7 +22,9 @@ def sound(robot, seed, process_noise=1.0, seconds=12.0):
             for i, motion in enumerate(MOTIONS)]
 
 
-@pytest.fixture(scope="module", params=["omni", pytest.param("pendulum", marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[
+    pytest.param(robot, marks=[] if robot == "omni" else pytest.mark.slow) for robot in ROBOTS
+])
 def surveyed(request):
     case = prepare(f"{request.param}_multirate", sound(request.param, 70))
     return survey(case.prediction, {}, candidates(case.replay.effects, case.replay.body))

@@ -171,7 +171,6 @@ def test_a_floor_that_moves_has_no_name():
     assert judged(case, found) in ("unknown", "incomplete")
 
 
-@pytest.mark.slow
 def test_tyres_that_are_pressed_in_bends_are_no_wrong_track():
     """Who turns at one speed cannot tell them apart; the turn that is lost grows with the square of the speed."""
     case, found = told({"lean_s2_m": -0.026})

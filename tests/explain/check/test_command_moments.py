@@ -52,10 +52,35 @@ def test_changes_get_their_own_moments_whatever_the_drive_does_besides(robot):
 
 @pytest.mark.parametrize("robot", [
     {"lag_s": 0.0}, {"lag_s": 0.2}, {"lag_s": 0.03, "others": {"delay_s": 0.03}}, {"lag_s": 0.1, "encoder_hz": 100.0},
-    {"lag_s": 0.1, "others": {"gain_share": 0.08}},
+    {"lag_s": 0.1, "others": {"gain_share": 0.08}}, {"lag_s": 0.0, "others": {"brake_s2_m": 1.0}},
+    {"lag_s": 0.0, "others": {"ramp_s2_m": 0.5}},
 ])
 def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
     assert checked(**robot, in_step=True)[1].findings == []
+
+
+def test_changes_are_found_though_the_drive_speeds_up_slowly():
+    _, found = checked(lag_s=0.0, others={"ramp_s2_m": 0.3}, encoder_hz=50.0)
+    assert [finding.fault for finding in found.findings] == ["command_moments"] * 2
+
+
+def test_a_log_without_any_noise_whose_command_has_few_speeds_is_sound():
+    model, t = two_wheels.model(), 0.05 * np.arange(400)
+    speeds = np.array([0.0, 0.2, 0.4, 0.6, 0.4])[np.arange(400) // 24 % 5]
+    command = np.column_stack([speeds, np.zeros(400), np.where(np.arange(400) // 40 % 2, 0.4, -0.4)])
+    rates = command @ model.rover.plant.nominal_geometry.inverse.T
+    angles = np.vstack([np.zeros(2), np.cumsum(0.05 * rates[:-1], axis=0)])
+    phi = np.concatenate([[0.0], np.cumsum(0.05 * command[:-1, 2])])
+    way = np.vstack([np.zeros(2), np.cumsum(np.column_stack([
+        0.05 * command[:-1, 0] * np.sinc(0.025 * command[:-1, 2] / np.pi) * f(phi[:-1] + 0.025 * command[:-1, 2])
+        for f in (np.cos, np.sin)
+    ]), axis=0)])
+    run = Recording("mine", "velocity_base", {
+        "command": Channel(t, ("vx", "vy", "wz"), command, {}, 0.05),
+        "encoder": Channel(t, ("theta_1", "theta_2"), angles, {}, 0.05),
+        "kinect": Channel(t[1::2], ("x", "y", "phi"), np.column_stack([way, phi])[1::2], {}, None),
+    })
+    assert "command_moments" not in {finding.fault for finding in check(model, [run]).findings}
 
 
 def test_a_robot_without_lag_lacks_nothing_although_its_command_changes_between_samples():

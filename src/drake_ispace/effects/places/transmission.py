@@ -28,7 +28,7 @@ class ViscousFriction(TorqueEffect):
         name="viscous_friction", title="Viscous friction", home="transmission", equation="tau' = tau - c w",
         source="(3.35), c_v",
         signature="an unmodelled torque against the wheel's speed and in proportion to it",
-        look_alikes=("coulomb_friction", "soft_floor", "torque_gain_error"),
+        look_alikes=("coulomb_friction", "single_wheel_viscous_friction", "soft_floor", "torque_gain_error"),
         excitation="several speeds: at one speed alone it equals Coulomb friction",
     )
     output = viscous

@@ -80,7 +80,7 @@ class VelocityGain(VelocityEffect):
         equation="vx' = (1 + share_x) vx, vy' = (1 + share_y) vy, wz' = (1 + share_yaw) wz",
         source="wheel radius or track in the drive's firmware other than those of encoder and odometry",
         signature="encoders and pose agree with each other, but not with the command, by a share of it",
-        look_alikes=("wheel_radius_error", "track_error", "constant_slip", "velocity_saturation"),
+        look_alikes=("wheel_radius_error", "track_error", "constant_slip", "velocity_saturation", "velocity_dead_zone"),
         excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
         "camera, a gain between command and encoder; a speed limit spares slow commands",
     )
@@ -146,7 +146,7 @@ class VelocityLag(Lag, VelocityEffect):
         source="the drive's own speed control, mass and moment of inertia of the robot",
         signature="encoders and pose fall behind where the command rises and run on where it falls, in turns by "
         "another time than straight ahead where turns are easier or harder for the drive",
-        look_alikes=("velocity_delay", "velocity_slew_limit", "velocity_saturation"),
+        look_alikes=("velocity_delay", "velocity_slew_limit", "velocity_saturation", "velocity_overshoot"),
         excitation="steps and fast reversals of the command, straight and turning: a delay shifts them, a lag rounds "
         "them; a speed limit acts on fast commands only",
     )
@@ -205,7 +205,7 @@ class VelocitySlewLimit(VelocityEffect):
         equation="|d(vx', vy')/dt| <= limit_m_s2, |d(wz')/dt| <= limit_rad_s2",
         source="ramps in the drive's firmware, motors at the limit of their current",
         signature="encoders and pose answer a step of the command by a ramp whose slope is the same whatever the step",
-        look_alikes=("velocity_lag", "velocity_delay"),
+        look_alikes=("velocity_lag", "velocity_delay", "velocity_braking_limit"),
         excitation="steps of the command of several sizes, straight and turning: a ramp takes longer for larger steps, "
         "a lag takes its time for each",
     )
@@ -254,14 +254,15 @@ def remember_braked(xd, velocity, step, step_rad, out):
 
 
 class VelocityBrakingLimit(VelocitySlewLimit):
-    """A velocity that comes down by at most limit_m_s2, its turning rate by limit_rad_s2, and rises at once.
+    """A velocity that moves towards the held command by at most limit_m_s2 while the speed falls, and then at once.
 
-    Of a change of direction that part brakes on which the speed falls. x_d and `output` as of VelocitySlewLimit.
+    The same goes for the turning rate and limit_rad_s2. x_d and `output` as of VelocitySlewLimit.
     """
 
     card = Card(
         name="velocity_braking_limit", title="Braking limit", home="actuator",
-        equation="d|(vx', vy')|/dt >= -limit_m_s2, d|wz'|/dt >= -limit_rad_s2",
+        equation="|d(vx', vy')/dt| <= limit_m_s2 while |(vx', vy')| falls, |d(wz')/dt| <= limit_rad_s2 while |wz'| "
+        "does",
         source="ramp in the drive's firmware for slowing down alone, drives that cannot brake but only coast",
         signature="encoders and pose run on by a ramp where the command falls, and follow at once where it rises",
         look_alikes=("velocity_slew_limit", "velocity_lag", "velocity_delay"),
@@ -283,11 +284,14 @@ def beyond_dead_zone(velocity, width_rad_s, wheels, motion, out):
 
 
 class VelocityDeadZone(VelocityEffect):
-    """Every wheel slower than told by width_rad_s, and at rest where it is told less: w - clip(w, -width, width)."""
+    """Every wheel slower than told by width_rad_s, and at rest where it is told less: w - clip(w, -width, width).
+
+    Of more wheels than ways to move, the motion of the body that comes nearest to that.
+    """
 
     card = Card(
         name="velocity_dead_zone", title="Dead zone of the drive", home="actuator",
-        equation="theta_dot' = theta_dot - clip(theta_dot, -width_rad_s, width_rad_s)",
+        equation="v' = v - J clip(G v, -width_rad_s, width_rad_s), G v the rates of the wheels, J its inverse",
         source="motors without speed control, which need some voltage to turn at all",
         signature="wheels that are slower than told by one speed whatever the command, and do not move for a small one",
         look_alikes=("velocity_gain", "velocity_saturation"),
@@ -340,7 +344,7 @@ class VelocityOvershoot(VelocityEffect):
 
     def block_parameters(self, body, values):
         constant_s, damping = values["time_constant_s"], values["damping"]
-        if not constant_s > 0.0:
+        if constant_s <= np.finfo(float).eps * TICK_S:
             return {"motion": np.zeros(4), "mean": np.zeros(2)}
         slowing, frequency = damping / constant_s, math.sqrt(1.0 - damping**2) / constant_s
         left, angle = math.exp(-slowing * TICK_S), frequency * TICK_S

@@ -100,42 +100,45 @@ def _moments(
 
 
 def _answers(drive, samples) -> list[np.ndarray]:
-    """Ways in which a drive may be late at changes of its command, (c, a) columns in units of their own each.
+    """Two ways in which a drive may be late at changes of its command whenever they act: (c, 4) and (c, 14) columns.
 
-    To translation and to turning it may answer late by a time each that grows with the size of a change; or by another
-    polynomial in it where the speed falls, as where it brakes slowly. Where both change, wheels show the mean of both
-    times, by how much either turns them.
+    The lateness is a sum of columns, each times an amount that is the same for all changes. It is one for translation
+    and one for turning; where both change, wheels show the mean of both, by how much either turns them. The first way
+    grows linearly with the size of a change. The second is quadratic in it, apart for speeds that fall and others, as
+    under a limit of acceleration, with the part of the change on which the speed falls besides, as where brakes are
+    slow.
     """
-    before, after = drive.command.values[samples - 1], drive.command.values[samples]
-    changes, turned, axes = after - before, drive.geometry.inverse, ([0, 1], [2])
+    before, changes = drive.command.values[samples - 1], drive.changes[samples - 1]
+    turned, axes = drive.geometry.inverse, ([0, 1], [2])
     parts = np.column_stack([np.sum((changes[:, own] @ turned[:, own].T) ** 2, axis=1) for own in axes])
     shares = parts / np.maximum(parts.sum(axis=1, keepdims=True), np.finfo(float).tiny)
     sizes, speeds, reached = (
         np.column_stack([np.linalg.norm(velocities[:, own], axis=1) for own in axes])
-        for velocities in (changes, before, after)
+        for velocities in (changes, before, before + changes)
     )
-    slower = reached < speeds
-    return [
-        np.hstack([shares * sizes**power for power in range(2)]),
-        np.hstack([shares * which * sizes**power for which in (slower, ~slower) for power in range(3)]),
-    ]
+    against = -np.column_stack([np.sum(before[:, own] * changes[:, own], axis=1) for own in axes])
+    braking = np.clip(against / np.maximum(sizes**2, np.finfo(float).tiny), 0.0, 1.0)  # share of the way to the slowest
+    slower, linear = reached < speeds, [shares * sizes**power for power in range(2)]
+    apart = [shares * which * sizes**power for which in (slower, ~slower) for power in range(3)]
+    return [np.hstack(linear), np.hstack([*apart, shares * sizes * braking * (1.0 - 0.5 * braking)])]
 
 
 def _log_likelihood(earlier, std, answers, step_s):
     """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
 
-    The drive's answer, the same for all of them, is added to it: any of `answers`, in amounts as large as `earlier`.
+    The drive's own answer is added to it, that of `answers` which makes this likelier. Its amounts have normal priors:
+    at the largest change each answer is as late as `earlier` is in the mean square.
 
     earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. answers: as of `_answers`.
     """
-    spread, scale = np.sqrt(std**2 + step_s**2 / 12.0), np.sqrt(np.mean(earlier**2))
-    shown, found = earlier / spread, []
+    spread, scale, found = np.sqrt(std**2 + step_s**2 / 12.0), np.sqrt(np.mean(earlier**2)), []
     for answer in answers:
+        amounts = np.eye(answer.shape[1])
         columns = scale * answer / np.maximum(answer.max(axis=0), 1e-12) / spread[:, None]
-        inner = np.eye(columns.shape[1]) + columns.T @ columns
-        product = columns.T @ shown
-        squares = shown @ shown - product @ np.linalg.solve(inner, product)
-        found.append(-0.5 * (squares + np.linalg.slogdet(inner)[1]) - np.log(spread).sum())
+        q, r = np.linalg.qr(np.vstack([columns, amounts]))
+        shown = np.concatenate([earlier / spread, np.zeros(len(amounts))])
+        left = shown - q @ (q.T @ shown)
+        found.append(-0.5 * left @ left - np.log(np.abs(np.diag(r))).sum() - np.log(spread).sum())
     return float(max(found))
 
 
