@@ -44,8 +44,7 @@ NAMED = {
 #: What no library names -> largest size.
 OUTSIDE = {
     "lean_s2_m": 0.1, "belt_m_s": 0.01, "deflating_share": 0.05, "patch_share": 0.1, "fast_slip_s2_m2": 0.3,
-    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05, "least_rad_s": 3.0,
-    "steps_rad_s": 2.0,
+    "skewed_share": 0.05, "warped_rad_m": 0.08, "ripple_rad": 0.05, "least_rad_s": 3.0, "steps_rad_s": 2.0,
 }
 _POSITIVE = (
     "lost_share", "ramp_s2_m", "slip_share", "patch_share", "fast_slip_s2_m2", "swing_s2", "dead_rad_s", "brake_s2_m",

@@ -228,6 +228,14 @@ def braking(x, y, by_x, by_y, step):
 
 
 @kernel
+def braking_of(xd, velocity, step, step_rad):
+    """`braking` of (vx, vy) by `step` [m/s] a tick, then of wz by `step_rad` [rad/s]: share, ticks, share, ticks."""
+    share, ticks = braking(xd[0], xd[1], velocity[0] - xd[0], velocity[1] - xd[1], step)
+    turning, turning_ticks = braking(xd[2], 0.0, velocity[2] - xd[2], 0.0, step_rad)
+    return share, ticks, turning, turning_ticks
+
+
+@kernel
 def left_after_braking(share, ticks):
     """The share of a change that a tick leaves, where `braking` takes so many ticks and the rest none."""
     return 1.0 - share / ticks if ticks >= 1.0 else 0.0
@@ -241,15 +249,13 @@ def left_while_braking(share, ticks):
 
 @kernel
 def braking_limited(xd, velocity, step, step_rad, out):
-    share, ticks = braking(xd[0], xd[1], velocity[0] - xd[0], velocity[1] - xd[1], step)
-    turning, turning_ticks = braking(xd[2], 0.0, velocity[2] - xd[2], 0.0, step_rad)
+    share, ticks, turning, turning_ticks = braking_of(xd, velocity, step, step_rad)
     mix_axes(xd, velocity, left_while_braking(share, ticks), left_while_braking(turning, turning_ticks), out)
 
 
 @kernel
 def remember_braked(xd, velocity, step, step_rad, out):
-    share, ticks = braking(xd[0], xd[1], velocity[0] - xd[0], velocity[1] - xd[1], step)
-    turning, turning_ticks = braking(xd[2], 0.0, velocity[2] - xd[2], 0.0, step_rad)
+    share, ticks, turning, turning_ticks = braking_of(xd, velocity, step, step_rad)
     mix_axes(xd, velocity, left_after_braking(share, ticks), left_after_braking(turning, turning_ticks), out)
 
 
