@@ -138,6 +138,19 @@ def test_times_since_1970_are_counted_from_the_first_and_that_is_said_as_a_numbe
     assert recording.channels["encoder"].t == pytest.approx(0.02 * np.arange(9), abs=1e-6)
 
 
+def test_commands_that_were_logged_as_they_changed_are_taken(tmp_path):
+    """Of an even number of steps of time none need be near the middle."""
+    (tmp_path / "wheels.csv").write_text("s,l,r\n" + "".join(f"{0.02 * k:.2f},{k},{k}\n" for k in range(200)))
+    (tmp_path / "told.csv").write_text("s,v,u,w\n0.1,0.1,0.0,0.0\n1.2,0.2,0.0,0.0\n2.6,0.1,0.0,0.1\n")
+    (tmp_path / "m.yaml").write_text(
+        "format: drake-ispace-mapping/1\nrobot: {kind: differential, wheel_diameter_m: 0.1, track_m: 0.3}\nchannels:\n"
+        "  encoder: {file: wheels.csv, t: s, columns: {theta_left: l, theta_right: r}}\n"
+        "  command: {file: told.csv, t: s, columns: {vx: v, vy: u, wz: w}}\n"
+    )
+    command = convert(load_mapping(tmp_path / "m.yaml"), tmp_path).channels["command"]
+    assert command.t == pytest.approx([0.1, 1.2, 2.6])
+
+
 def test_a_recording_becomes_a_trajectory(said, logs, tmp_path, document):
     told = document("import", logs / "mapping.yaml", logs / "run0", "--out", tmp_path)
     said("export", told["recordings"]["run0"], "--out", tmp_path / "run0.tum")

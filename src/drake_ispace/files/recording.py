@@ -315,13 +315,20 @@ def _check_samples(channel: Channel, where: str, place: Callable[[int], str]) ->
             raise InputError(f"{where}: {place(bad[0])}: t_received = {late} s, expected no less than t = {t} s")
 
 
+def median_step(t: np.ndarray) -> float:
+    """The median step [s] of stamps (k,), k > 1.
+
+    Of an even number of steps it is the lower of the two in the middle: halfway between 95 and 190 ms is no step.
+    """
+    return float(np.quantile(np.diff(t), 0.5, method="lower"))
+
+
 def _check_period(name: str, channel: Channel, where: str | Path) -> None:
     """Refuses a period that the time stamps contradict; the Kinect may miss the robot, so steps may be multiples."""
     period = channel.period_s
     if period is None or len(channel.t) < 2:
         return
-    # Of an even number the lower of the two in the middle: halfway between 95 and 190 ms would be no step of this run.
-    step = float(np.quantile(np.diff(channel.t), 0.5, method="lower"))
+    step = median_step(channel.t)
     steps = max(1, round(step / period)) if name == "kinect" and period > 0 else 1
     if not (0 < period < math.inf and abs(step - steps * period) <= PERIOD_TOLERANCE * period):
         raise InputError(

@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.importers.tables import period_of
-from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, validate
+from drake_ispace.files.recording import CHANNELS, PER_WHEEL, Channel, Recording, median_step, validate
 from drake_ispace.files.units import conversion, si_unit
 from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
@@ -176,4 +176,4 @@ def _estimated(mapping, times, values, own, clock):
 
 def _period(t):
     period = period_of(t)
-    return None if period is None or abs(np.median(np.diff(t)) / period - 1.0) > 0.01 else period
+    return None if period is None or abs(median_step(t) / period - 1.0) > 0.01 else period

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError, shown
+from drake_ispace.files.recording import median_step
 
 LARGEST_FILE = 1 << 28  # bytes
 
@@ -49,7 +50,7 @@ def parse_numbers(
 
 def period_of(t: np.ndarray) -> float | None:
     """The median step of time stamps (n,) [s], to the microsecond; None of a single stamp or if it is not positive."""
-    period = round(float(np.median(np.diff(t))), 6) if len(t) > 1 else 0.0
+    period = round(median_step(t), 6) if len(t) > 1 else 0.0
     return period if period > 0.0 else None
 
 
