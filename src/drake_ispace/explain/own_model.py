@@ -42,12 +42,15 @@ class OwnPlant:
     """The plant, as far as effects may know it.
 
     mobility (n, n): acceleration of the wheels per torque [rad/s^2 per N m]. friction: largest viscous and Coulomb
-    friction that brakes a wheel, by the names of `plants.friction`; empty: not known.
+    friction that brakes a wheel, by the names of `plants.friction`; empty: not known. load: a function of wheel angles
+    (k, n) [rad] and rates (k, n) [rad/s], that gives the torques (k, n) [N m] by which the plant turns its wheels
+    itself, such as its weight's; None: its state is more than these.
     """
 
     geometry: OwnGeometry
     mobility: np.ndarray
     friction: Mapping[str, float] = field(default_factory=dict)
+    load: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,9 @@ class OwnRobot(Robot):
 
     def mobility(self, plant):
         return plant.mobility
+
+    def load(self, plant, angles, rates):
+        return None if plant.load is None else plant.load(angles, rates)
 
     def friction(self, plant):
         return Friction()
@@ -235,7 +241,26 @@ class OwnModel:
         a, b, c = self.linearised()
         mean = np.zeros((3, self.wheels))
         mean[0] = 1.0 / self.wheels
-        return OwnSettings(OwnPlant(OwnGeometry(mean), c @ a @ b, self._friction(a, b, c)))
+        return OwnSettings(OwnPlant(OwnGeometry(mean), c @ a @ b, self._friction(a, b, c), self._load(a, b, c)))
+
+    def _load(self, a, b, c) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+        """The `load` of OwnPlant."""
+        if len(a) != 2 * self.wheels:
+            return None
+        context = self.plant.CreateDefaultContext()
+        self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
+        start = context.get_continuous_state_vector().CopyToVector()
+        turned = [self.plant.GetOutputPort(name).Eval(context) for name in (self.wheel_angle, self.wheel_rate)]
+        state_of, torque_of = np.linalg.inv(np.vstack([c, c @ a])), np.linalg.solve(c @ a @ b, c @ a)
+
+        def load(angles, rates):
+            torques = np.empty_like(angles)
+            for k, motion in enumerate(np.hstack([angles, rates]) - np.concatenate(turned)):
+                context.SetContinuousState(start + state_of @ motion)
+                torques[k] = torque_of @ self.plant.EvalTimeDerivatives(context).CopyToVector()
+            return torques
+
+        return load
 
     def _friction(self, a, b, c) -> dict[str, float]:
         """Friction that brakes every wheel: viscous at all speeds, Coulomb beyond what grows with speed.

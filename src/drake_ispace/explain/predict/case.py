@@ -105,7 +105,7 @@ def prepare(
     ]
     if scenario is None:
         robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
-        replay, warning = own_replay(model, tracks[:n], effects), _held_between(tracks)
+        replay, warning = own_replay(model, tracks[:n], effects, tracks[n:]), _held_between(tracks)
         tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
     else:
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])

@@ -109,12 +109,15 @@ def own_track(recording: Recording, model: OwnModel, name: str) -> Track:
     return track(replace(recording, channels=kept), model.robot, model, name, shortest_s=0.0)
 
 
-def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effect] | None = None) -> OwnReplay:
+def own_replay(
+    model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effect] | None = None, others: Sequence[Track] = (),
+) -> OwnReplay:
     """Build and compile the prediction Diagram of a user's plant.
 
     Args:
         tracks: runs that the filter's assumptions about noise are taken from.
         effects: to try, default the whole library.
+        others: further runs that the filter is to follow, however rarely their encoders were read.
 
     Raises:
         InputError: a plant that cannot be followed (OwnModel.linearised), or an effect of the model that is not among
@@ -128,7 +131,7 @@ def own_replay(model: OwnModel, tracks: Sequence[Track], effects: Sequence[Effec
         raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     moving = model.in_motion(_usual_speeds(tracks, n)), b, c
-    filters = [_filter(model, tracks, factors, moving) for factors in assumed]
+    filters = [_filter(model, tracks, factors, moving, read_ticks([*tracks, *others])) for factors in assumed]
     filter = lambda plant, changed=None: filters[0 if changed is None else 1 + changed]  # noqa: E731
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()
@@ -165,8 +168,11 @@ def _diagram(model: OwnModel, body: Body, effects: Mapping[str, Effect], filter:
     return bench.build(f"{body.name}_replay")
 
 
-def _filter(model, tracks, factors, linear) -> Filter:
-    """The follower's filter; factors: on the spectral density of unknown torques, and on the encoder's variance."""
+def _filter(model, tracks, factors, linear, ticks) -> Filter:
+    """The follower's filter; factors: on the spectral density of unknown torques, and on the encoder's variance.
+
+    ticks: from one read of the encoders to the next.
+    """
     a, b, c = linear
     n = model.wheels
     process = b @ (2.0 * _unknown_torque(model, tracks) ** 2 * CORRELATION_S * factors[0] * np.eye(n)) @ b.T
@@ -175,7 +181,7 @@ def _filter(model, tracks, factors, linear) -> Filter:
     effort = mobility.T @ mobility / BANDWIDTH_RAD_S**4
     value = solve_continuous_are(a, b, c.T @ c + 1e-12 * np.eye(len(a)), effort)
     feedback = np.linalg.solve(effort, b.T @ value)
-    return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n), read_ticks(tracks))
+    return design(a, b, c, np.zeros((n, n)), process, sensors, feedback, np.eye(n), ticks)
 
 
 def _usual_speeds(tracks, n) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.motion import (
@@ -170,8 +171,9 @@ def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
 def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The torques' impulse, beside the momentum that the wheels say.
 
-    Friction and a steady force from the floor or the room may take any share of it. Of coordinates on which weight
-    acts, nothing is compared.
+    Friction and a steady force from the floor or the room may take any share of it. So may a spring and a weight on the
+    wheels of a plant of one's own, and what it does without torque. Of coordinates of a robot on which weight acts,
+    nothing is compared.
     """
     plant, robot, torque = base.settings.plant, base.robot, run.channels[TORQUE]
     if robot.driven != TORQUE or len(torque.columns) != len(base.geometry.wheels):
@@ -183,7 +185,7 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     size = np.abs(effort).max(axis=1)  # rows as torques
     # in windows no longer than a latency, a late torque would tell of none of the same motion
     stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s, starts)
-    pitch = run.channels.get("imu") if robot.has_imu else None
+    pitch, load = run.channels.get("imu") if robot.has_imu else None, _load(base)
 
     def rates(t):
         wheels = base.wheel_rates(t)
@@ -196,19 +198,35 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
         turning = robot.turning(0.5 * (before + after)) * (until - since)[:, None]
         return (after - before + turning) @ mass.T / size
 
-    def forces(since, until):
-        turns, sense = turned(base.encoder, since, until), np.sign(base.wheel_rates(0.5 * (since + until)))
-        lasts = (until - since)[:, None]
-        heading = base.moved(np.full(len(since), base.encoder.t[0]), 0.5 * (since + until))[:, 2:]
-        room = [np.broadcast_to(lasts * part, turns[:, :1].shape) * np.ones(len(free))
-                for part in (1.0, np.cos(heading), np.sin(heading))]
-        wheels = [turns @ effort.T / size, lasts * sense @ effort.T / size]
-        return np.stack([*wheels, *room], axis=2)
+    def besides(since, until):
+        middle, lasts = 0.5 * (since + until), (until - since)[:, None]
+        of_wheels = [turned(base.encoder, since, until), lasts * np.sign(base.wheel_rates(middle))]
+        of_wheels += [] if load is None else [load(since, until)]
+        if robot.in_room:
+            place = base.moved(np.full(len(since), base.encoder.t[0]), middle)[:, 2:]
+            of_place = [np.ones_like(place), np.cos(place), np.sin(place)]
+        else:
+            place = np.column_stack([np.interp(middle, base.encoder.t, angle) for angle in base.encoder.values.T])
+            of_place = [np.ones_like(place), np.cos(place), np.sin(place), place]
+        of_place = [lasts * part * np.ones(len(free)) for part in of_place]
+        return np.stack([*(part @ effort.T / size for part in of_wheels), *of_place], axis=2)
 
     impulse = held_integral(torque, *stretches) @ effort.T / size
     counts = np.abs(mass) @ np.resize(base.noise, mass.shape[1]) / (np.sqrt(2.0) * base.rate_s * size)
     slack = PHYSICS if robot.in_si else UNKNOWN_INERTIA
-    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, forces, slack=slack)
+    return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, besides, slack=slack)
+
+
+def _load(base):
+    """A function of windows: (n, wheels) impulse of the torques by which the plant turns its wheels itself; or None."""
+    encoder, margin_s = base.encoder, base.rate_s
+    t = np.arange(encoder.t[0] + margin_s, encoder.t[-1] - margin_s, base.rate_s)
+    angles = np.column_stack([np.interp(t, encoder.t, angle) for angle in encoder.values.T])
+    torques = base.robot.load(base.settings.plant, angles, base.wheel_rates(t))
+    if torques is None or not np.isfinite(torques).all():
+        return None
+    impulse = cumulative_trapezoid(torques, t, axis=0, initial=0.0).T
+    return lambda since, until: np.column_stack([np.interp(until, t, p) - np.interp(since, t, p) for p in impulse])
 
 
 def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
