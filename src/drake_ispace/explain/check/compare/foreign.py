@@ -8,7 +8,7 @@ import numpy as np
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
 from drake_ispace.explain.check.compare.motion import turned
-from drake_ispace.explain.check.compare.regression import SLACK, most, residuals, scores
+from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, most, residuals, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
@@ -18,16 +18,26 @@ Stretches = Sequence[tuple[float, float]]
 
 @dataclass(frozen=True)
 class _Relation:
-    """How well a channel follows the wheels: share, as `following`, and the log likelihood over no relation at all."""
+    """How well a channel follows the wheels: share, as `following`, and the log likelihood over no relation at all.
+
+    of_squares: share of the channel's squared motion that the wheels' motion is, up to a factor that physics allows.
+    """
 
     share: float
     gain: float
+    of_squares: float = 0.0
 
 
-def _related(related, unrelated, exact):
+def _related(related, unrelated, exact, of_squares=0.0):
     """The _Relation of one with these logarithms of likelihood; None where nobody can say."""
     share = following(related, unrelated, exact)
-    return None if share is None else _Relation(share, related - unrelated)
+    return None if share is None else _Relation(share, related - unrelated, of_squares)
+
+
+def _of_squares(x, y):
+    """As of a _Relation, of the wheels' motion x and the channel's y (n, d)."""
+    factor = np.clip(np.sum(x * y) / max(np.sum(x**2), np.finfo(float).tiny), 1.0 - MOST_SLACK, 1.0 + MOST_SLACK)
+    return 1.0 - float(np.sum((y - factor * x) ** 2) / np.sum(y**2))
 
 
 def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]) -> list[Finding]:
@@ -70,11 +80,14 @@ def _is_stranger(link, relation):
     """Whether a channel moves in another way than the wheels.
 
     Friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels. What is
-    compared beside motions of any share, such as a torque, must go against them clearly.
+    compared beside motions of any share, such as a torque, must go against them clearly. A command that mostly says to
+    go straight on is no stranger to wheels that wander a little, as long as both turn together where it says to turn.
     """
     if link.channel == "kinect":
         return relation.share < RELATED
-    return relation.share < -RELATED if link.any_share else relation.gain < -SAID
+    if link.any_share:
+        return relation.share < -RELATED
+    return relation.gain < -SAID and relation.of_squares < RELATED
 
 
 def _owner(runs, bases, number, name):
@@ -127,7 +140,8 @@ def _at_lag(link, base, lag_s, spoilt):
         if all(moving(motion, noise) for motion in own):
             both, every = (np.stack([x, 0.0 * x]), y[None]), (tuple(range(len(group))),)
             given, unrelated = scores(*both, every, np.stack([noise, noise]), z, slack)
-            found.append(_related(float(given), float(unrelated), float(most(y[None], every, noise[None])[0])))
+            exact = float(most(y[None], every, noise[None])[0])
+            found.append(_related(float(given), float(unrelated), exact, _of_squares(x, y)))
     return min((one for one in found if one is not None), key=lambda one: one.share, default=None)
 
 

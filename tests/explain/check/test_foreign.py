@@ -1,0 +1,42 @@
+"""A command of another run is told from that of a drive that wanders."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from drake_ispace.explain.check.check import check
+from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.scenario import load_scenario
+
+STEP_S = 0.02
+MODEL = load_scenario("velocity_base", [
+    "rover.plant.wheels=differential", "rover.plant.radius_m=0.033", "rover.plant.half_track_m=0.08",
+])
+
+
+def squares(seed, wanders_m_s=0.0, side_s=3.8, turn_rad_s=0.9):
+    """30 s of squares; each wheel leaves its command at random, for a third of a second at a time."""
+    t, rng = STEP_S * np.arange(1500), np.random.default_rng(seed)
+    goes, at = t >= 2.0, (t - 2.0) % (side_s + 1.75)
+    ahead, turn = np.where(goes & (at < side_s), 0.13, 0.0), np.where(goes & (at >= side_s), turn_rad_s, 0.0)
+    keep = np.exp(-STEP_S / 0.3)
+    speeds = np.column_stack([ahead + 0.08 * turn, ahead - 0.08 * turn])
+    noise = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(speeds.shape), axis=0)
+    angles = np.cumsum(speeds + wanders_m_s * noise * (speeds != 0.0), axis=0) * STEP_S / 0.033
+    return Recording("rover", channels={
+        "command": Channel(t, ("vx", "vy", "wz"), np.column_stack([ahead, 0.0 * t, turn]), {}, STEP_S),
+        "encoder": Channel(t, ("theta_right", "theta_left"), angles, {}, STEP_S),
+    })
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_command_is_no_stranger_to_a_drive_that_wanders(seed):
+    assert not [finding for finding in check(MODEL, [squares(seed, 0.02)]).findings if finding.channel == "command"]
+
+
+def test_a_command_of_another_run_is_found():
+    run = squares(0, 0.003)
+    other = replace(run, channels=run.channels | {"command": squares(1, side_s=2.3, turn_rad_s=-0.6).channels["command"]})
+    assert [(f.fault, f.channel) for f in check(MODEL, [other]).findings] == [("channel_of_another_run", "command")]
