@@ -14,11 +14,11 @@ def with_rivals(decision: Decision) -> Decision:
     """The Decision with the rivals of its named effects.
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
-    behind counts in units of how its lead scatters over the runs. One whose best size makes no sense counts at the
-    nearest size that does, unless the named effect's size makes none either. A rival whose best size makes sense takes
-    the place of a named effect whose size makes none, of one that does no better with more parameters, and of one that
-    becomes the rival at some value of its shape. An effect that was asked for stays,
-    and has the rivals of what asked for it.
+    behind counts in units of how its lead scatters over the runs, or as a share of what the named effect explains
+    beside the others. One whose best size makes no sense counts at the nearest size that does, unless the named
+    effect's size makes none either. A rival whose best size makes sense takes the place of a named effect whose size
+    makes none, of one that does no better with more parameters, and of one that becomes the rival at some value of its
+    shape. An effect that was asked for stays, and has the rivals of what asked for it.
     """
     for effect in decision.named.point:
         if (known := decision.kept.get(effect)) is not None:
@@ -56,7 +56,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
         fitted = _sensible(likelihood, other, best) if makes_sense else best
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.total_gain)
+        limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind), best))

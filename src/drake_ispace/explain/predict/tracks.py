@@ -12,7 +12,7 @@ from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.faults.repair import from_zero
-from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording
+from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording, median_step
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 IMU = len(CHANNEL_COLUMNS["imu"])
@@ -139,6 +139,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         channels[channel] = robot.by_wheel(channels[channel], plant, f"{name}: channel {channel}")
     recording = replace(recording, channels=channels)
     wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])
+    recording = _since_felt(recording, ["encoder", *wanted[2:]], driven)
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
@@ -181,6 +182,28 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         rounding=rounding, reads=reads, seen=seen,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
     )
+
+
+def _since_felt(recording, sensors, driven):
+    """The recording from where the last of the sensors begins; before, nothing says how wheels or body moved.
+
+    What drives the robot is in force from the sample before. Sensors that begin within a step of each other begin
+    together.
+    """
+    channels = {name: channel for name, channel in recording.channels.items() if len(channel.t) > 1}
+    felt = [channels[name].t for name in sensors if name in channels]
+    late = [float(t[0]) for t in felt if t[0] - min(channel.t[0] for channel in channels.values()) > median_step(t)]
+    if not late:
+        return recording
+    begin, cut = max(late), {}
+    for name, channel in recording.channels.items():
+        first = int(np.searchsorted(channel.t, begin))
+        if name == driven and first > 0:
+            first -= 1
+        t = channel.t[first:].copy()
+        t[:1] = np.maximum(t[:1], begin)
+        cut[name] = replace(channel, t=t, values=channel.values[first:])
+    return replace(recording, channels=cut)
 
 
 def _check_clocks(recording, has, name, shortest_s):
@@ -271,11 +294,13 @@ def _sightings(channel, rows, thinned):
 
 
 def _missed(channel, end_s):
-    """`missed` of a Track: a scheduled capture has a fix if one lies within a quarter of a period of it."""
+    """`missed` of a Track: a scheduled capture has a fix if one lies within a quarter of a period of it.
+
+    None is scheduled before the first fix or after the last: a camera may be switched on late, or off early.
+    """
     if not channel.period_s:
         return np.empty(0)
-    first = channel.t[0] - np.floor(channel.t[0] / channel.period_s + 1e-6) * channel.period_s
-    due = np.arange(first, end_s + 1e-6, channel.period_s)
+    due = np.arange(channel.t[0], min(channel.t[-1], end_s) + 1e-6, channel.period_s)
     after = np.searchsorted(channel.t, due)
     nearby = channel.t[np.clip([after - 1, after], 0, len(channel.t) - 1)]
     return (np.abs(nearby - due).min(axis=0) > 0.25 * channel.period_s).astype(float)
