@@ -225,6 +225,12 @@ def test_each_of_two_named_effects_has_its_own_rivals():
     assert rivals(decision, "tilt") == [] and {late, *rivals(decision, late)} == {"lag", "delay"}
 
 
+def test_a_look_alike_of_a_small_effect_is_ruled_out_whatever_a_large_one_explains():
+    like = SHAPES["lag"] + 0.4 * pattern(7)
+    decision = decided(noise() + 20.0 * SHAPES["tilt"] + 0.8 * SHAPES["lag"], SHAPES | {"delay": like})
+    assert sizes(decision).keys() == {"tilt", "lag"} and rivals(decision, "lag") == []
+
+
 # ------------------------------------------------------------------------------------------------ generic disagreements
 
 

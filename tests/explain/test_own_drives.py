@@ -58,11 +58,11 @@ def logged(generator, t, told, angles, count, every):
     })
 
 
-def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every=5):
+def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every=5, most_rad_s2=1.0):
     """A drive that is told to go to and fro; push: unknown torque as a share of the command; every: ms of its log."""
     generator = np.random.default_rng(seed)
     t, _, wish = wished(generator, seconds)
-    told = inertia * np.repeat(wish[::every], every)[: len(t)]
+    told = most_rad_s2 * inertia * np.repeat(wish[::every], every)[: len(t)]
     torque = (1.0 - sag_per_s * t) * told + push * told.std() * unknown(generator, len(t))
     speed = lfilter([STEP_S / inertia], [1.0, viscous * STEP_S / inertia - 1.0], np.concatenate([[0.0], torque[:-1]]))
     return logged(generator, t, told, np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP_S)]), 1e-4, every)
@@ -216,3 +216,10 @@ def test_torques_that_were_logged_more_rarely_than_the_encoder_are_said_to_be_he
     found = prepare(model(0.02), replace(whole, channels=whole.channels | {"torque": rare}))
     assert found.warning.startswith("torque was logged every 20 ms, the encoder every 5 ms") == warned
     assert bool(found.warning) == warned
+
+
+def test_a_run_may_be_logged_more_rarely_than_those_to_train_on():
+    training = [run(40 + i, 0.02, viscous=0.01, most_rad_s2=30.0) for i in range(2)]
+    seldom = run(42, 0.02, viscous=0.01, most_rad_s2=30.0, every=20)
+    answer = di.explain(model(0.02), training, [seldom], told_apart("viscous_friction"))
+    assert answer.verdict == "named" and [effect.name for effect in answer.effects] == ["viscous_friction"]

@@ -37,6 +37,6 @@ def test_a_command_is_no_stranger_to_a_drive_that_wanders(seed):
 
 
 def test_a_command_of_another_run_is_found():
-    run = squares(0, 0.003)
-    other = replace(run, channels=run.channels | {"command": squares(1, side_s=2.3, turn_rad_s=-0.6).channels["command"]})
-    assert [(f.fault, f.channel) for f in check(MODEL, [other]).findings] == [("channel_of_another_run", "command")]
+    run, other = squares(0, 0.003), squares(1, side_s=2.3, turn_rad_s=-0.6)
+    mixed = replace(run, channels=run.channels | {"command": other.channels["command"]})
+    assert [(f.fault, f.channel) for f in check(MODEL, [mixed]).findings] == [("channel_of_another_run", "command")]

@@ -116,6 +116,58 @@ def test_explain_blames_no_physics_for_a_torque_of_the_other_sense(sound):
     assert answer.verdict == "data" and answer.data[0].fault == "torque_sign"
 
 
+@kernel
+def swing(xc, torque, weight, out):
+    out[0] = xc[1]
+    out[1] = (torque[0] - weight * np.sin(xc[0])) / INERTIA
+
+
+@kernel
+def from_below(xc, out):
+    out[0] = xc[0]
+
+
+@kernel
+def upward(xc, out):
+    out[0] = xc[1]
+
+
+def arm(weight):
+    """An arm of this weight times its length [N m]."""
+    return OwnModel(Block(Spec(
+        inputs={"torque": 1}, outputs={"wheel_angle": Output(1, from_below), "wheel_rate": Output(1, upward)},
+        parameters={"weight": weight}, continuous_state=np.zeros(2), derivatives=swing,
+    )))
+
+
+def swings(seed, sense=1.0):
+    """12 s of an arm of 0.3 N m under position control, nearly to the top and back."""
+    t, random = 1e-3 * np.arange(12000), np.random.default_rng(seed)
+    phases, theta, omega = random.uniform(0.0, 6.0, 3), np.zeros(len(t)), 0.0
+    sines = zip((1.8, 0.9, 0.4), (0.23, 0.6, 1.3), phases, strict=True)
+    wish = np.minimum(t, 1.0) * sum(a * np.sin(2.0 * np.pi * f * t + phase) for a, f, phase in sines)
+    torque = np.zeros(len(t))
+    for i in range(len(t) - 1):
+        pull = 0.3 * np.sin(theta[i])
+        torque[i] = INERTIA * (200.0 * (wish[i] - theta[i]) - 25.0 * omega) + pull if i % 5 == 0 else torque[i - 1]
+        omega += 1e-3 * (torque[i] * random.normal(1.0, 0.02) - pull) / INERTIA
+        theta[i + 1] = theta[i] + 1e-3 * omega
+    return Recording("own", channels={
+        "torque": Channel(t[::5], ("tau_1",), sense * torque[::5, None], {}, 5e-3),
+        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
+    })
+
+
+@pytest.mark.parametrize("believed", [0.3, 0.0, 0.6])
+def test_a_torque_that_holds_a_weight_is_no_mistake_of_the_data(believed):
+    assert not check(arm(believed), [swings(seed) for seed in (2, 3)]).findings
+
+
+def test_a_torque_of_the_other_sense_is_found_beside_a_weight():
+    findings = check(arm(0.3), [swings(seed, -1.0) for seed in (2, 3)]).findings
+    assert [finding.fault for finding in findings] == ["torque_sign"]
+
+
 def logged(torque, theta):
     """A run of two wheels that do the same, logged at 500 Hz with 6 mrad a count."""
     t, counted = 2e-3 * np.arange(len(theta)), 6e-3 * np.floor(theta / 6e-3)

@@ -1,0 +1,42 @@
+"""A run on ticks begins where its sensors do, and ends with the first of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.predict.case import prepare
+from drake_ispace.faults.repair import rows
+from hidden import two_wheels
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return two_wheels.drive(70, 6.0)
+
+
+def track_of(recording, **channels):
+    """The Track of the recording with some channels changed."""
+    (track,) = prepare(two_wheels.model(), replace(recording, channels=recording.channels | channels)).prediction.tracks
+    return track
+
+
+def test_a_run_begins_with_its_encoder(recording):
+    encoder, whole = recording.channels["encoder"], track_of(recording)
+    late = track_of(recording, encoder=rows(encoder, encoder.t >= 2.0))
+    assert late.ticks == whole.ticks - 400 and np.array_equal(late.measured[0], whole.measured[400])
+    assert late.fix_t[0] < 1.0 / 30.0 and len(late.seen) == np.sum(whole.seen[:, 0] >= 2.0)
+
+
+def test_what_was_told_before_is_in_force(recording):
+    encoder, command = recording.channels["encoder"], recording.channels["command"]
+    told = replace(command, t=np.array([0.0, 3.0]), values=np.array([[0.1, 0.0, 0.2], [0.2, 0.0, 0.0]]), period_s=None)
+    late = track_of(recording, encoder=rows(encoder, encoder.t >= 2.0), command=told)
+    assert late.command[0] == pytest.approx([0.1, 0.0, 0.2]) and late.command[-1] == pytest.approx([0.2, 0.0, 0.0])
+
+
+def test_a_camera_that_ends_early_has_lost_no_fix(recording):
+    kinect = replace(recording.channels["kinect"], period_s=1.0 / 30.0)
+    gaps = rows(kinect, (kinect.t < 3.0) & ((kinect.t < 1.0) | (kinect.t > 2.0)))
+    assert track_of(recording, kinect=rows(kinect, kinect.t < 3.0)).missed.sum() == 0
+    assert track_of(recording, kinect=gaps).missed.sum() == pytest.approx(30, abs=1)
