@@ -103,7 +103,8 @@ def test_the_proposed_mapping_needs_two_sizes_and_the_counts(logs, tmp_path):
 
 
 @pytest.mark.parametrize("channel, header", [
-    ("imu", "t,ax,ay,az,gx,gy,gz"), ("command", "t,vx,vy,wz"),
+    ("imu", "t,ax,ay,az,gx,gy,gz"), ("command", "t,vx,vy,wz"), ("command", "t,linear_x,angular_z"),
+    ("command", "t,v,omega"),
     ("imu", "t," + ",".join(f"{of}.{axis}" for of in ("linear_acceleration", "angular_velocity") for axis in "xyz")),
 ])
 def test_an_imu_and_commands_are_known_by_their_names(tmp_path, channel, header):
@@ -111,6 +112,13 @@ def test_an_imu_and_commands_are_known_by_their_names(tmp_path, channel, header)
     (tmp_path / "a.csv").write_text(f"{header}\n{rows}\n")
     text = sniff([tmp_path / "a.csv"])
     assert f"  {channel}:" in text and text.count("by its name") == header.count(",")
+
+
+def test_what_is_not_known_is_said_to_be_passed_over(tmp_path):
+    (tmp_path / "wheels.csv").write_text("t,left,right\n" + "".join(f"{0.01 * k:.2f},{k},{k}\n" for k in range(5)))
+    (tmp_path / "b.csv").write_text("t,volts\n" + "".join(f"{0.01 * k:.2f},{k}\n" for k in range(5)))
+    text = sniff([tmp_path / "wheels.csv", tmp_path / "b.csv"])
+    assert "theta_left: {column: left" in text and text.endswith("# passed over: b.csv, with t, volts\n")
 
 
 def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
@@ -141,14 +149,15 @@ def test_times_since_1970_are_counted_from_the_first_and_that_is_said_as_a_numbe
 def test_commands_that_were_logged_as_they_changed_are_taken(tmp_path):
     """Of an even number of steps of time none need be near the middle."""
     (tmp_path / "wheels.csv").write_text("s,l,r\n" + "".join(f"{0.02 * k:.2f},{k},{k}\n" for k in range(200)))
-    (tmp_path / "told.csv").write_text("s,v,u,w\n0.1,0.1,0.0,0.0\n1.2,0.2,0.0,0.0\n2.6,0.1,0.0,0.1\n")
+    (tmp_path / "told.csv").write_text("s,v,w\n0.1,0.1,0.0\n1.2,0.2,0.0\n2.6,0.1,0.1\n")
     (tmp_path / "m.yaml").write_text(
         "format: drake-ispace-mapping/1\nrobot: {kind: differential, wheel_diameter_m: 0.1, track_m: 0.3}\nchannels:\n"
         "  encoder: {file: wheels.csv, t: s, columns: {theta_left: l, theta_right: r}}\n"
-        "  command: {file: told.csv, t: s, columns: {vx: v, vy: u, wz: w}}\n"
+        "  command: {file: told.csv, t: s, columns: {vx: v, wz: w}}\n"
     )
     command = convert(load_mapping(tmp_path / "m.yaml"), tmp_path).channels["command"]
-    assert command.t == pytest.approx([0.1, 1.2, 2.6])
+    assert command.t == pytest.approx([0.1, 1.2, 2.6]) and command.columns == ("vx", "vy", "wz")
+    assert command.values[2] == pytest.approx([0.1, 0.0, 0.1])
 
 
 def test_a_recording_becomes_a_trajectory(said, logs, tmp_path, document):

@@ -51,8 +51,9 @@ def test_only_the_columns_that_are_wanted_need_be_numbers(tmp_path):
     assert list(series.columns) == ["c", "t"] and list(series.columns["c"]) == VALUES["c"]
 
 
-def test_a_missing_cell_is_no_number(tmp_path):
-    found = read_series(written(tmp_path / "a.csv", TABLE.replace("2.5", ""))).columns["a b"]
+@pytest.mark.parametrize("cell", ["", "nan", "NaN"])
+def test_a_missing_cell_is_no_number(tmp_path, cell):
+    found = read_series(written(tmp_path / "a.csv", TABLE.replace("2.5", cell))).columns["a b"]
     assert np.isnan(found[1]) and found[0] == 1.5
 
 
@@ -70,7 +71,7 @@ def test_a_tum_trajectory_has_the_names_of_its_columns(tmp_path):
 
 @pytest.mark.parametrize("text, wanted, message", [
     (TABLE.replace("2.5", "2.5x"), None, "line 3: column 'a b' holds '2.5x', expected a number"),
-    (TABLE.replace("2.5", "nan"), None, "line 3: column 'a b' holds 'nan'"),
+    (TABLE.replace("2.5", "inf"), None, "line 3: column 'a b' holds 'inf'"),
     (TABLE.replace("2.5", "1_0"), None, "line 3"),
     (TABLE.replace(",3e2", ""), None, "line 3: 2 cells, expected 3"),
     (TABLE, ["d"], "there is no column 'd'"),

@@ -46,6 +46,9 @@ def convert(
         names = [PER_WHEEL["encoder"] + entry.name for entry in mapping.robot.wheels]
         values["encoder"] = dict(zip(names, rear, strict=True))
         note("encoder: angles of the rear wheels, computed from those of the front wheel and of its steering")
+    if "command" in values and "vy" not in values["command"]:  # such a robot is told to go ahead and to turn
+        ahead, turn = values["command"]["vx"], values["command"]["wz"]
+        values["command"] = {"vx": ahead, "vy": np.zeros_like(ahead), "wz": turn}
     _on_one_clock(mapping, times, values, note)
     first = float(min(t[0] for t in times.values()))
     if abs(first) > 1e4:  # stamps since 1970 or since the computer started

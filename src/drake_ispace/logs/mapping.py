@@ -158,7 +158,7 @@ def _channel(name, data, where, robot):
     else:
         wanted = CHANNEL_COLUMNS[name]
     for column in wanted:
-        if column not in channel.columns:
+        if column not in channel.columns and not (column == "vy" and robot.keys.kind in ("differential", "tricycle")):
             raise InputError(f"{place}.columns: {column} is missing, expected {', '.join(wanted)}")
     extra = {"kinect": ("t_received",)}.get(name, ())
     for column in channel.columns:

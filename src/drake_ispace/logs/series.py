@@ -185,7 +185,7 @@ def _cells(line, delimiter):
 
 def _number(cell, decimal, file, number, name):
     text = cell.strip(" \t")
-    if not text:
+    if text.lower() in ("", "nan"):
         return np.nan  # no sample
     value = _value(text, decimal)
     if value is None:

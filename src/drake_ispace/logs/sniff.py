@@ -1,6 +1,6 @@
 """Proposals for a mapping file: what each column of some logs may be, each guess with its reason.
 
-What is seen are wheels, positions, an IMU and commanded velocities; anything else is passed over.
+What is seen are wheels, positions, an IMU and commanded velocities; anything else is passed over, which is said.
 """
 
 import re
@@ -19,7 +19,7 @@ _SIDES = {
     "right": re.compile(r"(^|[^a-z])(right|rechts|droite?|derecha|r)([^a-z]|$)", re.I),
     "left": re.compile(r"(^|[^a-z])(left|links|gauche|izquierda|l)([^a-z]|$)", re.I),
 }
-_WHEEL = re.compile(r"wheel|enc|tick|count|pos(ition)?\[|theta|joint", re.I)
+_WHEEL = re.compile(r"wheel|enc|tick|count|pos(ition)?\[|theta|joint|^(right|left|rechts|links)$", re.I)
 _RATE = re.compile(r"vel|speed|effort|rate", re.I)
 _YAW = re.compile(r"(^|[._ ])(yaw|phi|theta|heading|psi)([_.\[ (]|$)", re.I)
 #: Channels whose columns are known by their names alone: column -> what the name of a log ends in.
@@ -29,10 +29,12 @@ _KNOWN = {
         **{f"w{axis}": (f"angular_velocity.{axis}", f"w{axis}", f"g{axis}", f"gyro_{axis}") for axis in "xyz"},
     },
     "command": {
-        "vx": ("twist.linear.x", "linear.x", "vx"), "vy": ("twist.linear.y", "linear.y", "vy"),
-        "wz": ("twist.angular.z", "angular.z", "wz"),
+        "vx": ("twist.linear.x", "linear.x", "linear_x", "vx", "v"),
+        "vy": ("twist.linear.y", "linear.y", "linear_y", "vy"),
+        "wz": ("twist.angular.z", "angular.z", "angular_z", "wz", "omega"),
     },
 }
+_MAY_LACK = "vy"  # of a robot that cannot go aside
 _TIME_UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _EPOCH_S = 5e8, 5e9  # seconds since 1970 lie between
 _STEP_S = 1e-4, 2.0  # between rows of a log
@@ -75,10 +77,13 @@ def sniff(files: list[Path]) -> str:
     channels: dict[str, list[str]] = {}
     wheels: list[str] = []
     stamps: dict[str, float] = {}
+    passed_over: list[str] = []
     for file in files:
         for topic, names, columns, remark in _tables(file):
             found = _channel(names, columns)
             if found is None or found[0] in channels or "odom" in topic:  # what wheels say of a place is no position
+                where = f"{file.name}, {topic}" if topic else file.name
+                passed_over.append(f"# passed over: {where}, with {', '.join(names)}")
                 continue
             channel, time, guesses, own = found
             wheels, stamps[channel] = own or wheels, time.first_s(columns)
@@ -101,7 +106,7 @@ def sniff(files: list[Path]) -> str:
     ]
     if other_clock:
         lines += ["clocks:", "  camera: {offset_s: null}     # null: estimated from the motion; or what it is ahead by"]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines + passed_over) + "\n"
 
 
 def _tables(file):
@@ -133,9 +138,9 @@ def _channel(names, columns):
     rest = [name for name in names if name != time.column and not _TIME.search(name)]
     pose = _pose(rest, columns)
     for channel, endings in _KNOWN.items() if not pose else ():
-        chosen = [_ending(rest, ends) for ends in endings.values()]
-        if all(chosen):
-            pairs = zip(endings, chosen, strict=True)
+        chosen = {key: _ending(rest, ends) for key, ends in endings.items()}
+        if all(name or key == _MAY_LACK for key, name in chosen.items()):
+            pairs = [(key, name) for key, name in chosen.items() if name]
             return channel, time, [Guess(key, f"{{column: {_quoted(name)}}}", "by its name") for key, name in pairs], []
     if pose:
         return "kinect", time, pose, []
