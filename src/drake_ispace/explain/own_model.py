@@ -111,9 +111,6 @@ class OwnRobot(Robot):
     def mobility(self, plant):
         return plant.mobility
 
-    def load(self, plant, angles, rates):
-        return None if plant.load is None else plant.load(angles, rates)
-
     def friction(self, plant):
         return Friction()
 
@@ -247,14 +244,13 @@ class OwnModel:
         """The `load` of OwnPlant."""
         if len(a) != 2 * self.wheels:
             return None
-        context = self.plant.CreateDefaultContext()
-        self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
-        start = context.get_continuous_state_vector().CopyToVector()
-        turned = [self.plant.GetOutputPort(name).Eval(context) for name in (self.wheel_angle, self.wheel_rate)]
         state_of, torque_of = np.linalg.inv(np.vstack([c, c @ a])), np.linalg.solve(c @ a @ b, c @ a)
 
         def load(angles, rates):
-            torques = np.empty_like(angles)
+            context, torques = self.plant.CreateDefaultContext(), np.empty_like(angles)
+            self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
+            start = context.get_continuous_state_vector().CopyToVector()
+            turned = [self.plant.GetOutputPort(name).Eval(context) for name in (self.wheel_angle, self.wheel_rate)]
             for k, motion in enumerate(np.hstack([angles, rates]) - np.concatenate(turned)):
                 context.SetContinuousState(start + state_of @ motion)
                 torques[k] = torque_of @ self.plant.EvalTimeDerivatives(context).CopyToVector()

@@ -303,11 +303,6 @@ class Robot(abc.ABC):
         """Height [m] by which the IMU moves forward for each radian that the body leans, wheels held to it."""
         return 0.0
 
-    def load(self, plant, angles: np.ndarray, rates: np.ndarray) -> np.ndarray | None:
-        """(k, wheels) torques [N m] by which the plant itself turns wheels of these angles (k, wheels) [rad] and rates
-        [rad/s]; None: not known, or none."""
-        return None
-
     def friction(self, plant) -> Friction:
         """Friction of the wheels that the plant has; none where velocity is commanded."""
         return plant.friction if self.driven == TORQUE else Friction()

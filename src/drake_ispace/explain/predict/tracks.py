@@ -188,22 +188,22 @@ def _since_felt(recording, sensors, driven):
     """The recording from where the last of the sensors begins; before, nothing says how wheels or body moved.
 
     What drives the robot is in force from the sample before. Sensors that begin within a step of each other begin
-    together.
+    together, and a sensor without a time in common with the rest is left for others to refuse.
     """
-    channels = {name: channel for name, channel in recording.channels.items() if len(channel.t) > 1}
-    felt = [channels[name].t for name in sensors if name in channels]
-    late = [float(t[0]) for t in felt if t[0] - min(channel.t[0] for channel in channels.values()) > median_step(t)]
-    if not late:
+    names = {driven, "kinect", *sensors} & recording.channels.keys()
+    known = {name: recording.channels[name].t for name in names if len(recording.channels[name].t) > 1}
+    first, end = min((t[0] for t in known.values()), default=0.0), min((t[-1] for t in known.values()), default=0.0)
+    begin = max((t[0] for name, t in known.items() if name in sensors and t[0] - first > median_step(t)), default=first)
+    if not first < begin < end:
         return recording
-    begin, cut = max(late), {}
+    channels = {}
     for name, channel in recording.channels.items():
-        first = int(np.searchsorted(channel.t, begin))
-        if name == driven and first > 0:
-            first -= 1
-        t = channel.t[first:].copy()
-        t[:1] = np.maximum(t[:1], begin)
-        cut[name] = replace(channel, t=t, values=channel.values[first:])
-    return replace(recording, channels=cut)
+        since = int(np.searchsorted(channel.t, begin))
+        if name == driven:
+            since = max(since - 1, 0)
+        t = np.maximum(channel.t[since:], begin)
+        channels[name] = replace(channel, t=t, values=channel.values[since:])
+    return replace(recording, channels=channels)
 
 
 def _check_clocks(recording, has, name, shortest_s):

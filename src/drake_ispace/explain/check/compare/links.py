@@ -185,7 +185,8 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     size = np.abs(effort).max(axis=1)  # rows as torques
     # in windows no longer than a latency, a late torque would tell of none of the same motion
     stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s, starts)
-    pitch, load = run.channels.get("imu") if robot.has_imu else None, _load(base)
+    pitch = run.channels.get("imu") if robot.has_imu else None
+    load = None if robot.in_room else _load(base)
 
     def rates(t):
         wheels = base.wheel_rates(t)
@@ -206,7 +207,7 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
             place = base.moved(np.full(len(since), base.encoder.t[0]), middle)[:, 2:]
             of_place = [np.ones_like(place), np.cos(place), np.sin(place)]
         else:
-            place = np.column_stack([np.interp(middle, base.encoder.t, angle) for angle in base.encoder.values.T])
+            place = _angles(base.encoder, middle)
             of_place = [np.ones_like(place), np.cos(place), np.sin(place), place]
         of_place = [lasts * part * np.ones(len(free)) for part in of_place]
         return np.stack([*(part @ effort.T / size for part in of_wheels), *of_place], axis=2)
@@ -217,13 +218,19 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, besides, slack=slack)
 
 
+def _angles(encoder, t):
+    """(n, wheels) angles [rad] at times (n,) [s]."""
+    return np.column_stack([np.interp(t, encoder.t, angle) for angle in encoder.values.T])
+
+
 def _load(base):
     """A function of windows: (n, wheels) impulse of the torques by which the plant turns its wheels itself; or None."""
-    encoder, margin_s = base.encoder, base.rate_s
-    t = np.arange(encoder.t[0] + margin_s, encoder.t[-1] - margin_s, base.rate_s)
-    angles = np.column_stack([np.interp(t, encoder.t, angle) for angle in encoder.values.T])
-    torques = base.robot.load(base.settings.plant, angles, base.wheel_rates(t))
-    if torques is None or not np.isfinite(torques).all():
+    encoder, load = base.encoder, base.settings.plant.load
+    if load is None:
+        return None
+    t = np.arange(encoder.t[0] + base.rate_s, encoder.t[-1] - base.rate_s, base.rate_s)
+    torques = load(_angles(encoder, t), base.wheel_rates(t))
+    if not np.isfinite(torques).all():
         return None
     impulse = cumulative_trapezoid(torques, t, axis=0, initial=0.0).T
     return lambda since, until: np.column_stack([np.interp(until, t, p) - np.interp(since, t, p) for p in impulse])
