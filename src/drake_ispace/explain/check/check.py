@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.effects.library import library
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
@@ -283,9 +284,14 @@ class _Search:
 
 
 def _complete(finding, names):
-    """The finding with its run's name, and with all that cannot be told from its fault."""
-    fault = FAULTS[finding.fault]
-    rivals = dict.fromkeys((*finding.rivals, *fault.same, *fault.effects))
+    """The finding with its run's name, and with all that cannot be told from its fault.
+
+    An effect of the camera shows in what wheels and camera say of each other only.
+    """
+    fault, known = FAULTS[finding.fault], library()
+    of_camera = finding.channel in ("kinect", "encoder")
+    alike = [name for name in fault.effects if of_camera or known[name].card.home != "camera"]
+    rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
 
 
