@@ -26,6 +26,19 @@ def test_a_run_begins_with_its_encoder(recording):
     late = track_of(recording, encoder=rows(encoder, encoder.t >= 2.0))
     assert late.ticks == whole.ticks - 400 and np.array_equal(late.measured[0], whole.measured[400])
     assert late.fix_t[0] < 1.0 / 30.0 and len(late.seen) == np.sum(whole.seen[:, 0] >= 2.0)
+    assert (whole.since_s, late.since_s) == (0.0, 2.0)
+
+
+def test_that_the_begin_is_not_used_is_said(recording):
+    encoder = recording.channels["encoder"]
+    late = replace(recording, channels=recording.channels | {"encoder": rows(encoder, encoder.t >= 2.0)})
+    assert "the first 2 s are not used" in prepare(two_wheels.model(), late).warning
+    assert prepare(two_wheels.model(), recording).warning == ""
+
+
+def test_an_encoder_that_begins_within_a_step_cuts_nothing(recording):
+    encoder = recording.channels["encoder"]
+    assert track_of(recording, encoder=rows(encoder, encoder.t > 0.0)).since_s == 0.0
 
 
 def test_what_was_told_before_is_in_force(recording):
@@ -35,8 +48,8 @@ def test_what_was_told_before_is_in_force(recording):
     assert late.command[0] == pytest.approx([0.1, 0.0, 0.2]) and late.command[-1] == pytest.approx([0.2, 0.0, 0.0])
 
 
-def test_a_camera_that_ends_early_has_lost_no_fix(recording):
+def test_a_camera_that_begins_late_or_ends_early_has_lost_no_fix(recording):
     kinect = replace(recording.channels["kinect"], period_s=1.0 / 30.0)
     gaps = rows(kinect, (kinect.t < 3.0) & ((kinect.t < 1.0) | (kinect.t > 2.0)))
-    assert track_of(recording, kinect=rows(kinect, kinect.t < 3.0)).missed.sum() == 0
+    assert track_of(recording, kinect=rows(kinect, abs(kinect.t - 3.0) < 1.0)).missed.sum() == 0
     assert track_of(recording, kinect=gaps).missed.sum() == pytest.approx(30, abs=1)

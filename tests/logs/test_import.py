@@ -121,6 +121,13 @@ def test_what_is_not_known_is_said_to_be_passed_over(tmp_path):
     assert "theta_left: {column: left" in text and text.endswith("# passed over: b.csv, with t, volts\n")
 
 
+def test_wheels_beside_speeds_are_seen_as_wheels(tmp_path):
+    rows = "".join(f"{0.01 * k:.2f},{k},{k},0.1,0.2\n" for k in range(5)).replace("3,3,", "3,nan,", 1)
+    (tmp_path / "a.csv").write_text(f"t,enc_left,enc_right,v,omega\n{rows}")
+    text = sniff([tmp_path / "a.csv"])
+    assert "theta_left" in text and "command:" not in text
+
+
 def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
     """The whole road: the radius is named; the delay went into the offset of the clocks, and is said there."""
     runs = [logs / f"run{i}" for i in range(4)]

@@ -57,6 +57,11 @@ def test_a_missing_cell_is_no_number(tmp_path, cell):
     assert np.isnan(found[1]) and found[0] == 1.5
 
 
+def test_a_first_row_with_a_missing_cell_is_no_header(tmp_path):
+    found = read_series(written(tmp_path / "a.txt", "0.0,nan,1\n0.1,2.0,3\n")).columns
+    assert list(found) == ["1", "2", "3"] and np.isnan(found["2"][0])
+
+
 def test_parquet_with_integers_and_nulls(tmp_path):
     table = pyarrow.table({"t": [0, 1, 2], "x": pyarrow.array([1.5, None, 2.5])})
     pyarrow.parquet.write_table(table, tmp_path / "a.parquet")

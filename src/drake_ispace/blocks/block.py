@@ -236,17 +236,17 @@ def Block_(T):
             if unknown := set(names) - known:
                 raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
             ports = {f"port_{name}": self.get_input_port(i).Eval for i, name in enumerate(self.spec.inputs)}
+            stored = "context.get_discrete_state_vector().CopyToVector() if xd is None else xd"
+            if self.spec.discrete_state is None:
+                stored = "no_state"
+            elif stepped:
+                stored = "stepped(context)"
             texts = {
-                "xc": "context.get_continuous_state_vector().CopyToVector()",
-                "xd": "context.get_discrete_state_vector().CopyToVector() if xd is None else xd",
-                "tick": "tick_at(float(context.get_time()))",
                 **{name: f"parameters[{name!r}]" for name in self.spec.parameters},
+                "xc": "context.get_continuous_state_vector().CopyToVector()", "xd": stored,
+                "tick": "tick_at(float(context.get_time()))",
                 **{name: f"port_{name}(context)" for name in self.spec.inputs},
             }
-            if self.spec.discrete_state is None:
-                texts["xd"] = "no_state"
-            elif stepped:
-                texts["xd"] = "stepped(context)"
             lines = ["def call(context, size, xd=None):", "out = empty(size, scalar)"]
             if not self.spec.parameters.keys().isdisjoint(names):
                 lines.append("parameters = eval_parameters(context)")
@@ -256,7 +256,7 @@ def Block_(T):
                 "empty": np.empty, "tick_at": tick_at, "no_state": _EMPTY, "eval_parameters": self._parameters.Eval,
                 "stepped": self._through.Eval if stepped else None, **ports,
             }
-            exec("\n    ".join(lines), scope)
+            exec(compile("\n    ".join(lines), f"<arguments of {function.__name__}>", "exec"), scope)
             return scope["call"]
 
     return Impl

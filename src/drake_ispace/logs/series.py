@@ -66,7 +66,7 @@ def _shape(lines, rows, delimiter, decimal):
     if decimal is None:
         cells = [cell for row in rows[1:] for cell in _cells(row, delimiter)]
         decimal = "," if delimiter != "," and any("," in cell for cell in cells) else "."
-    has_header = not all(_is_number(cell, decimal) for cell in _cells(rows[0], delimiter) if cell.strip())
+    has_header = not all(_is_number(cell, decimal) for cell in _cells(rows[0], delimiter) if not _is_empty(cell))
     header = tuple(cell.strip().strip('"') for cell in _cells(rows[0], delimiter)) if has_header else ()
     return Shape(delimiter, decimal, header, lines.index(rows[0]) + has_header)
 
@@ -92,7 +92,7 @@ def read_series(
 
 
 def numeric_columns(file: Path, shape: Shape) -> list[str]:
-    """The names of a text file's columns that hold nothing but numbers and empty cells.
+    """The names of a text file's columns that hold nothing but numbers and cells without a sample.
 
     Raises:
         InputError: as `read_series`.
@@ -101,7 +101,7 @@ def numeric_columns(file: Path, shape: Shape) -> list[str]:
     for _, cells, _ in _rows(file, shape):
         good = {
             i: name for i, name in good.items()
-            if i < len(cells) and (not cells[i].strip(" \t") or _is_number(cells[i], shape.decimal))
+            if i < len(cells) and (_is_empty(cells[i]) or _is_number(cells[i], shape.decimal))
         }
     return list(good.values())
 
@@ -185,8 +185,8 @@ def _cells(line, delimiter):
 
 def _number(cell, decimal, file, number, name):
     text = cell.strip(" \t")
-    if text.lower() in ("", "nan"):
-        return np.nan  # no sample
+    if _is_empty(text):
+        return np.nan
     value = _value(text, decimal)
     if value is None:
         raise InputError(f"{file}: line {number}: column {shown(name)} holds {shown(text)}, expected a number")
@@ -204,6 +204,11 @@ def _value(text, decimal):
     except ValueError:
         return None
     return value if np.isfinite(value) else None
+
+
+def _is_empty(cell):
+    """Whether a cell says that there was no sample."""
+    return cell.strip(" \t").lower() in ("", "nan")
 
 
 def _is_number(cell, decimal):

@@ -1,6 +1,6 @@
 """Proposals for a mapping file: what each column of some logs may be, each guess with its reason.
 
-What is seen are wheels, positions, an IMU and commanded velocities; anything else is passed over, which is said.
+What is seen are wheels, positions, an IMU and commanded velocities. Tables of which nothing is used are said.
 """
 
 import re
@@ -83,7 +83,7 @@ def sniff(files: list[Path]) -> str:
             found = _channel(names, columns)
             if found is None or found[0] in channels or "odom" in topic:  # what wheels say of a place is no position
                 where = f"{file.name}, {topic}" if topic else file.name
-                passed_over.append(f"# passed over: {where}, with {', '.join(names)}")
+                passed_over.append(f"# passed over: {where}, with {', '.join(names[:8])}{', ...' * (len(names) > 8)}")
                 continue
             channel, time, guesses, own = found
             wheels, stamps[channel] = own or wheels, time.first_s(columns)
@@ -136,15 +136,14 @@ def _channel(names, columns):
     if time is None:
         return None
     rest = [name for name in names if name != time.column and not _TIME.search(name)]
-    pose = _pose(rest, columns)
+    pose, wheels = _pose(rest, columns), _wheels(rest, columns)
     for channel, endings in _KNOWN.items() if not pose else ():
         chosen = {key: _ending(rest, ends) for key, ends in endings.items()}
-        if all(name or key == _MAY_LACK for key, name in chosen.items()):
+        if all(name or (key == _MAY_LACK and not wheels) for key, name in chosen.items()):
             pairs = [(key, name) for key, name in chosen.items() if name]
             return channel, time, [Guess(key, f"{{column: {_quoted(name)}}}", "by its name") for key, name in pairs], []
     if pose:
         return "kinect", time, pose, []
-    wheels = _wheels(rest, columns)
     if wheels:
         return "encoder", time, wheels, [guess.key.removeprefix("theta_") for guess in wheels]
     return None

@@ -36,6 +36,17 @@ def test_a_command_is_no_stranger_to_a_drive_that_wanders(seed):
     assert not [finding for finding in check(MODEL, [squares(seed, 0.02)]).findings if finding.channel == "command"]
 
 
+def test_a_command_that_turns_the_same_way_as_another_run_is_found():
+    run, other = squares(0, 0.003), squares(1, 0.003, side_s=1.0)
+    mixed = replace(run, channels=run.channels | {"encoder": other.channels["encoder"]})
+    assert ("channel_of_another_run", "command") in [(f.fault, f.channel) for f in check(MODEL, [mixed]).findings]
+
+
+def test_wheels_that_fit_no_change_of_a_command_raise_nothing():
+    run, other = squares(0, 0.003, side_s=1.2), squares(1, side_s=2.3)
+    check(MODEL, [replace(run, channels=run.channels | {"encoder": other.channels["encoder"]})])
+
+
 def test_a_command_of_another_run_is_found():
     run, other = squares(0, 0.003), squares(1, side_s=2.3, turn_rad_s=-0.6)
     mixed = replace(run, channels=run.channels | {"command": other.channels["command"]})

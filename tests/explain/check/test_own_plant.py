@@ -94,7 +94,7 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_mistake_is_named_or_stands_beside_what_is_named(sound, fault):
     finding = check(MODEL, [FAULTS[fault](one) for one in sound]).findings[0]
-    assert fault in (finding.fault, *finding.rivals)
+    assert fault in (finding.fault, *finding.rivals) and "camera_latency" not in finding.rivals
 
 
 @pytest.mark.parametrize("inertia", [0.4 * INERTIA, INERTIA, 2.5 * INERTIA])

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.effects.library import library
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks
 from drake_ispace.explain.check.compare.command.drive import drive_of
@@ -288,9 +287,8 @@ def _complete(finding, names):
 
     An effect of the camera shows in what wheels and camera say of each other only.
     """
-    fault, known = FAULTS[finding.fault], library()
-    of_camera = finding.channel in ("kinect", "encoder")
-    alike = [name for name in fault.effects if of_camera or known[name].card.home != "camera"]
+    fault, sees = FAULTS[finding.fault], finding.channel in ("kinect", "encoder")
+    alike = [name for name in fault.effects if sees or not name.startswith("camera_")]
     rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
 

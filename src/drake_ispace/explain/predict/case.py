@@ -33,8 +33,8 @@ class Case:
         scenario: the model; None for a plant of the user's own. robot: its name. runs: the training runs as recorded.
         replay: the compiled prediction Diagram. prediction: of the training runs. held_out: of the held-out runs, None
             without any. kinds: kind of held-out runs -> which of them are of that kind, in the order of `held_out`.
-        warning: a sentence where runs stand for more than was recorded: stretches for long ones, or torques that are
-            held between rare samples; else "".
+        warning: a sentence where the begin of a run is not used, or where runs stand for more than was recorded:
+            stretches for long ones, or torques that are held between rare samples; else "".
     """
 
     scenario: Scenario | None
@@ -106,14 +106,15 @@ def prepare(
     if scenario is None:
         robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
         replay, warning = own_replay(model, tracks[:n], effects, tracks[n:]), _held_between(tracks)
-        tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
     else:
         known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
         robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
         replay = replay_of(scenario, known, channels, effects, read_ticks(tracks), coarsest_count(tracks))
-        tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
-        if known.driven == TORQUE:
-            tracks, n, others, warning = _shortened(tracks, n, others, most_s, replay)
+    tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
+    cut = _cut_begins(tracks)
+    if scenario is not None and known.driven == TORQUE:
+        tracks, n, others, warning = _shortened(tracks, n, others, most_s, replay)
+    warning = "; ".join(said for said in (cut, warning) if said)
     case = Case(
         scenario, robot, [recording for _, recording in loaded[: len(training)]], replay, predict(replay, tracks[:n]),
         predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), warning,
@@ -146,6 +147,12 @@ def _shortened(tracks, n, kinds, most_s, replay):
         ) if before and _seconds(after) < _seconds(before)
     ]
     return [*training, *held_out], len(training), found, "; ".join(said)
+
+
+def _cut_begins(tracks) -> str:
+    """Of which runs the begin is not used."""
+    cut = [f"of {track.name} the first {track.since_s:.3g} s" for track in tracks if track.since_s]
+    return f"{', '.join(cut)} are not used: encoder or IMU begin later" if cut else ""
 
 
 def _held_between(tracks) -> str:

@@ -131,7 +131,8 @@ def own_replay(
         raise InputError(f"{model.name}: the known effect {min(missing)} is not among those given")
     assumed = ((1.0, 1.0), (OTHER_NOISE, 1.0), (1.0, OTHER_NOISE))
     moving = model.in_motion(_usual_speeds(tracks, n)), b, c
-    filters = [_filter(model, tracks, factors, moving, read_ticks([*tracks, *others])) for factors in assumed]
+    ticks = read_ticks([*tracks, *others])
+    filters = [_filter(model, tracks, factors, moving, ticks) for factors in assumed]
     filter = lambda plant, changed=None: filters[0 if changed is None else 1 + changed]  # noqa: E731
     rollout = compile_diagram(_diagram(model, body, every, filters[0]))
     context = model.plant.CreateDefaultContext()

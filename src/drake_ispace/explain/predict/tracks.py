@@ -139,7 +139,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         channels[channel] = robot.by_wheel(channels[channel], plant, f"{name}: channel {channel}")
     recording = replace(recording, channels=channels)
     wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])
-    recording = _since_felt(recording, ["encoder", *wanted[2:]], driven)
+    recording, since_s = _since_felt(recording, ["encoder", *wanted[2:]], driven)
     has = frozenset(c for c in [driven, *wanted] if c in recording.channels and len(recording.channels[c].t) > 1)
     if not has & set(wanted):
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
@@ -171,7 +171,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         fixes = recording.channels["kinect"]
         seen = np.column_stack([fixes.t, fixes.values[:, :3]])
     reference = recording.channels.get("reference")
-    aim = reference.values[0, :3] if reference is not None and len(reference.t) else None
+    aim = reference.values[0, :3] if reference is not None and len(reference.t) and not since_s else None
     missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
     rarely = "encoder" in has and (driven == COMMAND or not robot.in_room)
     reads = _reads(recording.channels["encoder"], rows) if rarely else None
@@ -179,13 +179,15 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
         name, ticks, command, measured, sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
-        rounding=rounding, reads=reads, seen=seen,
+        since_s=since_s, rounding=rounding, reads=reads, seen=seen,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
     )
 
 
 def _since_felt(recording, sensors, driven):
-    """The recording from where the last of the sensors begins; before, nothing says how wheels or body moved.
+    """The recording from where the last of the sensors begins, and how late [s] that is.
+
+    Before, nothing says how wheels or body moved.
 
     What drives the robot is in force from the sample before. Sensors that begin within a step of each other begin
     together, and a sensor without a time in common with the rest is left for others to refuse.
@@ -195,15 +197,15 @@ def _since_felt(recording, sensors, driven):
     first, end = min((t[0] for t in known.values()), default=0.0), min((t[-1] for t in known.values()), default=0.0)
     begin = max((t[0] for name, t in known.items() if name in sensors and t[0] - first > median_step(t)), default=first)
     if not first < begin < end:
-        return recording
+        return recording, 0.0
     channels = {}
     for name, channel in recording.channels.items():
         since = int(np.searchsorted(channel.t, begin))
         if name == driven:
-            since = max(since - 1, 0)
+            since = max(int(np.searchsorted(channel.t, begin, side="right")) - 1, 0)
         t = np.maximum(channel.t[since:], begin)
         channels[name] = replace(channel, t=t, values=channel.values[since:])
-    return replace(recording, channels=channels)
+    return replace(recording, channels=channels), float(begin - first)
 
 
 def _check_clocks(recording, has, name, shortest_s):

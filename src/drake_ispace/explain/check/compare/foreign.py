@@ -12,6 +12,7 @@ from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, mos
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import COMMAND
 
 Stretches = Sequence[tuple[float, float]]
 
@@ -20,24 +21,28 @@ Stretches = Sequence[tuple[float, float]]
 class _Relation:
     """How well a channel follows the wheels: share, as `following`, and the log likelihood over no relation at all.
 
-    of_squares: share of the channel's squared motion that the wheels' motion is, up to a factor that physics allows.
+    varies_alike: whether it is a command whose changes the wheels make.
     """
 
     share: float
     gain: float
-    of_squares: float = 0.0
+    varies_alike: bool = False
 
 
-def _related(related, unrelated, exact, of_squares=0.0):
+def _related(related, unrelated, exact, varies_alike=False):
     """The _Relation of one with these logarithms of likelihood; None where nobody can say."""
     share = following(related, unrelated, exact)
-    return None if share is None else _Relation(share, related - unrelated, of_squares)
+    return None if share is None else _Relation(share, related - unrelated, varies_alike)
 
 
-def _of_squares(x, y):
-    """As of a _Relation, of the wheels' motion x and the channel's y (n, d)."""
+def _varies_alike(x, y):
+    """Whether more of the variance of a command y (n, d) is the wheels' motion x than of one that is related at all.
+
+    Up to a factor that physics allows. Two motions that go on at their means are not alike for that.
+    """
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     factor = np.clip(np.sum(x * y) / max(np.sum(x**2), np.finfo(float).tiny), 1.0 - MOST_SLACK, 1.0 + MOST_SLACK)
-    return 1.0 - float(np.sum((y - factor * x) ** 2) / np.sum(y**2))
+    return bool(np.sum((y - factor * x) ** 2) < (1.0 - RELATED) * np.sum(y**2))
 
 
 def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]) -> list[Finding]:
@@ -66,7 +71,8 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
                 drop_in_deviance=2.0 * free.gain, rivals=("wheel_order", "gear"),
             ))
             continue
-        for name in strangers if friends or len(strangers) == 1 else ["encoder"]:
+        doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
+        for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
                 "channel_of_another_run", _owner(runs, bases, number, name), "", (number,), name,
@@ -87,7 +93,7 @@ def _is_stranger(link, relation):
         return relation.share < RELATED
     if link.any_share:
         return relation.share < -RELATED
-    return relation.gain < -SAID and relation.of_squares < RELATED
+    return relation.gain < -SAID and not relation.varies_alike
 
 
 def _owner(runs, bases, number, name):
@@ -111,7 +117,7 @@ def _relation(link, base, spoilt=()):
     high = link.usual_s[1]
     lags = [0.0] if high <= LATENCY_S else np.linspace(0.0, high, 4)
     found = [one for one in (_at_lag(link, base, lag, spoilt) for lag in lags) if one is not None]
-    return max(found, key=lambda one: one.share, default=None)
+    return max(found, key=lambda one: (one.varies_alike, one.share), default=None)
 
 
 def _at_lag(link, base, lag_s, spoilt):
@@ -141,8 +147,9 @@ def _at_lag(link, base, lag_s, spoilt):
             both, every = (np.stack([x, 0.0 * x]), y[None]), (tuple(range(len(group))),)
             given, unrelated = scores(*both, every, np.stack([noise, noise]), z, slack)
             exact = float(most(y[None], every, noise[None])[0])
-            found.append(_related(float(given), float(unrelated), exact, _of_squares(x, y)))
-    return min((one for one in found if one is not None), key=lambda one: one.share, default=None)
+            varies_alike = link.channel == COMMAND and _varies_alike(x, y)
+            found.append(_related(float(given), float(unrelated), exact, varies_alike))
+    return min((one for one in found if one is not None), key=lambda one: (one.varies_alike, one.share), default=None)
 
 
 def _free_gain(run, base):

@@ -5,6 +5,7 @@ The wheels' clock is the reference. A channel may be moved against it in time.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,24 @@ class Base:
     def moved(self, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
         """(n, 3) motion of the body [m, m, rad] in its own axes, as the wheels say."""
         return turned(self.encoder, since_s, until_s) @ self.geometry.forward.T
+
+    @cached_property
+    def load(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
+        """A function of since_s, until_s (n,): (n, wheels) impulse [N m s] of what turns the wheels of a plant of one's
+        own without torque; None: not known."""
+        load = None if self.robot.in_room else self.settings.plant.load
+        if load is None:
+            return None
+        t = np.arange(self.encoder.t[0] + self.rate_s, self.encoder.t[-1] - self.rate_s, self.rate_s)
+        torques = load(self.angles(t), self.wheel_rates(t))
+        if not np.isfinite(torques).all():
+            return None
+        sums = cumulative_trapezoid(torques, t, axis=0, initial=0.0).T
+        return lambda since, until: np.column_stack([np.interp(until, t, s) - np.interp(since, t, s) for s in sums])
+
+    def angles(self, t: np.ndarray) -> np.ndarray:
+        """(n, wheels) [rad] of the wheels at times t (n,) [s]."""
+        return np.column_stack([np.interp(t, self.encoder.t, angle) for angle in self.encoder.values.T])
 
     @property
     def noise(self) -> np.ndarray:
@@ -186,7 +205,6 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     # in windows no longer than a latency, a late torque would tell of none of the same motion
     stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s, starts)
     pitch = run.channels.get("imu") if robot.has_imu else None
-    load = None if robot.in_room else _load(base)
 
     def rates(t):
         wheels = base.wheel_rates(t)
@@ -202,12 +220,12 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     def besides(since, until):
         middle, lasts = 0.5 * (since + until), (until - since)[:, None]
         of_wheels = [turned(base.encoder, since, until), lasts * np.sign(base.wheel_rates(middle))]
-        of_wheels += [] if load is None else [load(since, until)]
+        of_wheels += [] if base.load is None else [base.load(since, until)]
         if robot.in_room:
             place = base.moved(np.full(len(since), base.encoder.t[0]), middle)[:, 2:]
             of_place = [np.ones_like(place), np.cos(place), np.sin(place)]
         else:
-            place = _angles(base.encoder, middle)
+            place = base.angles(middle)
             of_place = [np.ones_like(place), np.cos(place), np.sin(place), place]
         of_place = [lasts * part * np.ones(len(free)) for part in of_place]
         return np.stack([*(part @ effort.T / size for part in of_wheels), *of_place], axis=2)
@@ -216,24 +234,6 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     counts = np.abs(mass) @ np.resize(base.noise, mass.shape[1]) / (np.sqrt(2.0) * base.rate_s * size)
     slack = PHYSICS if robot.in_si else UNKNOWN_INERTIA
     return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, besides, slack=slack)
-
-
-def _angles(encoder, t):
-    """(n, wheels) angles [rad] at times (n,) [s]."""
-    return np.column_stack([np.interp(t, encoder.t, angle) for angle in encoder.values.T])
-
-
-def _load(base):
-    """A function of windows: (n, wheels) impulse of the torques by which the plant turns its wheels itself; or None."""
-    encoder, load = base.encoder, base.settings.plant.load
-    if load is None:
-        return None
-    t = np.arange(encoder.t[0] + base.rate_s, encoder.t[-1] - base.rate_s, base.rate_s)
-    torques = load(_angles(encoder, t), base.wheel_rates(t))
-    if not np.isfinite(torques).all():
-        return None
-    impulse = cumulative_trapezoid(torques, t, axis=0, initial=0.0).T
-    return lambda since, until: np.column_stack([np.interp(until, t, p) - np.interp(since, t, p) for p in impulse])
 
 
 def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:

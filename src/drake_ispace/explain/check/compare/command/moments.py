@@ -47,7 +47,7 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
             _log_likelihood(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
         )
         score, gained = within - at_once, within - at_once - score
-        if score < SAID:
+        if score < SAID or not (std < step_s).any():
             return []
         expected = _within_a_step(earlier, std, step_s, follows.late_s)
         for i, one in zip(drives, np.split(expected, ends), strict=True):
