@@ -250,7 +250,7 @@ def Block_(T):
             lines = ["def call(context, size, xd=None):", "out = empty(size, scalar)"]
             if not self.spec.parameters.keys().isdisjoint(names):
                 lines.append("parameters = eval_parameters(context)")
-            lines += [f"run({', '.join(texts[name] for name in names)}, out)", "return out"]
+            lines += [f"run({', '.join([*(texts[name] for name in names), 'out'])})", "return out"]
             scope = {
                 "run": function if scalar_is_float else plain(function), "scalar": float if scalar_is_float else object,
                 "empty": np.empty, "tick_at": tick_at, "no_state": _EMPTY, "eval_parameters": self._parameters.Eval,

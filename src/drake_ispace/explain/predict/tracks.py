@@ -7,6 +7,7 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
+from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
@@ -187,15 +188,15 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
 def _since_felt(recording, sensors, driven):
     """The recording from where the last of the sensors begins, and how late [s] that is.
 
-    Before, nothing says how wheels or body moved.
-
-    What drives the robot is in force from the sample before. Sensors that begin within a step of each other begin
-    together, and a sensor without a time in common with the rest is left for others to refuse.
+    Before, nothing says how wheels or body moved. What drives the robot is in force from the sample before. Sensors
+    that begin within a latency or a step of each other begin together, and one without a time in common with the rest
+    is left for others to refuse.
     """
     names = {driven, "kinect", *sensors} & recording.channels.keys()
     known = {name: recording.channels[name].t for name in names if len(recording.channels[name].t) > 1}
     first, end = min((t[0] for t in known.values()), default=0.0), min((t[-1] for t in known.values()), default=0.0)
-    begin = max((t[0] for name, t in known.items() if name in sensors and t[0] - first > median_step(t)), default=first)
+    late = [t[0] for name, t in known.items() if name in sensors and t[0] - first > max(median_step(t), LATENCY_S)]
+    begin = max(late, default=first)
     if not first < begin < end:
         return recording, 0.0
     channels = {}
