@@ -190,9 +190,9 @@ def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
 def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     """The torques' impulse, beside the momentum that the wheels say.
 
-    Friction and a steady force from the floor or the room may take any share of it. So may a spring and a weight on the
-    wheels of a plant of one's own, and what it does without torque. Of coordinates of a robot on which weight acts,
-    nothing is compared.
+    Friction and a steady force from the floor or the room may take any share of it. So may what a plant of one's own
+    does without torque, and a spring and a weight on its wheels if they stay within a turn. Of coordinates of a robot
+    on which weight acts, nothing is compared.
     """
     plant, robot, torque = base.settings.plant, base.robot, run.channels[TORQUE]
     if robot.driven != TORQUE or len(torque.columns) != len(base.geometry.wheels):
@@ -225,7 +225,7 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
             place = base.moved(np.full(len(since), base.encoder.t[0]), middle)[:, 2:]
             of_place = [np.ones_like(place), np.cos(place), np.sin(place)]
         else:
-            place = base.angles(middle)
+            place = base.angles(middle) * (np.ptp(base.encoder.values, axis=0) < 2.0 * np.pi)
             of_place = [np.ones_like(place), np.cos(place), np.sin(place), place]
         of_place = [lasts * part * np.ones(len(free)) for part in of_place]
         return np.stack([*(part @ effort.T / size for part in of_wheels), *of_place], axis=2)
