@@ -217,6 +217,11 @@ class OwnModel:
     def _change(self) -> Callable[[np.ndarray], np.ndarray]:
         """A function of a change (m,) of the default state: (m,) half the difference of the derivatives there and at
         the opposite change."""
+        _, start, derivatives = self._without_torque()
+        return lambda kick: 0.5 * (derivatives(start + kick) - derivatives(start - kick))
+
+    def _without_torque(self):
+        """A default Context without torque, its state (m,), and a function of a state (m,): its derivatives (m,)."""
         context = self.plant.CreateDefaultContext()
         self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
         start = context.get_continuous_state_vector().CopyToVector()
@@ -225,7 +230,7 @@ class OwnModel:
             context.SetContinuousState(state)
             return self.plant.EvalTimeDerivatives(context).CopyToVector()
 
-        return lambda kick: 0.5 * (derivatives(start + kick) - derivatives(start - kick))
+        return context, start, derivatives
 
     @property
     def robot(self) -> OwnRobot:
@@ -247,14 +252,10 @@ class OwnModel:
         state_of, torque_of = np.linalg.inv(np.vstack([c, c @ a])), np.linalg.solve(c @ a @ b, c @ a)
 
         def load(angles, rates):
-            context, torques = self.plant.CreateDefaultContext(), np.empty_like(angles)
-            self.plant.GetInputPort(self.torque).FixValue(context, np.zeros(self.wheels))
-            start = context.get_continuous_state_vector().CopyToVector()
+            context, start, derivatives = self._without_torque()
             turned = [self.plant.GetOutputPort(name).Eval(context) for name in (self.wheel_angle, self.wheel_rate)]
-            for k, motion in enumerate(np.hstack([angles, rates]) - np.concatenate(turned)):
-                context.SetContinuousState(start + state_of @ motion)
-                torques[k] = torque_of @ self.plant.EvalTimeDerivatives(context).CopyToVector()
-            return torques
+            motions = np.hstack([angles, rates]) - np.concatenate(turned)
+            return np.array([torque_of @ derivatives(start + state_of @ motion) for motion in motions])
 
         return load
 

@@ -136,7 +136,8 @@ def _channel(names, columns):
     if time is None:
         return None
     rest = [name for name in names if name != time.column and not _TIME.search(name)]
-    pose, wheels = _pose(rest, columns), _wheels(rest, columns)
+    pose = _pose(rest, columns)
+    wheels = [] if pose else _wheels(rest, columns)
     for channel, endings in _KNOWN.items() if not pose else ():
         chosen = {key: _ending(rest, ends) for key, ends in endings.items()}
         if all(name or (key == _MAY_LACK and not wheels) for key, name in chosen.items()):

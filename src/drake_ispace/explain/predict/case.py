@@ -150,7 +150,7 @@ def _shortened(tracks, n, kinds, most_s, replay):
 
 
 def _cut_begins(tracks) -> str:
-    """Of which runs the begin is not used."""
+    """A sentence that names the runs whose begin is not used; empty if there is none."""
     cut = [f"of {track.name} the first {track.since_s:.3g} s" for track in tracks if track.since_s]
     return f"{', '.join(cut)} are not used: encoder or IMU begin later" if cut else ""
 
