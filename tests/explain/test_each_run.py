@@ -85,7 +85,8 @@ def test_the_run_in_which_the_marker_was_moved_is_told(where):
 
 def test_a_camera_that_is_late_in_the_unseen_run_only_is_not_nothing():
     *training, unseen = runs(LATE, [3])
-    answer = di.explain(two_wheels.model(), training, [unseen])
+    some = [di.effects()[name] for name in ("camera_latency", "marker_offset", "constant_slip")]
+    answer = di.explain(two_wheels.model(), training, [unseen], some)
     assert answer.verdict == "unknown" and not answer.effects
     assert [sentence.split(" by itself")[0] for sentence in answer.drifts] == ["run 4"]
     assert "Single runs" in answer.title

@@ -150,8 +150,11 @@ def test_two_frictions_that_stay_as_they_are_drift_nowhere():
     assert found.verdict == "named" and not found.drifts
 
 
-def test_a_friction_that_grows_with_the_place_is_not_said_to_be_all():
-    found = di.explain(model(0.02), [rubbed(k, growing=0.01) for k in (1, 2, 3)])
+@pytest.mark.parametrize("effects", [
+    told_apart("coulomb_friction", "viscous_friction"), pytest.param(None, marks=pytest.mark.slow),
+], ids=["some", "all"])
+def test_a_friction_that_grows_with_the_place_is_not_said_to_be_all(effects):
+    found = di.explain(model(0.02), [rubbed(k, growing=0.01) for k in (1, 2, 3)], effects=effects)
     said = " ".join([*found.warnings, found.unknown.driver if found.unknown else ""])
     assert found.verdict in ("incomplete", "unknown") and "place and direction" in said
 
@@ -201,10 +204,11 @@ def test_a_run_that_is_too_short_to_tell_hides_no_lateness():
     assert finding.repairs[0].offset_s == pytest.approx(-0.02)
 
 
-def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive():
+@pytest.mark.parametrize("count", [6, pytest.param(24, marks=pytest.mark.slow)])
+def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive(count):
     """One run in eight is off by more than twice what they leave on the average."""
     few = told_apart("viscous_friction")
-    answers = [di.explain(model(0.033, 0.0033), run(k, 0.033, 0.0033, push=0.05), effects=few) for k in range(24)]
+    answers = [di.explain(model(0.033, 0.0033), run(k, 0.033, 0.0033, push=0.05), effects=few) for k in range(count)]
     assert sum(answer.verdict != "none" for answer in answers) <= 1
 
 

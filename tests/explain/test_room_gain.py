@@ -39,5 +39,6 @@ def test_noise_of_headings_is_no_reason_to_take_every_place_for_exact():
 
 def test_a_marker_is_named_whatever_the_noise_of_the_headings():
     *training, unseen = runs(0.1, 3, 12.0, others={"marker_x_m": 0.03})
-    answer = di.explain(two_wheels.model(), training, [unseen])
+    some = [di.effects()[name] for name in ("marker_offset", "constant_slip", "track_error", "camera_latency")]
+    answer = di.explain(two_wheels.model(), training, [unseen], some)
     assert [effect.name for effect in answer.effects] == ["marker_offset"]

@@ -157,7 +157,7 @@ def test_an_effect_is_found_in_stretches_and_proved_on_others():
         di.load_scenario("omni_multirate"), robots()["omni"].name, {"battery_sag_time": {"rate_per_s": 0.006}},
         ["figure_eight"], 3, 100.0,
     )
-    few = [di.effects()[name] for name in ("battery_sag_time", "torque_gain_error", "viscous_friction")]
+    few = [di.effects()[name] for name in ("battery_sag_time", "viscous_friction")]
     found = di.explain("omni_multirate", runs, effects=few, most_s=50.0)
     (effect,) = found.effects
     low, high = effect.parameters["rate_per_s"].ci90

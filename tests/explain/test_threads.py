@@ -93,7 +93,7 @@ def test_after_an_error_no_further_job_begins():
 def test_an_answer_does_not_depend_on_the_number_of_threads(monkeypatch):
     scenario, known = di.load_scenario("omni_multirate"), di.effects()
     effects = [known["floor_tilt"], known["coulomb_friction"]]
-    runs = di.hide(scenario, "omni", {"coulomb_friction": {"torque_n_m": 0.01}}, ["square", "figure_eight"], 0, 6.0)
+    runs = di.hide(scenario, "omni", {"coulomb_friction": {"torque_n_m": 0.02}}, ["square", "figure_eight"], 0, 5.0)
     answers = []
     for cores in (1, 2):
         monkeypatch.setattr(threads.os, "sched_getaffinity", lambda pid, cores=cores: range(cores), raising=False)

@@ -30,12 +30,14 @@ def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     assert found.effects[0].parameters["share"].estimate == pytest.approx(0.015, abs=0.002)
 
 
+@pytest.mark.slow
 def test_a_room_far_too_small_may_be_slip_and_neither_makes_sense():
     _, found = told({"camera_share": -0.3}, ["constant_slip", "camera_scale", "track_error"])
     (effect,) = found.effects
     assert found.verdict == "incomplete" and {effect.name, *effect.equivalents} == {"constant_slip", "camera_scale"}
 
 
+@pytest.mark.slow
 def test_a_drive_may_be_half_a_second_late():
     runs = [two_wheels.drive(720 + i, 9.0, 0.0, 0.0, 0.0, others={"delay_s": 0.5}, in_step=True) for i in range(3)]
     found = di.explain(two_wheels.model(), runs, (), [di.effects()[n] for n in ("velocity_delay", "velocity_lag")])
@@ -53,9 +55,15 @@ def test_a_drive_that_speeds_up_slowly_is_no_drive_that_lags_or_goes_too_slowly(
 
 
 @pytest.mark.parametrize(("hidden", "name", "size"), [
-    ({"brake_s2_m": 0.5}, "velocity_braking_limit", {"limit_m_s2": 2.0, "limit_rad_s2": 8.0}),
+    pytest.param(
+        {"brake_s2_m": 0.5}, "velocity_braking_limit", {"limit_m_s2": 2.0, "limit_rad_s2": 8.0},
+        marks=pytest.mark.slow,
+    ),
     ({"dead_rad_s": 0.2}, "velocity_dead_zone", {"width_rad_s": 0.2}),
-    ({"swing_s2": 0.003}, "velocity_overshoot", {"time_constant_s": 0.0548, "damping": 0.333}),
+    pytest.param(
+        {"swing_s2": 0.003}, "velocity_overshoot", {"time_constant_s": 0.0548, "damping": 0.333},
+        marks=pytest.mark.slow,
+    ),
 ])
 def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
     """It brakes slowly, does not move for small commands, or overshoots."""
@@ -65,6 +73,7 @@ def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
     assert {n: p.estimate for n, p in found.effects[0].parameters.items()} == pytest.approx(size, rel=0.05)
 
 
+@pytest.mark.slow
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
     _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
     (effect,) = found.effects
@@ -159,6 +168,7 @@ def test_a_run_that_alone_shows_a_size_is_not_held_against_it():
     assert not found.drifts and any(said.startswith("run 3: only there") for said in found.warnings)
 
 
+@pytest.mark.slow
 def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without_it():
     found = with_a_spin(25, 20.0, {"track_share": 0.002, "slip_share": 0.025}, {})
     sizes = {effect.name: effect.parameters.popitem()[1].estimate for effect in found.effects}
@@ -166,12 +176,16 @@ def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without
     assert sizes == {"constant_slip": pytest.approx(0.025, abs=1e-3), "track_error": pytest.approx(0.002, abs=3e-4)}
 
 
+@pytest.mark.slow
 def test_a_floor_that_moves_has_no_name():
     case, found = told({"belt_m_s": 0.008})
     assert judged(case, found) in ("unknown", "incomplete")
 
 
-def test_tyres_that_are_pressed_in_bends_are_no_wrong_track():
+@pytest.mark.parametrize("effects", [
+    ["track_error", "constant_slip"], pytest.param(None, marks=pytest.mark.slow),
+], ids=["some", "all"])
+def test_tyres_that_are_pressed_in_bends_are_no_wrong_track(effects):
     """Who turns at one speed cannot tell them apart; the turn that is lost grows with the square of the speed."""
-    case, found = told({"lean_s2_m": -0.026})
+    case, found = told({"lean_s2_m": -0.026}, effects)
     assert judged(case, found) == "unknown" and found.unknown.driver == "speed and turning"

@@ -1,5 +1,7 @@
 """The campaign of planted mistakes in its smallest form; `python -m planted.campaign` runs all of it."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -31,11 +33,11 @@ def test_a_planted_mistake_is_found_under_its_own_name(originals, tmp_path, name
 
 
 def test_every_mistake_changes_the_files_that_it_fits(originals, tmp_path):
+    before, beside = Folder(originals[0]), Folder(originals[1])
     for name, mistake in CORRUPTIONS.items():
-        folder, other = Folder(originals[0]), Folder(originals[1])
+        folder, other = copy.deepcopy((before, beside))
         if mistake.channel in folder.tables and (not mistake.robots or "omni" in mistake.robots):
             mistake.change(folder, other)
-            before = Folder(originals[0])
             same = all(
                 np.array_equal(before.tables[channel][1], folder.tables[channel][1]) for channel in before.tables
             )
@@ -54,7 +56,7 @@ def test_two_planted_mistakes_are_both_found(originals, tmp_path):
 
 
 def test_sound_sets_have_no_finding():
-    assert sound(2, 40) == 0
+    assert sound(1, 40) == 0
 
 
 @pytest.mark.hidden

@@ -7,6 +7,7 @@ from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.control.feedback.balance_gains import balance_gain, linearised
 from drake_ispace.control.feedback.dlqr import spectral_radius
+from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import simulate, simulate_diagram
 from drake_ispace.wiring.bench import Bench
@@ -17,6 +18,9 @@ OF_4_11 = ["pendulum.control.gains=given", "pendulum.control.k_right=[0.3,-0.05]
            "pendulum.control.f1_right=[1.0,0.49,-0.03,0.2]"]
 OF_6_42 = ["pendulum.control.gains=given"]
 GAINS = pytest.mark.parametrize("gains", [[], OF_6_42, OF_4_11], ids=["dlqr", "(6.42)-(6.43)", "(4.11)"])
+PUSHED = pytest.mark.parametrize("gains", [
+    [], pytest.param(OF_6_42, marks=pytest.mark.slow), pytest.param(OF_4_11, marks=pytest.mark.slow),
+], ids=["dlqr", "(6.42)-(6.43)", "(4.11)"])
 STAY = ["pendulum.trajectory.kind=step", "pendulum.trajectory.goal_m=[0,0]", "seconds=10"]
 
 
@@ -31,7 +35,7 @@ def test_every_set_of_gains_is_stable_on_the_linear_model(gains, radius):
 
 @GAINS
 def test_it_comes_upright_from_5_degrees(gains):
-    run = simulate(load_scenario("pendulum_multirate", [*STAY, *gains, "pendulum.initial_tilt_rad=0.0873"]))
+    run = simulate_compiled(load_scenario("pendulum_multirate", [*STAY, *gains, "pendulum.initial_tilt_rad=0.0873"]))
     assert run.diverged_s is None
     tilt = np.degrees(np.abs(run.signals["pendulum_balance"][:, 0]))
     assert tilt.max() < 12.0
@@ -63,7 +67,7 @@ class PushedBench(Bench):
             super().wire((source, target))
 
 
-@GAINS
+@PUSHED
 def test_it_recovers_from_a_push(gains):
     scenario = load_scenario("pendulum_multirate", [*STAY, *gains, "seconds=15"])
     bench = PushedBench()

@@ -428,7 +428,7 @@ def test_wheels_may_be_named_in_any_order(commanded):
 
 def test_a_steady_circle_hardly_says_whose_torque_it_is():
     """Its push towards the middle is constant, and what is left of the torque is noise."""
-    run = hide("omni_multirate", "omni", {}, ["circle"], 3, 100.0)["circle"]
+    run = hide("omni_multirate", "omni", {}, ["circle"], 3, 40.0)["circle"]
     assert found([run], "omni") == []
 
 
@@ -472,7 +472,7 @@ def test_a_robot_whose_wheels_may_rest_is_not_carried_and_no_wheel_is_stuck(how,
     assert check(two_wheels.model(), runs).findings == []
 
 
-@pytest.mark.parametrize("number", [10, 35])
+@pytest.mark.parametrize("number", [pytest.param(10, marks=pytest.mark.slow), 35])
 def test_a_torque_is_no_stranger_and_its_clock_right_beside_ripple_of_encoders_and_friction_that_fades(number):
     case = cases()[number]
     assert (case["effect"], case["robot"]) in (("encoder_ripple", "omni"), ("motor_warm_up", "pendulum"))
