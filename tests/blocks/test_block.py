@@ -196,6 +196,19 @@ def test_the_parameter_in_the_context_is_the_one_used():
     assert value(block, "y", signal=[1.0])[0] == 2.0  # another Context is another robot
 
 
+def test_every_context_has_its_own_parameters_whichever_was_read_first():
+    block = Gain(2.0)
+    first, other = block.CreateDefaultContext(), block.CreateDefaultContext()
+    other.get_mutable_numeric_parameter(0).SetFromVector([7.0])
+    for context in (first, other):
+        block.GetInputPort("signal").FixValue(context, [1.0])
+    clone = None
+    for context, gain in ((first, 2.0), (first, 2.0), (other, 7.0), (first, 2.0), (other, 7.0)):
+        clone = clone or context.Clone()
+        assert block.GetOutputPort("y").Eval(context)[0] == gain
+    assert block.GetOutputPort("y").Eval(clone)[0] == 2.0
+
+
 def test_a_plants_mass_can_be_changed_in_its_context():
     plant = OmniPlant(OmniPlantParameters(wheel_inertia_kg_m2=0.0))
     context = plant.CreateDefaultContext()

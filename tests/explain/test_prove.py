@@ -6,6 +6,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.decide.decide import decide
+from drake_ispace.explain.decide.decision import Rival
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
@@ -88,9 +89,25 @@ def test_a_sound_robot_leaves_nothing(effects):
     assert answer.verdict == "none" and answer.remainders == [] and answer.closed is None
 
 
-def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(runs, effects):
-    case = prepare(load_scenario("omni_multirate"), list(runs.values()), [], effects[:1], 160.0)
-    decision = decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
+@pytest.fixture(scope="module")
+def decided(runs, effects):
+    """The case of these runs, and what is decided of it."""
+    case = prepare(load_scenario("omni_multirate"), list(runs.values()), [], effects[::2], 160.0)
+    return case, decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
+
+
+def test_a_look_alike_that_leaves_more_than_noise_where_the_answer_does_not_is_none(decided):
+    """One that leaves as little stays, and so does one that nobody fitted."""
+    case, decision = decided
+    ((radius, (size,)),) = decision.named.point.items()
+    (late,) = (one for one in candidates(case.effects_to_try, case.replay.body) if one.name == "camera_latency")
+    alike, unlike = [Rival(radius, 0.0, {radius: [0.99 * size]}), Rival(late, 0.0)], Rival(late, 0.0, {late: [0.05]})
+    other = replace(decision, rivals={radius: [*alike, unlike]})
+    assert prove(case, other, 0).rivals == {radius: alike}
+
+
+def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):
+    case, decision = decided
     ((radius, (size,)),) = decision.named.point.items()
     half = replace(decision, named=replace(decision.named, point={radius: [0.5 * size]}))
     assert prove(case, decision, 0).sizes == decision.named.point

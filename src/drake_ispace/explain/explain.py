@@ -234,7 +234,7 @@ def _answered(case, decision, seed, tell) -> Explanation:
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
     if case.is_filtered:
-        decision.asked = proof.asked
+        decision.asked, decision.rivals = proof.asked, proof.rivals
 
     # 5 answer
     tell("finding the channels that show it")

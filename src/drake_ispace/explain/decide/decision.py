@@ -35,10 +35,12 @@ class Rival:
 
     Attributes:
         candidate: the effect. behind: by how much the deviance is larger with it, complexity penalties included.
+            point: all effects, with it in the place of the named one; None: not fitted.
     """
 
     candidate: Candidate
     behind: float
+    point: Point | None = None
 
 
 @dataclass(frozen=True)

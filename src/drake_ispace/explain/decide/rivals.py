@@ -59,7 +59,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
-            rivals.append((Rival(other, behind), best))
+            rivals.append((Rival(other, behind, fitted.point), best))
     return rivals
 
 

@@ -1,13 +1,13 @@
 """The proof of an answer: the gap on training and on unseen runs, and what is left there that is not noise."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from drake_ispace.explain.check.runs import UNNAMED
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decision import Decision, Rival
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
@@ -16,7 +16,7 @@ from drake_ispace.explain.prove.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.least_squares import plain_fit
+from drake_ispace.explain.prove.least_squares import PlainFit, plain_fit
 from drake_ispace.explain.prove.left_out import blocks_in, in_parts
 from drake_ispace.explain.prove.noise import (
     ProcessNoise,
@@ -135,11 +135,37 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     without = chosen.without if chosen.point and chosen.point is plain else ()
-    left, asked = _distinct(_left(judged, every)), None
+    left, asked, rivals = _distinct(_left(judged, every)), None, decision.rivals
     if left and fitted is not None:
         asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, alone)
+    if not left and rivals:
+        fit_again = partial(
+            plain_fit, training, fitted_to.windows[:n], sizes=decision.end.likelihood.sizes, floors=floors
+        )
+        rivals = {
+            effect: [rival for rival in known if rival.point is None or _may_stand(rival, judged, fit_again)]
+            for effect, known in rivals.items()
+        }
     shown = fitted and fitted.shown
-    return Proof(by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names)
+    return Proof(by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names, rivals=rivals)
+
+
+def _may_stand(rival: Rival, judged: _Judged, fit_again: Callable[..., PlainFit]) -> bool:
+    """Whether a rival suffices as the named effect in `judged` does, at sizes of the filter or of plain least squares.
+
+    Both are fitted to all training runs: what is left is no lack of data.
+    """
+    return _suffices(judged, rival.point) or _suffices(judged, fit_again(rival.point).point)
+
+
+def _suffices(judged: _Judged, point: Point) -> bool:
+    """Whether these effects leave noise of a sound robot, too."""
+    prediction, values = judged.prediction, [merged(point)] * len(judged.values)
+    windows = each(lambda i: windows_of(prediction, i, values[i]), range(len(values)))
+    after = each(lambda i: errors(prediction, i, windows[i], values[i]), range(len(values)))
+    noise = process_noise(prediction, windows[0].shortest, after, judged.sensors, judged.process)
+    other = replace(judged, windows=windows, values=values, after=after, noise=noise)
+    return not _left(other, prediction)
 
 
 def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:
