@@ -135,7 +135,8 @@ def main():
         runs = [two_wheels.drive(10 * asked.seed + i, 8.0 if asked.tiny else 30.0, lag_s=0.0) for i in range(5)]
         groups, effects = groups_of(_TWO), None
         if asked.tiny:
-            groups, effects = groups[:2], [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency")]
+            groups = groups[:2]
+            effects = [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency")]
         rows = compared(model, _TWO, runs[:3], {"unseen": runs[3:]}, asked.seed, groups, effects)
     else:
         from drake_ispace.files.importers import optiodom

@@ -134,7 +134,7 @@ def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
     told = document("import", logs / "mapping.yaml", *runs, "--out", tmp_path)
     assert all(any("part of that number" in line for line in lines) for lines in told["notes"].values())
     *training, held_out = told["recordings"].values()
-    some = [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency", "track_error", "clock_offset")]
+    some = [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency", "track_error")]
     answer = di.explain(told["model"], [di.load(run) for run in training], [di.load(held_out)], some)
     (effect,) = answer.effects
     names = {effect.name, *effect.equivalents}
