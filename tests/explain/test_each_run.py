@@ -78,7 +78,7 @@ def test_a_view_of_all_runs_serves_for_each():
     assert other.z == pytest.approx(one.z, abs=1e-3)
 
 
-@pytest.mark.parametrize("where", [0, 3])
+@pytest.mark.parametrize("where", [pytest.param(0, marks=pytest.mark.slow), 3])
 def test_the_run_in_which_the_marker_was_moved_is_told(where):
     assert shown(MARKER, [where]) == {(f"run {where + 1}", "marker_offset")}
 
@@ -95,7 +95,7 @@ def test_a_camera_that_is_late_in_the_unseen_run_only_is_not_nothing():
 def test_a_limit_of_a_thousand_metres_per_second_squared_is_nothing():
     sound, slips = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}, {"slip_share": 0.0324}
     case = prepare(two_wheels.model(), [
-        two_wheels.drive(60400 + i, 30.0, **sound, others=slips, in_step=True) for i in range(5)
+        two_wheels.drive(60400 + i, 20.0, **sound, others=slips, in_step=True) for i in range(3)
     ])
     tried = candidates(case.effects_to_try, case.replay.body)
     (room,) = (one for one in tried if one.name == "camera_scale")  # which is to wheels what slip is

@@ -41,7 +41,7 @@ def scenarios(draw):
     return load_scenario(f"{robot}_multirate", overrides)
 
 
-@hypothesis.settings(max_examples=12)
+@hypothesis.settings(max_examples=6)
 @hypothesis.given(scenarios())
 def test_drawn_parameters_and_seeds_agree(scenario):
     assert parity(scenario)["max_abs_difference"] == 0.0
