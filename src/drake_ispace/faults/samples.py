@@ -59,6 +59,13 @@ FAULTS = (
         "the same digits twice", "leave the second out", harmless=True,
     ),
     Fault(
+        "counter_reset", "a counter that is set anew",
+        "angles of the wheels jump to other numbers, and go on from there",
+        "a driver that starts anew while the log runs, or a counter that wraps",
+        "between two rows the wheels turn as fast as never else, and the robot does not",
+        "cut the run in two there", same=("counter_wrap", "rows_missing"), harmless=True,
+    ),
+    Fault(
         "rows_reversed", "rows in the opposite order",
         "a stretch runs backwards", "a buffer that is read from the wrong end",
         "two steps that vanish together", "turn the stretch round", harmless=True,

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from drake_ispace.explain.check.check import check
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
+from hidden import two_wheels
 
 STEP_S = 0.02
 MODEL = load_scenario("velocity_base", [
@@ -51,3 +52,18 @@ def test_a_command_of_another_run_is_found():
     run, other = squares(0, 0.003), squares(1, side_s=2.3, turn_rad_s=-0.6)
     mixed = replace(run, channels=run.channels | {"command": other.channels["command"]})
     assert [(f.fault, f.channel) for f in check(MODEL, [mixed]).findings] == [("channel_of_another_run", "command")]
+
+
+def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
+    """On a circle a share of the way looks like a turn, which must not make a turn of the other sense."""
+    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+    left, right, free = (
+        two_wheels.drive(650 + i, 20.0, **sound, **how) for i, how in enumerate([
+            {"speeds_m_s": (0.2, 0.2), "rates_rad_s": (0.6, 0.6)},
+            {"speeds_m_s": (0.2, 0.2), "rates_rad_s": (-0.6, -0.6)}, {},
+        ])
+    )
+    mixed = replace(right, channels=right.channels | {"kinect": left.channels["kinect"]})
+    (finding,) = check(two_wheels.model(), [left, mixed, free]).findings
+    assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", "kinect", (1,))
+    assert finding.what == "moves with the wheels of run 1 of these"

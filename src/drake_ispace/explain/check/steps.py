@@ -22,14 +22,14 @@ from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import TORQUE
+from drake_ispace.robots.robot import COMMAND, TORQUE
 
 _SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
 def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
-    """Wheels or a camera that never move although the other one, or a torque of more than one value, does."""
+    """Wheels, a camera or a command that never move although another one, or a torque of more than one value, does."""
     if base is None:
         return
     if not base.robot.in_room and TORQUE in run.channels and np.ptp(run.channels[TORQUE].values, axis=0).any():
@@ -38,10 +38,15 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         if still:
             yield Finding("channel_dead", f"{', '.join(still)} never changes", "", (number,), "encoder",
                           repairs=(Without("encoder"),))
+    radius = min(wheel.radius_m for wheel in base.geometry.wheels)
+    if COMMAND in run.channels and base.robot.driven == COMMAND and not run.channels[COMMAND].values.any():
+        turns = np.abs(np.diff(run.channels["encoder"].values, axis=0)).sum(axis=0)
+        if turns.max(initial=0.0) * radius > _SHOWS_M:
+            yield Finding("channel_dead", "it is always 0, and the wheels turn", "", (number,), COMMAND,
+                          repairs=(Without(COMMAND),))
     if not has_motion(run):
         return
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
-    radius = min(wheel.radius_m for wheel in base.geometry.wheels)
     whole = windows(kinect)
     ways = seen(kinect, whole) @ base.geometry.inverse.T * radius
     noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * base.geometry.inverse, axis=1) * radius
@@ -53,6 +58,10 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     moved = base.moved(whole.since_s, whole.until_s)
     if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _SHOWS_M:
         yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
+    turned_m = np.abs(moved[:, 2]).sum() / np.abs(base.geometry.forward[2]).max()
+    if len(kinect.t) and not np.ptp(kinect.values[:, 2]) and turned_m * radius > _SHOWS_M:
+        what = "the heading never changes, and the wheels turn the robot"
+        yield Finding("channel_dead", what, "", (number,), "kinect", repairs=(Without("kinect"),))
 
 
 def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
@@ -86,6 +95,8 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
 def _camera_steps(run, base, seen_of, number):
     """Places that change from one fix to the next without the wheels, and fixes that are off where they change back.
 
+    Where the wheels are as fast as never else, and the robot is not, the wheels' counter has changed instead.
+
     seen_of: what `seen_of_wheels` gives of the run.
     """
     kinect = run.channels["kinect"]
@@ -94,17 +105,37 @@ def _camera_steps(run, base, seen_of, number):
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
     difference = _unexplained(kinect, base, seen_of, each)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
-    large, spikes = np.flatnonzero(short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))), []
-    for i in large.tolist():
+    is_large = short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))
+    faster = [
+        speed > speed[short & ~is_large].max(initial=0.0) for speed in (
+            np.linalg.norm(ways[:, :2], axis=1) / (each.until_s - each.since_s)
+            for ways in (seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of)
+        )
+    ]
+    spikes = []
+    for i in np.flatnonzero(is_large).tolist():
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
         spike = _spike(kinect, base, seen_of, i, difference[i])
         if spike is not None:
             spikes.append(spike)
             continue
+        if faster[1][i] and not faster[0][i]:
+            yield _counter_reset(run.channels["encoder"], since, until, number)
+            continue
         what = f"the place jumps by {difference[i]:.3g} m"
         yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
     if spikes:
         yield off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
+
+
+def _counter_reset(encoder, since_s, until_s, number):
+    """The finding of wheels whose angles change at once between two fixes, where they change most from row to row."""
+    steps = np.abs(np.diff(encoder.values, axis=0)).max(axis=1)
+    between = np.flatnonzero((encoder.t[1:] > since_s) & (encoder.t[:-1] < until_s))
+    k = int(between[steps[between].argmax()])
+    since, until = float(encoder.t[k]), float(encoder.t[k + 1])
+    what = f"angles change by up to {steps[k]:.3g} rad from one row to the next"
+    return Finding("counter_reset", what, "", (number,), "encoder", since, until, repairs=(CutOut(since, until),))
 
 
 def _unexplained(kinect, base, seen_of, pairs):

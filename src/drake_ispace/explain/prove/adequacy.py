@@ -40,7 +40,7 @@ from drake_ispace.explain.prove.free_run import (
 )
 from drake_ispace.explain.prove.gap import seconds
 from drake_ispace.explain.prove.left_out import MOST_BLOCKS
-from drake_ispace.explain.prove.noise import WALKS, ProcessNoise
+from drake_ispace.explain.prove.noise import INDEPENDENT, WALKS, ProcessNoise
 from drake_ispace.explain.prove.paths import compose, pairs, relative, relative_errors
 from drake_ispace.explain.prove.predicted import PREDICTED, predicted
 from drake_ispace.explain.prove.remainder import NOTHING, Remainder, Series, going_with, worst_runs
@@ -149,9 +149,9 @@ def too_large(
 def _by_chance(m: Measure, errors: Sequence[np.ndarray]) -> float:
     """How many times too large a relative error over few windows is by chance, if it is noise.
 
-    Windows end to end share a fix: of white errors of the fixes two thirds of the windows count.
+    Windows end to end share a fix: of white errors of the fixes only some count as independent.
     """
-    numbers = sum(map(np.size, errors)) * 2.0 / 3.0
+    numbers = sum(map(np.size, errors)) * INDEPENDENT
     return float(np.sqrt(chi2.isf(CHANCE, numbers) / numbers)) if m.metric == RPE and numbers else 0.0
 
 

@@ -86,7 +86,7 @@ def _beside_what_goes_with_motion(runs):
         c, s = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
         turned.append(np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0))
     off, moved, turned = map(np.concatenate, (off, moved, turned))
-    by_places = np.einsum("nij,nk->nijk", turned, moved).reshape(2 * len(off), -1)
+    by_places = np.einsum("nij,nk->nijk", turned, moved).reshape(2 * len(off), 2 * moved.shape[1])
     places, headings = off[:, :2].ravel(), wrap(off[:, 2])
     places = places - by_places @ np.linalg.lstsq(by_places, places, rcond=None)[0]
     headings = headings - moved @ np.linalg.lstsq(moved, headings, rcond=None)[0]

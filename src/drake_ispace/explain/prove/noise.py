@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import brentq, nnls
 from scipy.signal import lfilter
+from scipy.stats import binom
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
@@ -50,6 +52,7 @@ from drake_ispace.room.localizer import Localizer, camera_of, see
 from drake_ispace.scenario import Scenario
 
 DRAWS = 4  # of noise, for each run
+INDEPENDENT = 2.0 / 3.0  # share of relative errors over windows end to end, which share a fix
 _DRIVE_S = 0.5  # correlation time of a drive that leaves its command
 
 SENSORS = "sensors"
@@ -279,7 +282,9 @@ def process_noise(
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
-            needed[source] = min(strengths)
+            shortest = Measure(RPE, f"{HORIZONS_S[0]:g}s", channel, unit_of, WHEELS)
+            of_walk = (errors[shortest] for errors in (pooled, noise, parts_of[source]))
+            needed[source] = min([*strengths, most_of_most_errors(*of_walk, robot.most_slip)])
     forces = [source for source in (*FORCES, *JOLTS) if source in unit]
     blocks = [_shown(pooled, name) for name in (STEP, horizon)]
     if forces and all(blocks):
@@ -318,6 +323,29 @@ def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
     return [
         float(np.sqrt(max(e[0], 0.0) / max(w[0], 1e-300))) for e, w in pairs if len(e) and w[0] > 0.0
     ]
+
+
+def most_of_most_errors(found: np.ndarray, noise: np.ndarray, walk: np.ndarray, limit: float) -> float:
+    """The largest strength of a random walk that most errors allow; infinite where they allow the limit.
+
+    Half of the errors that a walk and noise make together are smaller than their median. A strength at which more of
+    those that were found are smaller than chance allows is that of a few large ones, which are no walk.
+
+    found: (k, d) errors. noise, walk: (draws * k, d) of sensors, and of a walk of strength 1. limit: largest strength
+    that is looked for.
+    """
+    count = int(len(found) * INDEPENDENT)
+    smaller = int(binom.isf(CHANCE, count, 0.5))  # at most by chance
+    if noise.shape != walk.shape or smaller >= count:
+        return np.inf
+    highest = np.quantile(np.sum(found**2, axis=1), smaller / count)
+
+    def beyond(strength):
+        return np.median(np.sum((noise + strength * walk) ** 2, axis=1)) - highest
+
+    if beyond(0.0) >= 0.0:
+        return 0.0
+    return brentq(beyond, 0.0, limit, rtol=1e-3) if beyond(limit) > 0.0 else np.inf
 
 
 def _shown(pooled, horizon):

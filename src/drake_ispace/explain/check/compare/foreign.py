@@ -64,7 +64,8 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
-        free = _free_gain(run, base) if "kinect" in strangers else None
+        owner = _owner(runs, bases, number, "kinect") if "kinect" in strangers else None
+        free = _free_gain(run, base) if "kinect" in strangers and owner is None else None
         if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
             found.append(Finding(
                 "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
@@ -74,8 +75,9 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
         for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
+            owner = _owner(runs, bases, number, name)
             found.append(Finding(
-                "channel_of_another_run", _owner(runs, bases, number, name), "", (number,), name,
+                "channel_of_another_run", owner or "does not move with the robot", "", (number,), name,
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
                 repairs=(Without(name),),
             ))
@@ -97,7 +99,7 @@ def _is_stranger(link, relation):
 
 
 def _owner(runs, bases, number, name):
-    """In words: with which other run a channel moves."""
+    """In words: with which other run a channel moves; None: with none."""
     for other, base in enumerate(bases):
         if other == number or base is None:
             continue
@@ -106,7 +108,7 @@ def _owner(runs, bases, number, name):
         found = None if link is None else _relation(link, bases[number] if camera else base)
         if found is not None and found.share > 2.0 * RELATED:
             return f"moves with the {'camera' if camera else 'wheels'} of run {other + 1} of these"
-    return "does not move with the robot"
+    return None
 
 
 def _relation(link, base, spoilt=()):
@@ -145,10 +147,14 @@ def _at_lag(link, base, lag_s, spoilt):
         own = [residuals(0.0 * x, motion, z) for motion in (x, y)] if link.any_share else (x, y)
         if all(moving(motion, noise) for motion in own):
             both, every = (np.stack([x, 0.0 * x]), y[None]), (tuple(range(len(group))),)
-            given, unrelated = scores(*both, every, np.stack([noise, noise]), z, slack)
+            given, unrelated = map(float, scores(*both, every, np.stack([noise, noise]), z, slack))
             exact = float(most(y[None], every, noise[None])[0])
             varies_alike = link.channel == COMMAND and _varies_alike(x, y)
-            found.append(_related(float(given), float(unrelated), exact, varies_alike))
+            if link.channel == "kinect":
+                opposite = float(scores(-x[None], y[None], every, noise[None], z[:1], slack)[0])
+                if opposite - given > SAID:  # a share of the way may stand for a steady turn of the other sense
+                    given = unrelated - max(opposite - unrelated, 0.0)
+            found.append(_related(given, unrelated, exact, varies_alike))
     return min((one for one in found if one is not None), key=lambda one: (one.varies_alike, one.share), default=None)
 
 

@@ -1,0 +1,48 @@
+"""Columns that nobody fills, and counters that are set anew, of a robot that drives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.check.check import check
+from hidden import two_wheels
+
+SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+
+
+def found(channel, change, seconds=12.0):
+    """(fault, channel) of what is found in two runs of which the first has this channel changed."""
+    first, second = (two_wheels.drive(640 + i, seconds, **SOUND) for i in range(2))
+    old = first.channels[channel]
+    changed = replace(old, values=change(old.t, old.values.copy()))
+    checked = check(two_wheels.model(), [replace(first, channels=first.channels | {channel: changed}), second])
+    return [(finding.fault, finding.channel, finding.runs) for finding in checked.findings]
+
+
+def test_angles_that_are_set_to_zero_are_no_jump_of_the_camera():
+    def reset(t, values):
+        row = np.searchsorted(t, 7.0)
+        values[row:] -= values[row]
+        return values
+
+    assert found("encoder", reset) == [("counter_reset", "encoder", (0,))]
+
+
+def test_a_camera_that_jumps_is_no_counter_that_was_set_anew():
+    def moved(t, values):
+        values[t > 7.0, :2] += [0.6, 0.3]
+        return values
+
+    assert found("kinect", moved) == [("camera_jump", "kinect", (0,))]
+
+
+def test_a_command_that_nobody_filled_in_is_told():
+    assert found("command", lambda t, values: 0.0 * values) == [("channel_dead", "command", (0,))]
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0])
+def test_a_heading_that_nobody_filled_in_is_told(heading):
+    assert found("kinect", lambda t, values: values * [1.0, 1.0, 0.0] + [0.0, 0.0, heading]) == [
+        ("channel_dead", "kinect", (0,))
+    ]
