@@ -38,6 +38,8 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         if still:
             yield Finding("channel_dead", f"{', '.join(still)} never changes", "", (number,), "encoder",
                           repairs=(Without("encoder"),))
+    if not base.robot.in_room:
+        return
     radius = min(wheel.radius_m for wheel in base.geometry.wheels)
     if COMMAND in run.channels and base.robot.driven == COMMAND and not run.channels[COMMAND].values.any():
         turns = np.abs(np.diff(run.channels["encoder"].values, axis=0)).sum(axis=0)

@@ -115,8 +115,11 @@ class _Trial:
         return np.nansum(_losses(self.link, self.base, since, until), axis=-1)
 
     def sharpened(self, path: Path) -> Path:
-        """The path with the best lag near its own."""
-        return _least(_shifted(path), self.rough)
+        """The path with the best lag near its own, and the best rate if its clock drifts."""
+        before, path = None, _least(_shifted(path), self.rough)
+        while path.rate and (before is None or self.rough([path])[0] < self.rough([before])[0]):
+            before, path = path, _least(_shifted(_least(_tilted(path, self.lasts_s), self.rough)), self.rough)
+        return path
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
@@ -237,7 +240,11 @@ def _common_drift(trials):
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
-    return [trial.sharpened(trial.along(rate)[1]) for trial in trials]
+    paths = [_least(_shifted(trial.along(rate)[1]), trial.rough) for trial in trials]
+    tilted = [_tilted(path, max(lasts)) for path in paths]
+    losses = sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))
+    best = int(np.argmin(losses))
+    return [_least(_shifted(near[best]), trial.rough) for trial, near in zip(trials, tilted, strict=True)]
 
 
 def _rates(lasts_s: float) -> list[float]:
@@ -263,6 +270,11 @@ def _common(trials, own):
 def _shifted(path):
     """The path with every lag near its own."""
     return [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
+
+
+def _tilted(path, lasts_s):
+    """The path with every rate near its own: from one to the next by a tick more during a run that lasts so long."""
+    return [replace(path, rate=path.rate + float(d) / lasts_s) for d in LATENCIES_S]
 
 
 def _least(paths, losses):

@@ -1,0 +1,34 @@
+"""The rate of a clock that drifts is found more finely than the rates that are looked at first."""
+
+from dataclasses import replace
+
+import pytest
+
+from drake_ispace.explain.check.check import check
+from hidden import two_wheels
+
+
+@pytest.fixture(scope="module")
+def sound():
+    exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+    return [two_wheels.drive(670 + i, 50.0, **exact) for i in range(2)]
+
+
+def found(runs, share, drifting):
+    """Run -> rate of the repair, where the camera's clock is fast by this share in so many of the runs."""
+    cameras = [run.channels["kinect"] for run in runs]
+    runs = [
+        replace(run, channels=run.channels | {"kinect": replace(camera, t=camera.t * (1.0 + share))})
+        for run, camera in zip(runs[:drifting], cameras, strict=False)
+    ] + runs[drifting:]
+    findings = check(two_wheels.model(), runs).findings
+    assert {(finding.fault, finding.channel) for finding in findings} == {("clock_drift", "kinect")}
+    return {finding.runs: finding.repairs[0].rate for finding in findings}
+
+
+@pytest.mark.parametrize("drifting", [1, 2])
+def test_a_rate_between_those_that_are_tried_is_found(sound, drifting):
+    """Rates are tried in steps of 0.4 % first, by which the ends of 50 s are 0.2 s apart."""
+    rates = found(sound, -0.007, drifting)
+    assert set(rates) == {(0,), (1,)} if drifting == 2 else {(0,)}
+    assert list(rates.values()) == [pytest.approx(1.0 / 0.993, abs=5e-4)] * drifting
