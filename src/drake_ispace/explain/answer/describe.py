@@ -240,13 +240,13 @@ def _unknown(decision, explained) -> Unknown:
 
 def _untestable(case, decision) -> list[Untestable]:
     """Effects that chance would hide in these runs even at the largest size that a search begins with."""
-    screen, longest = decision.start.screen, {}
+    screen, longest, driven = decision.start.screen, {}, case.replay.body.robot.driven
     named = {candidate.name for candidate in decision.named.point} if decision.named else ()
     for signature, length in zip(screen.signatures, screen.length, strict=True):
         if not isinstance(signature.candidate.effect, Generic):
             name = signature.candidate.name
             longest[name] = max(longest.get(name, 0.0), float(np.sqrt(max(length, 0.0))))
     return [
-        Untestable(name, needs(case.replay.effects[name])) for name in case.replay.effects
+        Untestable(name, needs(case.replay.effects[name], driven)) for name in case.replay.effects
         if name not in named and longest.get(name, 0.0) < CERTAIN
     ]

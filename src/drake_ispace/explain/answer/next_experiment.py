@@ -4,15 +4,16 @@ from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.explanation import NamedEffect, Unknown, Untestable
 
 _NEEDS = {
-    "actuator": "torque and encoder", "transmission": "torque and encoder", "ground": "torque, encoder and kinect",
-    "plant": "torque, encoder and kinect", "encoder": "encoder and kinect", "imu": "imu, torque and encoder",
+    "actuator": "{} and encoder", "transmission": "{} and encoder", "ground": "{}, encoder and kinect",
+    "plant": "{}, encoder and kinect", "encoder": "encoder and kinect", "imu": "imu, {} and encoder",
     "camera": "kinect and encoder", "link": "kinect and encoder",
 }
+_MOST_LISTED = 3
 
 
-def needs(effect: Effect) -> str:
-    """The channels and the motion that would show an effect."""
-    return f"channels {_NEEDS.get(effect.card.home, 'encoder')}; {effect.card.excitation}"
+def needs(effect: Effect, driven: str) -> str:
+    """The channels and the motion that would show an effect; driven: channel of what drives the robot."""
+    return f"channels {_NEEDS.get(effect.card.home, 'encoder').format(driven)}; {effect.card.excitation}"
 
 
 def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untestable: list[Untestable]) -> str:
@@ -30,6 +31,8 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
         )
     if untestable:
         first, *others = untestable
-        more = f" (nor {', '.join(entry.effect for entry in others)})" if others else ""
+        listed = [entry.effect for entry in others[:_MOST_LISTED]]
+        listed += [f"{len(others) - len(listed)} more"] if len(others) > len(listed) else []
+        more = f" (nor {', '.join(listed)})" if others else ""
         return f"these runs cannot show {first.effect}{more}: {first.needs}"
     return ""

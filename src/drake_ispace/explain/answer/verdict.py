@@ -115,11 +115,17 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
 def nonsense(answer: Explanation) -> set[str]:
     """Named effects at sizes that make no sense, if with the answer the robot ends clearly further from where it was.
 
-    Places and headings of unseen runs, over the whole run.
+    Places and headings of unseen runs, over the whole run. All named effects if it is then nearer nowhere: over a whole
+    run, or over a shorter while in which it was clearly off.
     """
-    if not any(row.metric == ATE for row in made_worse(answer.gap)):
+    places = [row for row in answer.gap if row.runs == HELD_OUT and row.metric in (ATE, RPE)]
+    if not any(row.worse for row in places if row.metric == ATE):
         return set()
-    return {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
+    is_nearer = any(row.after < row.before for row in places if row.metric == ATE or row.closed is not None)
+    return {
+        effect.name for effect in answer.effects
+        if not is_nearer or any(p.on_bound for p in effect.parameters.values())
+    }
 
 
 def lacks_little(answer: Explanation, decision: Decision) -> bool:
@@ -141,8 +147,8 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
 def add_nonsense(answer: Explanation, without_sense: Explanation) -> None:
     """Say in an answer which effects explain most, but make no sense; without_sense: the answer that named them."""
     answer.warnings.append(
-        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but the size makes no "
-        "sense, and unseen runs are led further away by it"
+        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: unseen "
+        "runs are led further away by it"
     )
 
 
