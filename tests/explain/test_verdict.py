@@ -108,9 +108,10 @@ def test_the_reasons_are_warnings():
 @pytest.mark.parametrize("change, rows, left_out", [
     (on_bound, [WORSE], {"coulomb_friction"}), (on_bound, answers.GAP, set()),
     (lambda answer: answer, [WORSE], {"coulomb_friction"}), (lambda answer: answer, [WORSE, answers.GAP[0]], set()),
-    (lambda answer: answer, [WORSE, replace(WORSE, after=0.005, driven_by="torque", worse=False)], set()),
+    (lambda answer: answer, [WORSE, replace(WORSE, after=0.001, driven_by="torque", closed=0.9, worse=False)], set()),
+    (lambda answer: answer, [replace(WORSE, metric="RPE", horizon="5s")], {"coulomb_friction"}),
     (on_bound, [replace(WORSE, metric="prediction")], set()),
-], ids=["both", "bound", "worse", "nearer soon", "nearer otherwise", "sensors"])
+], ids=["both", "bound", "worse", "nearer soon", "nearer otherwise", "worse soon", "sensors"])
 def test_what_makes_no_sense_and_leads_further_away_is_nonsense(change, rows, left_out):
     assert nonsense(judged(change(answers.named(MODEL)), rows)) == left_out
 

@@ -115,17 +115,16 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
 def nonsense(answer: Explanation) -> set[str]:
     """Named effects at sizes that make no sense, if with the answer the robot ends clearly further from where it was.
 
-    Places and headings of unseen runs, over the whole run. All named effects if it is then nearer nowhere: over a whole
-    run, or over a shorter while in which it was clearly off.
+    All named effects if places and headings of unseen runs are clearly further off, over whole runs or shorter times,
+    and none that was clearly off is nearer.
     """
     places = [row for row in answer.gap if row.runs == HELD_OUT and row.metric in (ATE, RPE)]
-    if not any(row.worse for row in places if row.metric == ATE):
+    worse = {row.metric for row in places if row.worse}
+    if worse and not any(row.after < row.before for row in places if row.closed is not None):
+        return {effect.name for effect in answer.effects}
+    if ATE not in worse:
         return set()
-    is_nearer = any(row.after < row.before for row in places if row.metric == ATE or row.closed is not None)
-    return {
-        effect.name for effect in answer.effects
-        if not is_nearer or any(p.on_bound for p in effect.parameters.values())
-    }
+    return {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
 
 
 def lacks_little(answer: Explanation, decision: Decision) -> bool:
