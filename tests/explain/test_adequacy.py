@@ -126,14 +126,14 @@ def test_the_place_of_a_robot_that_turns_on_the_spot_goes_with_nothing():
     for run in runs:
         run.channels["kinect"].values[:, :2] += 0.003 * RANDOM.standard_normal((len(run.channels["kinect"].t), 2))
     case = prepare(two_wheels.model(), runs)
-    assert not [r for r in prove(case, SimpleNamespace(named=None, rivals={}), 0).remainders if r.driver == "place"]
+    assert not [r for r in prove(case, SimpleNamespace(named=None), 0).remainders if r.driver == "place"]
 
 
 def test_the_heading_of_a_robot_that_does_not_turn_goes_with_nothing():
     """Fixes would be compared with their own errors if the turn were taken from them."""
     runs = [generate("omni", "square", {}, 12.0, 66000 + i, process_noise=0.3) for i in range(3)]
     case = prepare("omni_multirate", runs)
-    assert prove(case, SimpleNamespace(named=None, rivals={}), 0).remainders == []
+    assert prove(case, SimpleNamespace(named=None), 0).remainders == []
 
 
 def fixes_of(noise_std_pixels):

@@ -1,12 +1,15 @@
 """A random walk is as strong as most errors say, and not as a few of them do."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.noise import most_of_most_errors
+from drake_ispace.explain.prove.prove import prove
 from hidden import two_wheels
 
 DRAWS, SENSORS, LIMIT = 4, 0.5, 1000.0
@@ -40,6 +43,12 @@ def test_of_a_few_errors_nobody_can_say():
 def test_errors_that_sensors_do_not_leave_allow_no_walk():
     found, *noise = made(1, 0.0)
     assert most_of_most_errors(0.1 * found, *noise, LIMIT) == 0.0
+
+
+def test_a_camera_that_is_too_slow_for_the_shortest_while_is_no_error():
+    """Of a fix every 2.5 s no two are a second apart."""
+    runs = [two_wheels.drive(680 + i, 30.0, 0.0, 0.0, 0.0, camera_hz=0.4, in_step=True) for i in range(2)]
+    assert prove(prepare(two_wheels.model(), runs), SimpleNamespace(named=None, rivals={}), 0).rows
 
 
 def kicked(run, angle_rad, times_s):

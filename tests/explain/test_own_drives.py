@@ -209,7 +209,7 @@ def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive(count)
     """One run in eight is off by more than twice what they leave on the average."""
     few = told_apart("viscous_friction")
     answers = [di.explain(model(0.033, 0.0033), run(k, 0.033, 0.0033, push=0.05), effects=few) for k in range(count)]
-    assert sum(answer.verdict != "none" for answer in answers) <= 1
+    assert sum(answer.verdict != "none" for answer in answers) <= count // 24
 
 
 @pytest.mark.parametrize(("every", "warned"), [(1, False), (4, True)])

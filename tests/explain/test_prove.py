@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.decision import Rival
 from drake_ispace.explain.explain import explain
@@ -102,8 +103,12 @@ def test_a_look_alike_that_leaves_more_than_noise_where_the_answer_does_not_is_n
     ((radius, (size,)),) = decision.named.point.items()
     (late,) = (one for one in candidates(case.effects_to_try, case.replay.body) if one.name == "camera_latency")
     alike, unlike = [Rival(radius, 0.0, {radius: [0.99 * size]}), Rival(late, 0.0)], Rival(late, 0.0, {late: [0.05]})
-    other = replace(decision, rivals={radius: [*alike, unlike]})
-    assert prove(case, other, 0).rivals == {radius: alike}
+    may_stand = prove(case, decision, 0).may_stand
+    assert [may_stand(rival) for rival in (*alike, unlike)] == [True, True, False]
+    answer = describe(case, replace(decision, rivals={radius: [*alike, unlike]}))
+    assert answer.verdict == "set"
+    rule_out_rivals(answer, replace(decision, rivals={radius: [unlike]}, may_stand=may_stand))
+    assert answer.verdict == "named" and answer.effects[0].equivalents == []
 
 
 def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drake_ispace.effects.library import library
 from drake_ispace.explain.decide.detect import trials
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.explain import explain
@@ -76,11 +77,17 @@ def test_noise_of_another_kind_is_no_wrong_inertia():
     assert explain(model, list(runs.values())).verdict == "none"
 
 
-@pytest.mark.parametrize(("robot", "process_noise"), [
-    ("omni", 1.0), pytest.param("omni", 0.3, marks=pytest.mark.slow),
-    pytest.param("pendulum", 0.3, marks=pytest.mark.slow), pytest.param("pendulum", 1.0, marks=pytest.mark.slow),
+FEW = ("viscous_friction", "mass_error", "gyro_bias")
+
+
+@pytest.mark.parametrize(("robot", "process_noise", "effects"), [
+    ("omni", 1.0, None), ("pendulum", 0.3, FEW), *(
+        pytest.param(robot, noise, None, marks=pytest.mark.slow)
+        for robot, noise in (("omni", 0.3), ("pendulum", 0.3), ("pendulum", 1.0))
+    ),
 ])
-def test_nothing_is_found_where_nothing_is_hidden(robot, process_noise):
-    explanation = explain(f"{robot}_multirate", sound(robot, 80, process_noise, 8.0))
+def test_nothing_is_found_where_nothing_is_hidden(robot, process_noise, effects):
+    some = effects and [library()[name] for name in effects]
+    explanation = explain(f"{robot}_multirate", sound(robot, 80, process_noise, 8.0), effects=some)
     assert explanation.verdict == "none" and explanation.detection.p_value > explanation.detection.false_alarm_rate
     assert explanation.effects == [] and explanation.model is None

@@ -73,7 +73,6 @@ def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
     assert {n: p.estimate for n, p in found.effects[0].parameters.items()} == pytest.approx(size, rel=0.05)
 
 
-@pytest.mark.slow
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
     _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
     (effect,) = found.effects
@@ -168,7 +167,6 @@ def test_a_run_that_alone_shows_a_size_is_not_held_against_it():
     assert not found.drifts and any(said.startswith("run 3: only there") for said in found.warnings)
 
 
-@pytest.mark.slow
 def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without_it():
     found = with_a_spin(25, 20.0, {"track_share": 0.002, "slip_share": 0.025}, {})
     sizes = {effect.name: effect.parameters.popitem()[1].estimate for effect in found.effects}

@@ -220,7 +220,8 @@ def Block_(T):
                 if is_scalar and scalar_is_float:
                     unpacked[name] = float(flat[start])  # is passed on faster than NumPy's
                 start += size
-            self._unpacked = [*self._unpacked, unpacked][:2]
+            if len(self._unpacked) < 2:
+                self._unpacked.append(unpacked)
             return unpacked
 
         def _bind(self, function, stepped=False):

@@ -35,7 +35,7 @@ from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
-from drake_ispace.explain.answer.describe import describe
+from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import (
@@ -115,6 +115,8 @@ def explain(
             decision = validated_choice(case.prediction, tried, tell)
 
         decision, answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
+        if case.is_filtered and decision.may_stand is not None:
+            rule_out_rivals(answer, decision)
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
             add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
@@ -234,7 +236,7 @@ def _answered(case, decision, seed, tell) -> Explanation:
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
     if case.is_filtered:
-        decision.asked, decision.rivals = proof.asked, proof.rivals
+        decision.asked, decision.may_stand = proof.asked, proof.may_stand
 
     # 5 answer
     tell("finding the channels that show it")

@@ -426,9 +426,10 @@ def test_wheels_may_be_named_in_any_order(commanded):
     assert check(model, [replace(runs[0], channels=runs[0].channels | {"encoder": named}), runs[1]]).findings == []
 
 
-def test_a_steady_circle_hardly_says_whose_torque_it_is():
+@pytest.mark.parametrize("seconds", [40.0, pytest.param(100.0, marks=pytest.mark.slow)])
+def test_a_steady_circle_hardly_says_whose_torque_it_is(seconds):
     """Its push towards the middle is constant, and what is left of the torque is noise."""
-    run = hide("omni_multirate", "omni", {}, ["circle"], 3, 40.0)["circle"]
+    run = hide("omni_multirate", "omni", {}, ["circle"], 3, seconds)["circle"]
     assert found([run], "omni") == []
 
 

@@ -46,3 +46,22 @@ def test_a_heading_that_nobody_filled_in_is_told(heading):
     assert found("kinect", lambda t, values: values * [1.0, 1.0, 0.0] + [0.0, 0.0, heading]) == [
         ("channel_dead", "kinect", (0,))
     ]
+
+
+def test_a_command_of_a_robot_that_rests_is_not_dead():
+    """Its encoders go to and fro by a count."""
+    still = {"speeds_m_s": (0.0, 0.0), "rates_rad_s": (0.0, 0.0)}
+    run = two_wheels.drive(645, 60.0, **SOUND, **still)
+    encoder, count = run.channels["encoder"], 2.0 * np.pi / two_wheels.COUNTS
+    shaken = encoder.values + count * np.random.default_rng(0).integers(0, 2, encoder.values.shape)
+    run = replace(run, channels=run.channels | {"encoder": replace(encoder, values=shaken)})
+    assert not [finding for finding in check(two_wheels.model(), [run]).findings if finding.channel == "command"]
+
+
+def test_wheels_that_spin_for_a_while_are_no_counter_that_was_set_anew():
+    run = two_wheels.drive(646, 30.0, **SOUND, camera_hz=2.0)
+    encoder = run.channels["encoder"]
+    spins = np.clip(encoder.t - 20.0, 0.0, 0.4)[:, None] / two_wheels.RADIUS_M
+    run = replace(run, channels=run.channels | {"encoder": replace(encoder, values=encoder.values + spins)})
+    faults = {finding.fault for finding in check(two_wheels.model(), [run]).findings}
+    assert faults and "counter_reset" not in faults

@@ -94,6 +94,19 @@ def named_or_set(effects: Sequence[NamedEffect]) -> str:
     return "set" if any(effect.equivalents for effect in effects) else "named"
 
 
+def rule_out_rivals(answer: Explanation, decision: Decision) -> None:
+    """Take look-alikes out of the answer that do not suffice on unseen runs where the named effects do."""
+    named = {candidate.name: candidate for candidate in decision.named.point}
+    effects = []
+    for effect in answer.effects:
+        rivals = decision.rivals.get(named[effect.name], [])
+        stand = {rival.candidate.name for rival in rivals if decision.may_stand(rival)}
+        effects.append(replace(effect, equivalents=[name for name in effect.equivalents if name in stand]))
+    if effects != answer.effects:
+        answer.effects, answer.next_experiment = effects, next_experiment(effects, answer.unknown, [])
+        answer.verdict = named_or_set(effects) if answer.verdict == "set" else answer.verdict
+
+
 def with_sizes(
     effects: Sequence[NamedEffect], case: Case, sizes: Point, plain: Mapping[Candidate, Sequence[float | None]],
     without: Sequence[Point] = (),

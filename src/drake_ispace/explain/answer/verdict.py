@@ -113,14 +113,14 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
 
 
 def nonsense(answer: Explanation) -> set[str]:
-    """Named effects at sizes that make no sense, if with the answer the robot ends clearly further from where it was.
+    """Named effects that unseen runs speak against.
 
-    All named effects if places and headings of unseen runs are clearly further off, over whole runs or shorter times,
-    and none that was clearly off is nearer.
+    All of them if places or headings are clearly further off with them, and nothing that was clearly off is nearer.
+    Else those at sizes that make no sense, if with the answer the robot ends a run clearly further from where it was.
     """
-    places = [row for row in answer.gap if row.runs == HELD_OUT and row.metric in (ATE, RPE)]
-    worse = {row.metric for row in places if row.worse}
-    if worse and not any(row.after < row.before for row in places if row.closed is not None):
+    unseen = [row for row in answer.gap if row.runs == HELD_OUT]
+    worse = {row.metric for row in unseen if row.worse}
+    if worse & {ATE, RPE} and not any(row.after < row.before for row in unseen if row.closed is not None):
         return {effect.name for effect in answer.effects}
     if ATE not in worse:
         return set()

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import chi2
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCY_S,
@@ -41,9 +42,9 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     if not base.robot.in_room:
         return
     radius = min(wheel.radius_m for wheel in base.geometry.wheels)
-    if COMMAND in run.channels and base.robot.driven == COMMAND and not run.channels[COMMAND].values.any():
-        turns = np.abs(np.diff(run.channels["encoder"].values, axis=0)).sum(axis=0)
-        if turns.max(initial=0.0) * radius > _SHOWS_M:
+    command = run.channels.get(COMMAND) if base.robot.driven == COMMAND else None
+    if command is not None and len(command.t) and not command.values.any():
+        if np.ptp(run.channels["encoder"].values, axis=0).max() * radius > _SHOWS_M:
             yield Finding("channel_dead", "it is always 0, and the wheels turn", "", (number,), COMMAND,
                           repairs=(Without(COMMAND),))
     if not has_motion(run):
@@ -60,10 +61,11 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     moved = base.moved(whole.since_s, whole.until_s)
     if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _SHOWS_M:
         yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
-    turned_m = np.abs(moved[:, 2]).sum() / np.abs(base.geometry.forward[2]).max()
-    if len(kinect.t) and not np.ptp(kinect.values[:, 2]) and turned_m * radius > _SHOWS_M:
-        what = "the heading never changes, and the wheels turn the robot"
-        yield Finding("channel_dead", what, "", (number,), "kinect", repairs=(Without("kinect"),))
+    elif not np.ptp(kinect.values[:, 2]):
+        headings = np.cumsum(moved[:, 2])
+        if np.ptp(headings) * radius / np.abs(base.geometry.forward[2]).max() > _SHOWS_M:
+            what = "the heading never changes, and the wheels turn the robot"
+            yield Finding("channel_dead", what, "", (number,), "kinect", repairs=(Without("kinect"),))
 
 
 def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
@@ -97,7 +99,8 @@ def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
 def _camera_steps(run, base, seen_of, number):
     """Places that change from one fix to the next without the wheels, and fixes that are off where they change back.
 
-    Where the wheels are as fast as never else, and the robot is not, the wheels' counter has changed instead.
+    Where the wheels are as fast as never else, and the robot is not, and most of it is from one row of the wheels to
+    the next, their counter has changed instead.
 
     seen_of: what `seen_of_wheels` gives of the run.
     """
@@ -110,7 +113,7 @@ def _camera_steps(run, base, seen_of, number):
     is_large = short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
-            np.linalg.norm(ways[:, :2], axis=1) / (each.until_s - each.since_s)
+            np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
             for ways in (seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of)
         )
     ]
@@ -122,22 +125,24 @@ def _camera_steps(run, base, seen_of, number):
             spikes.append(spike)
             continue
         if faster[1][i] and not faster[0][i]:
-            yield _counter_reset(run.channels["encoder"], since, until, number)
-            continue
+            row = _largest_step(run.channels["encoder"], since, until)
+            of_row = np.linalg.norm((base.moved(*map(np.atleast_1d, row)) @ seen_of)[0, :2])
+            if of_row > 0.5 * difference[i]:
+                what = "angles of the wheels change at once, and the place does not"
+                yield Finding("counter_reset", what, "", (number,), "encoder", *row, repairs=(CutOut(*row),))
+                continue
         what = f"the place jumps by {difference[i]:.3g} m"
         yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
     if spikes:
         yield off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
 
 
-def _counter_reset(encoder, since_s, until_s, number):
-    """The finding of wheels whose angles change at once between two fixes, where they change most from row to row."""
+def _largest_step(encoder, since_s, until_s):
+    """(since, until) the rows [s] between which angles change most, about a time."""
     steps = np.abs(np.diff(encoder.values, axis=0)).max(axis=1)
     between = np.flatnonzero((encoder.t[1:] > since_s) & (encoder.t[:-1] < until_s))
     k = int(between[steps[between].argmax()])
-    since, until = float(encoder.t[k]), float(encoder.t[k + 1])
-    what = f"angles change by up to {steps[k]:.3g} rad from one row to the next"
-    return Finding("counter_reset", what, "", (number,), "encoder", since, until, repairs=(CutOut(since, until),))
+    return float(encoder.t[k]), float(encoder.t[k + 1])
 
 
 def _unexplained(kinect, base, seen_of, pairs):

@@ -35,7 +35,7 @@ class Rival:
 
     Attributes:
         candidate: the effect. behind: by how much the deviance is larger with it, complexity penalties included.
-            point: all effects, with it in the place of the named one; None: not fitted.
+        point: all effects, with it in the place of the named one; None: not fitted.
     """
 
     candidate: Candidate
@@ -86,9 +86,10 @@ class Decision:
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
             them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
-            instead of a rival, or None; None where the proof asks for nothing. kept: effect that was asked for -> its
-            rivals by what asked for it, None if that does not say. renamed: turns a Decision into one that names the
-            effects of a point.
+            instead of a rival, or None; None where the proof asks for nothing. may_stand: tells whether a rival
+            suffices on unseen runs as the named effects do; None where these do not, or where the proof cannot tell.
+            kept: effect that was asked for -> its rivals by what asked for it, None if that does not say. renamed:
+            turns a Decision into one that names the effects of a point.
     """
 
     detection: Detection
@@ -104,6 +105,7 @@ class Decision:
     otherwise: "Decision | None" = None
     further: list[Point] = field(default_factory=list)
     asked: Callable[[], Asked | None] | None = None
+    may_stand: Callable[[Rival], bool] | None = None
     kept: Mapping[Candidate, list[Rival] | None] = field(default_factory=dict)
     renamed: "Callable[[Decision, Point], Decision] | None" = None
 

@@ -283,8 +283,9 @@ def process_noise(
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
             shortest = Measure(RPE, f"{HORIZONS_S[0]:g}s", channel, unit_of, WHEELS)
-            of_walk = (errors[shortest] for errors in (pooled, noise, parts_of[source]))
-            needed[source] = min([*strengths, most_of_most_errors(*of_walk, robot.most_slip)])
+            of_walk = [errors[shortest] for errors in (pooled, noise, parts_of[source]) if shortest in errors]
+            most = most_of_most_errors(*of_walk, robot.most_slip) if len(of_walk) == 3 else np.inf
+            needed[source] = min([*strengths, most])
     forces = [source for source in (*FORCES, *JOLTS) if source in unit]
     blocks = [_shown(pooled, name) for name in (STEP, horizon)]
     if forces and all(blocks):

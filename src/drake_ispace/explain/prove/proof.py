@@ -1,6 +1,6 @@
 """The result of proving an answer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from drake_ispace.explain.decide.decision import Asked, Rival
@@ -33,8 +33,7 @@ class Proof:
             no effect is named. without: where these are the answer's, the same without each training run in turn.
             plant: free parameters of a plant of the user's own. asked: as of Decision. alone: names of training runs
             that alone tell some of the sizes, and are therefore judged by sizes that were fitted to them, too; empty
-            where other runs were held out. rivals: as of Decision, without those that do not suffice where the answer
-            does.
+            where other runs were held out. may_stand: as of Decision.
     """
 
     by: str
@@ -47,4 +46,4 @@ class Proof:
     plant: list[PlantParameter] = field(default_factory=list)
     asked: Callable[[], Asked | None] | None = None
     alone: list[str] = field(default_factory=list)
-    rivals: Mapping[Candidate, list[Rival]] = field(default_factory=dict)
+    may_stand: Callable[[Rival], bool] | None = None

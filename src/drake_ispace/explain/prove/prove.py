@@ -135,27 +135,28 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     rows += rows_of(fitted_to.columns(slice(0, n), plain, after), TRAINING, "", seed)
     names = [left_out.tracks[i].name for i in alone] if case.held_out is None else []
     without = chosen.without if chosen.point and chosen.point is plain else ()
-    left, asked, rivals = _distinct(_left(judged, every)), None, decision.rivals
-    if left and fitted is not None:
-        asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, alone)
-    if not left and rivals:
-        fit_again = partial(
-            plain_fit, training, fitted_to.windows[:n], sizes=decision.end.likelihood.sizes, floors=floors
-        )
-        rivals = {
-            effect: [rival for rival in known if rival.point is None or _may_stand(rival, judged, fit_again)]
-            for effect, known in rivals.items()
-        }
+    left, asked, may_stand = _distinct(_left(judged, every)), None, None
+    if fitted is not None:
+        if left:
+            asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, alone)
+        else:
+            sizes = decision.end.likelihood.sizes
+            fit = partial(plain_fit, training, fitted_to.windows[:n], sizes=sizes, floors=floors)
+            may_stand = partial(_may_stand, judged, fit)
     shown = fitted and fitted.shown
-    return Proof(by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names, rivals=rivals)
+    return Proof(
+        by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names, may_stand=may_stand
+    )
 
 
-def _may_stand(rival: Rival, judged: _Judged, fit_again: Callable[..., PlainFit]) -> bool:
-    """Whether a rival suffices as the named effect in `judged` does, at sizes of the filter or of plain least squares.
+def _may_stand(judged: _Judged, fit: Callable[[Point], PlainFit], rival: Rival) -> bool:
+    """Whether a rival suffices as the answer in `judged` does, at sizes of the filter or of plain least squares.
 
-    Both are fitted to all training runs: what is left is no lack of data.
+    Both are fitted to all training runs: what is left is no lack of data. One that nobody fitted may stand.
     """
-    return _suffices(judged, rival.point) or _suffices(judged, fit_again(rival.point).point)
+    if rival.point is None:
+        return True
+    return _suffices(judged, rival.point) or _suffices(judged, fit(rival.point).point)
 
 
 def _suffices(judged: _Judged, point: Point) -> bool:

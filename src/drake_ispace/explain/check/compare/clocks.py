@@ -116,9 +116,12 @@ class _Trial:
 
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own, and the best rate if its clock drifts."""
-        before, path = None, _least(_shifted(path), self.rough)
-        while path.rate and (before is None or self.rough([path])[0] < self.rough([before])[0]):
-            before, path = path, _least(_shifted(_least(_tilted(path, self.lasts_s), self.rough)), self.rough)
+        path = _least(_shifted(path), self.rough)
+        while path.rate:
+            nearer = _least(_shifted(_least(_tilted(path, self.lasts_s), self.rough)), self.rough)
+            if not np.subtract(*self.rough([nearer, path])) < 0.0:
+                break
+            path = nearer
         return path
 
     def best(self) -> tuple[Path, float]:
@@ -274,7 +277,8 @@ def _shifted(path):
 
 def _tilted(path, lasts_s):
     """The path with every rate near its own: from one to the next by a tick more during a run that lasts so long."""
-    return [replace(path, rate=path.rate + float(d) / lasts_s) for d in LATENCIES_S]
+    rates = path.rate + LATENCIES_S / lasts_s
+    return [replace(path, rate=float(rate)) for rate in rates[np.abs(rates) <= _FASTEST]] or [path]
 
 
 def _least(paths, losses):

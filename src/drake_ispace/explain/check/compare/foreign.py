@@ -64,8 +64,8 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
-        owner = _owner(runs, bases, number, "kinect") if "kinect" in strangers else None
-        free = _free_gain(run, base) if "kinect" in strangers and owner is None else None
+        owners = {name: _owner(runs, bases, number, name) for name in strangers}
+        free = _free_gain(run, base) if "kinect" in owners and owners["kinect"] is None else None
         if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
             found.append(Finding(
                 "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
@@ -75,7 +75,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
         for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
-            owner = _owner(runs, bases, number, name)
+            owner = owners[name] if name in owners else _owner(runs, bases, number, name)
             found.append(Finding(
                 "channel_of_another_run", owner or "does not move with the robot", "", (number,), name,
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),

@@ -56,7 +56,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     if isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS:
         asked = partial(asked_for_own, case.prediction, decision, bool(worst))
     by, shown = "held-out runs" if parts else "", plain.point or None
-    return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked, rivals=decision.rivals)
+    return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
