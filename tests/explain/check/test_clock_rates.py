@@ -22,13 +22,19 @@ def found(runs, share, drifting):
         for run, camera in zip(runs[:drifting], cameras, strict=False)
     ] + runs[drifting:]
     findings = check(two_wheels.model(), runs).findings
-    assert {(finding.fault, finding.channel) for finding in findings} == {("clock_drift", "kinect")}
+    assert {(finding.fault, finding.channel) for finding in findings} <= {("clock_drift", "kinect")}
     return {finding.runs: finding.repairs[0].rate for finding in findings}
 
 
 @pytest.mark.parametrize("drifting", [1, 2])
 def test_a_rate_between_those_that_are_tried_is_found(sound, drifting):
     """Rates are tried in steps of 0.4 % first, by which the ends of 50 s are 0.2 s apart."""
-    rates = found(sound, -0.007, drifting)
+    rates = found(sound, -0.0105, drifting)
     assert set(rates) == {(0,), (1,)} if drifting == 2 else {(0,)}
-    assert list(rates.values()) == [pytest.approx(1.0 / 0.993, abs=5e-4)] * drifting
+    assert list(rates.values()) == [pytest.approx(1.0 / 0.9895, abs=5e-4)] * drifting
+
+
+@pytest.mark.parametrize("drifting", [1, 2])
+def test_a_drift_by_less_than_latencies_differ_is_none(sound, drifting):
+    """In 50 s the camera's clock comes to be 0.35 s late; the rate that is tried first and is nearest is 0.8 %."""
+    assert found(sound, -0.007, drifting) == {}

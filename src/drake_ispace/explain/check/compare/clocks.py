@@ -129,6 +129,7 @@ class _Trial:
         rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
         least = float(self.total[self.usual].min()) - 0.5 * SAID
         paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
+        paths = [path for path in paths if not path.rate or _is_drift(path.rate, self.lasts_s)]
         gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
         return (paths[path], gained) if path >= 0 else (Path(), 0.0)
 
@@ -155,7 +156,7 @@ class _Trial:
         """
         if self.link.any_share:
             return None
-        paths = [self.along(rate) for rate in _rates(self.lasts_s) if abs(rate) * self.lasts_s >= 2.0 * LATENCY_S]
+        paths = [self.along(rate) for rate in _rates(self.lasts_s) if _is_drift(rate, self.lasts_s)]
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jump(self) -> Path | None:
@@ -239,7 +240,7 @@ def _common_drift(trials):
     if len(trials) < 2:
         return []
     lasts = [trial.lasts_s for trial in trials]
-    rates = [rate for rate in _rates(max(lasts)) if abs(rate) * min(lasts) >= 2.0 * LATENCY_S]
+    rates = [rate for rate in _rates(max(lasts)) if _is_drift(rate, min(lasts))]
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
@@ -247,7 +248,14 @@ def _common_drift(trials):
     tilted = [_tilted(path, max(lasts)) for path in paths]
     losses = sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))
     best = int(np.argmin(losses))
+    if not _is_drift(tilted[0][best].rate, min(lasts)):
+        return []
     return [_least(_shifted(near[best]), trial.rough) for trial, near in zip(trials, tilted, strict=True)]
+
+
+def _is_drift(rate, lasts_s):
+    """Whether a clock of that rate passes all latencies that a sound channel may have in a run that lasts so long."""
+    return abs(rate) * lasts_s >= 2.0 * LATENCY_S
 
 
 def _rates(lasts_s: float) -> list[float]:
