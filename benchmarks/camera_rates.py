@@ -24,10 +24,10 @@ RATES_HZ = (5.0, 10.0, 30.0, 60.0)
 ROBOT = {"wheels": 2, "radius_m": two_wheels.RADIUS_M, "arm_m": two_wheels.HALF_TRACK_M}
 
 
-def answered(seed, seconds, rate_hz, has_command, effects=None, **hidden):
+def answered(seed, seconds, rate_hz, has_command, library=None, **hidden):
     """What explain says of the robot at a rate of the camera, and what is left of it by plain arithmetic.
 
-    effects: to choose from, default the whole library. hidden: other sizes of what is hidden, as `two_wheels.drive`
+    library: effects to choose from, default all. hidden: other sizes of what is hidden, as `two_wheels.drive`
     takes them.
     """
     runs = [two_wheels.drive(10 * seed + i, seconds, camera_hz=rate_hz, **hidden) for i in range(5)]
@@ -35,7 +35,7 @@ def answered(seed, seconds, rate_hz, has_command, effects=None, **hidden):
         runs = [
             replace(run, channels={name: c for name, c in run.channels.items() if name != "command"}) for run in runs
         ]
-    answer = di.explain(two_wheels.model(), runs[:3], runs[3:], effects)
+    answer = di.explain(two_wheels.model(), runs[:3], runs[3:], library)
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     errors = []
     for sizes in ({}, effects):
@@ -55,8 +55,9 @@ def main():
     asked = options(__doc__)
     rates, seconds = (RATES_HZ[2:3], 8.0) if asked.tiny else (RATES_HZ[1:3] if asked.quick else RATES_HZ, 30.0)
     commands = (True,) if asked.tiny else (True, False)
-    hidden = {"late_s": 0.0, "lag_s": 0.0, "effects": [di.effects()["single_wheel_radius_error"]]} if asked.tiny else {}
-    rows = [answered(asked.seed, seconds, rate, has, **hidden) for has in commands for rate in rates]
+    hidden = {"late_s": 0.0, "lag_s": 0.0} if asked.tiny else {}
+    library = [di.effects()["single_wheel_radius_error"]] if asked.tiny else None
+    rows = [answered(asked.seed, seconds, rate, has, library, **hidden) for has in commands for rate in rates]
     if asked.json:
         print_json({"answers": rows})
         return

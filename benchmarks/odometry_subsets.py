@@ -100,9 +100,9 @@ def ratio(ours, theirs, generator):
     return [rms(ours) / rms(theirs), *map(float, np.quantile(ratios, [0.05, 0.95]))]
 
 
-def compared(model, robot, training, held_out, seed, groups, effects=None):
-    """A row for every kind of unseen runs; groups: as `groups_of`; effects: for explain, default the whole library."""
-    answer = di.explain(model, training, held_out, effects)
+def compared(model, robot, training, held_out, seed, groups, library=None):
+    """A row for every kind of unseen runs; groups: as `groups_of`; library: effects to choose from, default all."""
+    answer = di.explain(model, training, held_out, library)
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     nominal = [errors_of(run, robot, {}) for run in training]
     weights = [1.0 / np.sqrt(np.mean(np.concatenate([e[k] for e in nominal]) ** 2)) for k in range(3)]
@@ -133,11 +133,11 @@ def main():
             f"rover.plant.half_track_m={two_wheels.HALF_TRACK_M}",
         ])
         runs = [two_wheels.drive(10 * asked.seed + i, 8.0 if asked.tiny else 30.0, lag_s=0.0) for i in range(5)]
-        groups, effects = groups_of(_TWO), None
+        groups, library = groups_of(_TWO), None
         if asked.tiny:
             groups = groups[:2]
-            effects = [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency")]
-        rows = compared(model, _TWO, runs[:3], {"unseen": runs[3:]}, asked.seed, groups, effects)
+            library = [di.effects()[name] for name in ("single_wheel_radius_error", "camera_latency")]
+        rows = compared(model, _TWO, runs[:3], {"unseen": runs[3:]}, asked.seed, groups, library)
     else:
         from drake_ispace.files.importers import optiodom
 

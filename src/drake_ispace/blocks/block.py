@@ -216,9 +216,8 @@ def Block_(T):
             for name, value in self.spec.parameters.items():
                 size = np.size(_values(value))
                 is_scalar = np.ndim(_values(value)) == 0
-                unpacked[name] = flat[start] if is_scalar else flat[start : start + size]
-                if is_scalar and scalar_is_float:
-                    unpacked[name] = float(flat[start])  # is passed on faster than NumPy's
+                # a float of Python's is passed on to a kernel faster than NumPy's
+                unpacked[name] = flat.item(start) if is_scalar else flat[start : start + size]
                 start += size
             if len(self._unpacked) < 2:
                 self._unpacked.append(unpacked)

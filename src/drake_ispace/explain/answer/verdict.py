@@ -118,9 +118,9 @@ def nonsense(answer: Explanation) -> set[str]:
     All of them if places or headings are clearly further off with them, and nothing that was clearly off is nearer.
     Else those at sizes that make no sense, if with the answer the robot ends a run clearly further from where it was.
     """
-    unseen = [row for row in answer.gap if row.runs == HELD_OUT]
-    worse = {row.metric for row in unseen if row.worse}
-    if worse & {ATE, RPE} and not any(row.after < row.before for row in unseen if row.closed is not None):
+    worse = {row.metric for row in made_worse(answer.gap)}
+    was_off = [row for row in answer.gap if row.runs == HELD_OUT and row.closed is not None]
+    if worse & {ATE, RPE} and not any(row.after < row.before for row in was_off):
         return {effect.name for effect in answer.effects}
     if ATE not in worse:
         return set()

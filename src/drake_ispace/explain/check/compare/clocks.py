@@ -114,11 +114,15 @@ class _Trial:
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
         return np.nansum(_losses(self.link, self.base, since, until), axis=-1)
 
+    def shifted(self, path: Path) -> Path:
+        """The path with the best lag near its own."""
+        return _least(_shifted(path), self.rough)
+
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own, and the best rate if its clock drifts."""
-        path = _least(_shifted(path), self.rough)
+        path = self.shifted(path)
         while path.rate:
-            nearer = _least(_shifted(_least(_tilted(path, self.lasts_s), self.rough)), self.rough)
+            nearer = self.shifted(_least(_tilted(path, self.lasts_s), self.rough))
             if not np.subtract(*self.rough([nearer, path])) < 0.0:
                 break
             path = nearer
@@ -244,13 +248,12 @@ def _common_drift(trials):
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
-    paths = [_least(_shifted(trial.along(rate)[1]), trial.rough) for trial in trials]
-    tilted = [_tilted(path, max(lasts)) for path in paths]
+    tilted = [_tilted(trial.shifted(trial.along(rate)[1]), max(lasts)) for trial in trials]
     losses = sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))
     best = int(np.argmin(losses))
     if not _is_drift(tilted[0][best].rate, min(lasts)):
         return []
-    return [_least(_shifted(near[best]), trial.rough) for trial, near in zip(trials, tilted, strict=True)]
+    return [trial.shifted(near[best]) for trial, near in zip(trials, tilted, strict=True)]
 
 
 def _is_drift(rate, lasts_s):
