@@ -39,6 +39,13 @@ FAULTS = (
         "set the model's track to the width at which they agree",
     ),
     Fault(
+        "wrong_track", "a track that is far too wide",
+        "the robot turns several times as far as its wheels say",
+        "the track of another robot was typed, or one in another unit",
+        "the camera sees the robot turn more than twice as far as its wheels say, which no floor makes it do",
+        "set the model's track to the width at which they agree", same=("half_track",),
+    ),
+    Fault(
         "diameter_for_radius", "the diameter typed as the radius",
         "the model goes twice as far as the robot", "the data sheet says diameter",
         "wheels and camera move by a factor of two differently", "correct the model's radius",

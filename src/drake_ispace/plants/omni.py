@@ -37,9 +37,9 @@ class OmniPlantParameters:
     # I_w
     wheel_inertia_kg_m2: float = quantity(0.1e-5, "kg*m^2", minimum=0.0)
     # r_w
-    wheel_radius_m: float = quantity(0.024, "m", above=0.0)
+    wheel_radius_m: float = quantity(0.024, "m", above=0.0, maximum=5.0)
     # b, the full distance between opposite wheels
-    wheel_distance_m: float = quantity(0.36, "m", above=0.0)
+    wheel_distance_m: float = quantity(0.36, "m", above=0.0, maximum=20.0)
     # x, y of the centre of gravity in B, from the robot's middle
     centre_of_gravity_m: list[float] = quantity([0.0, 0.0], "m", length=2)
     # deviation of each wheel's radius from r_w, as a share of r_w

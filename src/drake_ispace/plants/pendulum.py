@@ -73,9 +73,9 @@ class PendulumPlantParameters:
     # z, axle to centre of gravity
     centre_of_gravity_m: float = quantity(0.04, "m", above=0.0)
     # b of (2.36) is half of Table 2.1's width 0.4
-    half_track_m: float = quantity(0.2, "m", above=0.0)
+    half_track_m: float = quantity(0.2, "m", above=0.0, maximum=20.0)
     # r_w
-    wheel_radius_m: float = quantity(0.08, "m", above=0.0)
+    wheel_radius_m: float = quantity(0.08, "m", above=0.0, maximum=5.0)
     # deviation of the right and left wheel's radius from r_w, as a share of r_w; odometry uses r_w for both
     wheel_radius_shares: list[float] = quantity([0.0, 0.0], above=-0.9, length=2)
     # n, rotor speed over wheel speed as the thesis writes it

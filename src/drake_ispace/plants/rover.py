@@ -28,15 +28,15 @@ class RoverPlantParameters:
     # omni3, omni4: rings of omni wheels; differential: right, left; mecanum: front left, right, rear left, right;
     # listed: as in wheel_list, which a robot file gives
     wheels: str = quantity("omni3", choices=tuple(WHEELS))
-    radius_m: float = quantity(0.05, "m", above=0.0)
+    radius_m: float = quantity(0.05, "m", above=0.0, maximum=5.0)
     # of the rings: distance from wheel to centre, and the direction of wheel 1
-    centre_distance_m: float = quantity(0.18, "m", above=0.0)
+    centre_distance_m: float = quantity(0.18, "m", above=0.0, maximum=20.0)
     first_rad: float = quantity(np.pi / 3.0, "rad")
     # of the differential drive
-    half_track_m: float = quantity(0.15, "m", above=0.0)
+    half_track_m: float = quantity(0.15, "m", above=0.0, maximum=20.0)
     # of the mecanum robot: half the distance between the axles, and half that between left and right wheels
-    half_length_m: float = quantity(0.15, "m", above=0.0)
-    half_width_m: float = quantity(0.15, "m", above=0.0)
+    half_length_m: float = quantity(0.15, "m", above=0.0, maximum=20.0)
+    half_width_m: float = quantity(0.15, "m", above=0.0, maximum=20.0)
     # of listed wheels: x, y [m] in B, drive direction [rad], radius [m], roller angle [rad], 1 for a tyre that cannot
     # move sideways; and their names, by which columns of recordings are found
     wheel_list: list[list[float]] = quantity([])

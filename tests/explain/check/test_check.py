@@ -508,6 +508,24 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
 
 
 @pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("times", [3.0, 20.0])
+def test_a_track_of_the_model_that_is_far_too_wide_is_the_models(robot, times):
+    """The omni robot is looked at where it turns; beside such dimensions nothing is told of torques."""
+    runs = [generate(robot, motion, {}, 12.0, 5 + i) for i, motion in enumerate(("square", "eight", "circle"))]
+    key, size_m = {"omni": ("omni.plant.wheel_distance_m", 0.36), "pendulum": ("pendulum.plant.half_track_m", 0.2)}[robot]
+    model = load_scenario(f"{robot}_multirate", [f"{key}={times * size_m}"])
+    (finding,) = check(model, runs).findings
+    found_times = float(finding.advice.split()[-4])
+    assert finding.fault == "wrong_track" and found_times == pytest.approx(1.0 / times, rel=0.05)
+
+
+@pytest.mark.parametrize("key", ["omni.plant.wheel_radius_m", "pendulum.plant.half_track_m", "rover.plant.half_width_m"])
+def test_a_robot_of_millimetres_typed_as_metres_is_refused(key):
+    with pytest.raises(InputError, match=f"{key}: expected at most .* \\[m\\], got 200"):
+        load_scenario("velocity_base", [f"{key}=200"])
+
+
+@pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize("times", [0.3, 1.7, 2.0])
 def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, sound):
     larger = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, times, 1.0)  # noqa: E731

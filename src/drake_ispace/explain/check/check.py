@@ -156,7 +156,9 @@ class _Search:
         self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
-        self._agreed(TORQUE, torque_columns_of)
+        unknown_arms = {TORQUE} if any(finding.channel == "model" for finding in self.findings) else set()
+        if not unknown_arms:
+            self._agreed(TORQUE, torque_columns_of)
         follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, (lambda *runs: Agreement([])) if follows else command_columns_of)
         drives = self._drives()
@@ -168,6 +170,7 @@ class _Search:
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
         spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
         strangers = [f for f in foreign(self.runs, self._bases(), spoilt) if (f.runs[0], f.channel) not in coarse]
+        strangers = [finding for finding in strangers if finding.channel not in unknown_arms]
         self._add(strangers)
         odd = {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))

@@ -125,12 +125,12 @@ class _Choice:
     """What all runs say of some hypotheses.
 
     rows: of each run. each (runs, hypotheses), together (hypotheses,): what they gain. number: of the best hypothesis;
-    None: nothing gains enough.
+    None: nothing gains enough. losses (hypotheses,): by how improbable they are, which no run speaks of.
     """
 
     def __init__(self, rows, hypotheses, well, against):
         self.rows, self.hypotheses, self.each = rows, hypotheses, gains(rows, hypotheses)
-        self.unrelated = _unrelated(hypotheses)
+        self.unrelated, self.losses = _unrelated(hypotheses), _losses(hypotheses)
         # each mistake must be worth what is said of a fault
         self.worth = SAID * np.array([max(len(mistakes(hypothesis)) - 1, 0) for hypothesis in hypotheses])
         while True:
@@ -139,7 +139,7 @@ class _Choice:
             self.number = best if self.together[best] >= SAID else None
             having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
             odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
-            if not odd and (self.each[:, best] < -ALIKE).any():  # of some runs only, but of no sound one
+            if not odd and len(self.runs(best)) < len(rows):  # of some runs only, but of no sound one
                 odd = [i for i in having if self._share(rows[i], 0) >= well]
             if not odd:
                 return
@@ -147,7 +147,7 @@ class _Choice:
 
     def runs(self, k):
         """Numbers of the runs that have a mistake: all, unless they speak against it."""
-        return tuple(np.flatnonzero(self.each[:, k] >= -ALIKE).tolist())
+        return tuple(np.flatnonzero(self.each[:, k] + self.losses[k] >= -ALIKE).tolist())
 
     def alike(self):
         """Numbers of the hypotheses that explain about as much, the best first."""
@@ -157,7 +157,7 @@ class _Choice:
     def cast(self, casting):
         """The number of the hypothesis that other channels prefer among those under which the channel agrees alike."""
         there = sum(bool(one.scored.any()) for one in self.rows)
-        plain = self.together + self.worth + there * _losses(self.hypotheses)  # how well they agree, however probable
+        plain = self.together + self.worth + there * self.losses  # how well they agree, however probable
         equal = np.flatnonzero((plain > plain[self.number] - ALIKE) & (self.together > 0.0)).tolist()
         if len(equal) < 2:
             return self.number

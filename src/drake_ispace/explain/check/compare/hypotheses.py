@@ -137,7 +137,8 @@ def _factors(unit, counts_per_turn, gears):
 def _tracks(unit, times):
     """A robot that skids turns less than its wheels say, never more; one that turns more has a narrower track.
 
-    Where it could be half a track that was typed, within what physics may add, it is taken for that.
+    Where it could be half a track that was typed, within what physics may add, it is taken for that. A track that is
+    narrower than half was not measured on this robot.
     """
     for wide in _TYPED:
         yield _track(unit, "half_track", f"{wide:.2g} times", wide)
@@ -145,6 +146,8 @@ def _tracks(unit, times):
         return
     if times > 1.0:
         yield _track(unit, "effective_track", f"about {times:.2g} times", times)
+    elif times < min(_TYPED):
+        yield _track(unit, "wrong_track", f"about {times:.2g} times", times)
     elif times < 1.0:
         yield Reading("", "a narrower track", "", unit, np.diag([1.0, 1.0, 1.0 / times]), rare=True)
 
