@@ -11,7 +11,8 @@ from planted.corruptions import CORRUPTIONS
 from planted.files import Folder
 
 FEW = ("encoder in degrees", "wheels 1 and 2 swapped", "camera in millimetres", "torque of the other sense",
-       "angles wrapped to 0 to 2 pi", "clock of kinect off by -2.0 s", "camera outliers", "encoder of another run")
+       "angles wrapped to 0 to 2 pi", "clock of kinect off by -2.0 s", "camera outliers", "encoder of another run",
+       "a robot with wheels elsewhere")
 
 
 @pytest.fixture(scope="module")

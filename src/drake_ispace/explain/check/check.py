@@ -150,7 +150,9 @@ class _Search:
         tell("comparing wheels and camera")
         self._encoder_clock()
         recorded = list(self.runs), self._bases()
+        earlier = len(self.findings)
         self._agreed("kinect", wheels_or_camera)
+        self.findings[earlier:] = _at_most_two(self.findings[earlier:])
         repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
         self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
@@ -294,6 +296,20 @@ def _complete(finding, names):
     alike = [name for name in fault.effects if sees or not name.startswith("camera_")]
     rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
+
+
+def _at_most_two(findings: list[Finding]) -> list[Finding]:
+    """Findings of whole runs, where three mistakes or more of wheels and model in one run are one: another robot."""
+    of_wheels = [finding for finding in findings if finding.channel in ("encoder", "model")]
+    in_runs = [i for finding in of_wheels for i in finding.runs]
+    if all(in_runs.count(i) <= 2 for i in in_runs):
+        return findings
+    another = Finding(
+        "another_robot", "wheels and camera go together, but not by these dimensions", "",
+        tuple(sorted(set(in_runs))), "model", rivals=tuple(dict.fromkeys(finding.fault for finding in of_wheels)),
+        drop_in_deviance=sum(finding.drop_in_deviance for finding in of_wheels), advice="choose the model of that robot",
+    )
+    return [*(finding for finding in findings if finding not in of_wheels), another]
 
 
 def _joined(findings: list[Finding]) -> list[Finding]:
