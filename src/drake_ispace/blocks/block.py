@@ -119,7 +119,7 @@ def _with_derivatives(blocks: type) -> type:
     """
 
     def calculate(self, context, derivatives):
-        derivatives.get_mutable_vector().SetFromVector(self._derivatives(context, len(self.spec.continuous_state)))
+        derivatives.SetFromVector(self._derivatives(context))
 
     inherited = {"__module__": blocks.__module__, "__qualname__": blocks.__qualname__, "__doc__": blocks.__doc__}
     return type(blocks.__name__, (blocks,), {"DoCalcTimeDerivatives": calculate, **inherited})
@@ -143,7 +143,7 @@ def Block_(T):
             self._parameters = self._declare_cache("parameters", self._unpack, {self.all_parameters_ticket()})
             if spec.continuous_state is not None:
                 self.DeclareContinuousState(BasicVector_[T](np.asarray(spec.continuous_state, dtype=float)))
-                self._derivatives = self._bind(spec.derivatives)
+                self._derivatives = self._bind(spec.derivatives, len(spec.continuous_state))
                 self.__class__ = _with_derivatives(type(self))
             if spec.discrete_state is not None:
                 self.DeclareDiscreteState(BasicVector_[T](np.asarray(spec.discrete_state, dtype=float)))
@@ -165,34 +165,30 @@ def Block_(T):
             return self.DeclareCacheEntry(description, producer, prerequisites)
 
         def _declare_update(self, update: Update):
-            step = self._bind(update.kernel)
             size = len(self.spec.discrete_state)
+            step = self._bind(update.kernel, size)
             period_s, offset_s = update.period_ticks * TICK_S, update.offset_ticks * TICK_S
             if update.through:
                 if update.phase is not Phase.COMPUTE or len(self.spec.updates) > 1:
                     raise ValueError("a through update is its block's only update, in the compute phase")
                 tickets = self._tickets(update.kernel)
-                self._through = self._declare_cache("stepped", lambda context: step(context, size), tickets)
+                self._through = self._declare_cache("stepped", step, tickets)
 
             def sense(context, state):
                 # Sense updates of one block at the same instant act one after the other, in the order declared.
                 stored = state.get_mutable_discrete_state()
-                stored.set_value(step(context, size, stored.value().copy()))
+                stored.set_value(step(context, stored.value().copy()))
 
-            def compute(context, stored):
-                stored.set_value(self._through.Eval(context) if update.through else step(context, size))
-
+            compute = self._bind(update.kernel, size, writes=True)
+            if update.through:
+                compute = lambda context, stored: stored.set_value(self._through.Eval(context))  # noqa: E731
             if update.phase is Phase.SENSE:
                 self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, offset_s, sense)
             else:
                 self.DeclarePeriodicDiscreteUpdateEvent(period_s, offset_s, compute)
 
         def _declare_output(self, name, output: Output):
-            calc = self._bind(output.kernel, stepped=self._through is not None)
-
-            def write(context, vector):
-                vector.SetFromVector(calc(context, output.size))
-
+            write = self._bind(output.kernel, output.size, stepped=self._through is not None, writes=True)
             self.DeclareVectorOutputPort(name, output.size, write, self._tickets(output.kernel, stepped=True))
 
         def _tickets(self, function, stepped=False):
@@ -223,11 +219,13 @@ def Block_(T):
                 self._unpacked.append(unpacked)
             return unpacked
 
-        def _bind(self, function, stepped=False):
-            """Return a function (context, size, xd=None) that evaluates a kernel into a new `out` of `size` entries.
+        def _bind(self, function, size, stepped=False, writes=False):
+            """Return a function (context, xd=None) that evaluates a kernel into a new `out` of `size` entries.
 
             If `xd` is given, it takes the place of the discrete state stored in the context. With `stepped`, the
-            argument `xd` of a block with a through update is the state after that update.
+            argument `xd` of a block with a through update is the state after that update. With `writes`, the function
+            is (context, vector) and evaluates it into the vector or the DiscreteValues that Drake asks for, in place
+            where these are floats.
 
             The function is made from its text: a call of Python for every argument would make Drake's Simulator
             slower by a seventh. Parameters that are the same in every Context so far are not fetched from its cache,
@@ -241,29 +239,36 @@ def Block_(T):
             if unknown := set(names) - known:
                 raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
             ports = {f"port_{name}": self.get_input_port(i).Eval for i, name in enumerate(self.spec.inputs)}
-            stored = "context.get_discrete_state_vector().CopyToVector() if xd is None else xd"
+            values = "value()" if scalar_is_float else "CopyToVector()"
+            stored = f"context.get_discrete_state_vector().{values}" + ("" if writes else " if xd is None else xd")
             if self.spec.discrete_state is None:
                 stored = "no_state"
             elif stepped:
                 stored = "stepped(context)"
             texts = {
                 **{name: f"parameters[{name!r}]" for name in self.spec.parameters},
-                "xc": "context.get_continuous_state_vector().CopyToVector()", "xd": stored,
+                "xc": f"context.get_continuous_state_vector().{values}", "xd": stored,
                 "tick": "tick_at(float(context.get_time()))",
                 **{name: f"port_{name}(context)" for name in self.spec.inputs},
             }
-            lines = ["def call(context, size, xd=None):", "out = empty(size, scalar)"]
+            in_place = writes and scalar_is_float
+            lines = [
+                "def call(context, vector):" if writes else "def call(context, xd=None):",
+                "out = vector.get_mutable_value()" if in_place else "out = empty(size, scalar)",
+            ]
             if not self.spec.parameters.keys().isdisjoint(names):
                 lines += [
                     "known = block._unpacked",
                     "is_known = len(known) == 1 and not out_of_date(context)",
                     "parameters = known[0] if is_known else eval_parameters(context)",
                 ]
-            lines += [f"run({', '.join([*(texts[name] for name in names), 'out'])})", "return out"]
+            lines += [f"run({', '.join([*(texts[name] for name in names), 'out'])})"]
+            if not in_place:
+                lines += ["vector.set_value(out)" if writes else "return out"]
             scope = {
                 "run": function if scalar_is_float else plain(function), "scalar": float if scalar_is_float else object,
-                "empty": np.empty, "tick_at": tick_at, "no_state": _EMPTY, "eval_parameters": self._parameters.Eval,
-                "block": self, "out_of_date": self._parameters.is_out_of_date,
+                "empty": np.empty, "size": size, "tick_at": tick_at, "no_state": _EMPTY, "block": self,
+                "eval_parameters": self._parameters.Eval, "out_of_date": self._parameters.is_out_of_date,
                 "stepped": self._through.Eval if stepped else None, **ports,
             }
             exec(compile("\n    ".join(lines), f"<arguments of {function.__name__}>", "exec"), scope)

@@ -307,7 +307,8 @@ def _at_most_two(findings: list[Finding]) -> list[Finding]:
     another = Finding(
         "another_robot", "wheels and camera go together, but not by these dimensions", "",
         tuple(sorted(set(in_runs))), "model", rivals=tuple(dict.fromkeys(finding.fault for finding in of_wheels)),
-        drop_in_deviance=sum(finding.drop_in_deviance for finding in of_wheels), advice="choose the model of that robot",
+        drop_in_deviance=sum(finding.drop_in_deviance for finding in of_wheels),
+        advice="choose the model of that robot",
     )
     return [*(finding for finding in findings if finding not in of_wheels), another]
 
