@@ -545,6 +545,16 @@ def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
     assert {finding.fault, *finding.rivals} >= {"robot_carried", "robot_lifted"} and finding.limited
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_places_in_millimetres_in_one_run_of_two_are_that_and_nobody_carried_the_robot(number):
+    """By its turns, which are right, the run follows the wheels well as it is."""
+    runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, in_step=True) for i in range(2)]
+    in_mm = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, 1000.0, 1.0)  # noqa: E731
+    runs[number] = changed(runs[number], "kinect", in_mm)
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert (finding.fault, finding.what, finding.runs) == ("wrong_unit", "places in mm", (number,))
+
+
 def test_the_width_of_a_track_that_skids_is_measured():
     others = {"track_share": 2.0}
     runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others=others, in_step=True) for i in range(2)]

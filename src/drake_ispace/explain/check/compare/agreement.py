@@ -140,7 +140,7 @@ class _Choice:
             having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
             odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
             if not odd and len(self.runs(best)) < len(rows):  # of some runs only, but of no sound one
-                odd = [i for i in having if self._share(rows[i], 0) >= well]
+                odd = [i for i in having if self._is_sound(rows[i], best, well)]
             if not odd:
                 return
             self.each[odd, best] = -np.inf
@@ -174,10 +174,19 @@ class _Choice:
         share = following(one.scored[k], one.scored[self.unrelated], one.most)
         return np.nan if share is None else share
 
+    def _is_sound(self, one, k, well):
+        """Whether a run follows the wheels well as given, and a hypothesis explains little of what that leaves."""
+        given = self._share(one, 0)
+        return given >= well and self._share(one, k) < _plainly_better(given)
+
     def is_better_than(self, other, well):
-        """Whether two mistakes explain RELATED of what a single one leaves, or as much as a sound channel does."""
-        least = well if other.number is None else other.follows() + RELATED * (1.0 - other.follows())
-        return self.follows() >= least
+        """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does."""
+        return self.follows() >= (well if other.number is None else _plainly_better(other.follows()))
+
+
+def _plainly_better(share):
+    """The share, as of `following`, from which on RELATED of what another one leaves is explained."""
+    return share + RELATED * (1.0 - share)
 
 
 def disagreement(
