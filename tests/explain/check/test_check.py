@@ -545,6 +545,13 @@ def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
     assert {finding.fault, *finding.rivals} >= {"robot_carried", "robot_lifted"} and finding.limited
 
 
+def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_it_rests():
+    runs = list(hide(MODEL["omni"], "omni", {}, ["square", "figure_eight", "trapezium"], 5, 8.0).values())
+    runs[0] = changed(runs[0], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))
+    (finding,) = found(runs, "omni")
+    assert (finding.fault, finding.runs) == ("wheel_sign", (0,))
+
+
 @pytest.mark.parametrize("number", [0, 1])
 def test_places_in_millimetres_in_one_run_of_two_are_that_and_nobody_carried_the_robot(number):
     """By its turns, which are right, the run follows the wheels well as it is."""

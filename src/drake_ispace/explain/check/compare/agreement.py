@@ -30,6 +30,7 @@ class Hypothesis(Protocol):
 
     rare: whether it is less probable than others, such as a mistake of many wheels; it is then no rival of another one
     that explains as much. of: the mistakes that it consists of; empty: it is one, or none.
+    shared: whether it is the model's, and so of all runs.
     """
 
     fault: str
@@ -37,6 +38,7 @@ class Hypothesis(Protocol):
     rare: bool
     advice: str
     of: tuple["Hypothesis", ...]
+    shared: bool
 
 
 @dataclass(frozen=True)
@@ -139,15 +141,20 @@ class _Choice:
             self.number = best if self.together[best] >= SAID else None
             having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
             odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
-            if not odd and len(self.runs(best)) < len(rows):  # of some runs only, but of no sound one
+            if not odd and self._contradicted(best).any():  # of some runs only, but of no sound one
                 odd = [i for i in having if self._is_sound(rows[i], best, well)]
             if not odd:
                 return
             self.each[odd, best] = -np.inf
 
     def runs(self, k):
-        """Numbers of the runs that have a mistake: all, unless they speak against it."""
-        return tuple(np.flatnonzero(self.each[:, k] + self.losses[k] >= -ALIKE).tolist())
+        """Numbers of the runs that have a mistake: those that show it; of the model all, unless they speak against it."""
+        having = ~self._contradicted(k) if self.hypotheses[k].shared else self.each[:, k] >= -ALIKE
+        return tuple(np.flatnonzero(having).tolist())
+
+    def _contradicted(self, k):
+        """(runs,) whether each speaks against a hypothesis, however improbable that is."""
+        return self.each[:, k] + self.losses[k] < -ALIKE
 
     def alike(self):
         """Numbers of the hypotheses that explain about as much, the best first."""

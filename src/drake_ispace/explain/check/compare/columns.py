@@ -25,7 +25,7 @@ class Columns:
 
     Attributes:
         fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel
-            says nothing of the robot's motion. advice: none, the data are at fault. of: as of Hypothesis.
+            says nothing of the robot's motion. advice: none, the data are at fault. of, shared: as of Hypothesis.
     """
 
     fault: str
@@ -36,6 +36,7 @@ class Columns:
     related: float = 1.0
     advice: str = ""
     of: tuple["Columns", ...] = ()
+    shared: bool = False
 
     def then(self, other: "Columns") -> "Columns":
         """This mistake and another, of which this one is undone first."""

@@ -42,6 +42,11 @@ class Reading:
     advice: str = ""
     of: tuple["Reading", ...] = ()
 
+    @property
+    def shared(self) -> bool:
+        """As of Hypothesis."""
+        return self.channel == "model"
+
     def then(self, other: "Reading") -> "Reading":
         """This mistake and another, of which this one is undone first."""
         return Reading(
