@@ -512,14 +512,16 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
 def test_a_track_of_the_model_that_is_far_too_wide_is_the_models(robot, times):
     """The omni robot is looked at where it turns; beside such dimensions nothing is told of torques."""
     runs = [generate(robot, motion, {}, 12.0, 5 + i) for i, motion in enumerate(("square", "eight", "circle"))]
-    key, size_m = {"omni": ("omni.plant.wheel_distance_m", 0.36), "pendulum": ("pendulum.plant.half_track_m", 0.2)}[robot]
-    model = load_scenario(f"{robot}_multirate", [f"{key}={times * size_m}"])
+    key, size_m = {"omni": ("wheel_distance_m", 0.36), "pendulum": ("half_track_m", 0.2)}[robot]
+    model = load_scenario(f"{robot}_multirate", [f"{robot}.plant.{key}={times * size_m}"])
     (finding,) = check(model, runs).findings
     found_times = float(finding.advice.split()[-4])
     assert finding.fault == "wrong_track" and found_times == pytest.approx(1.0 / times, rel=0.05)
 
 
-@pytest.mark.parametrize("key", ["omni.plant.wheel_radius_m", "pendulum.plant.half_track_m", "rover.plant.half_width_m"])
+@pytest.mark.parametrize("key", [
+    "omni.plant.wheel_radius_m", "pendulum.plant.half_track_m", "rover.plant.half_width_m",
+])
 def test_a_robot_of_millimetres_typed_as_metres_is_refused(key):
     with pytest.raises(InputError, match=f"{key}: expected at most .* \\[m\\], got 200"):
         load_scenario("velocity_base", [f"{key}=200"])

@@ -130,7 +130,8 @@ class _Choice:
     None: nothing gains enough. losses (hypotheses,): by how improbable they are, which no run speaks of.
     """
 
-    def __init__(self, rows, hypotheses, well, against):
+    def __init__(self, rows, hypotheses, well, against, is_others):
+        self.is_others = is_others
         self.rows, self.hypotheses, self.each = rows, hypotheses, gains(rows, hypotheses)
         self.unrelated, self.losses = _unrelated(hypotheses), _losses(hypotheses)
         # each mistake must be worth what is said of a fault
@@ -142,13 +143,13 @@ class _Choice:
             having = [] if self.number is None else [i for i in self.runs(best) if self.each[i, best] > 0.0]
             odd = [i for i in having if against is not None and against(i, hypotheses[best]) > ALIKE]
             if not odd and self._contradicted(best).any():  # of some runs only, but of no sound one
-                odd = [i for i in having if self._is_sound(rows[i], best, well)]
+                odd = [i for i in having if self._is_sound(i, best, well)]
             if not odd:
                 return
             self.each[odd, best] = -np.inf
 
     def runs(self, k):
-        """Numbers of the runs that have a mistake: those that show it; of the model all, unless they speak against it."""
+        """Numbers of the runs that have a mistake: that show it, or if it is the model's do not speak against it."""
         having = ~self._contradicted(k) if self.hypotheses[k].shared else self.each[:, k] >= -ALIKE
         return tuple(np.flatnonzero(having).tolist())
 
@@ -181,10 +182,13 @@ class _Choice:
         share = following(one.scored[k], one.scored[self.unrelated], one.most)
         return np.nan if share is None else share
 
-    def _is_sound(self, one, k, well):
-        """Whether a run follows the wheels well as given, and a hypothesis explains little of what that leaves."""
-        given = self._share(one, 0)
-        return given >= well and self._share(one, k) < _plainly_better(given)
+    def _is_sound(self, i, k, well):
+        """Whether run i follows the wheels well as given, and a hypothesis explains little of what that leaves.
+
+        Or that is no mistake of reading, as the channel is another run's.
+        """
+        given, read = (self._share(self.rows[i], j) for j in (0, k))
+        return given >= well and (read < _plainly_better(given) or (self.is_others is not None and self.is_others(i)))
 
     def is_better_than(self, other, well):
         """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does."""
@@ -201,6 +205,7 @@ def disagreement(
     pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
+    is_others: Callable[[int], bool] | None = None,
 ) -> Agreement:
     """The hypothesis under which the runs agree with the wheels: of one mistake, or of two at once.
 
@@ -208,12 +213,13 @@ def disagreement(
     a hypothesis. casting: of a hypothesis and the runs that have it, a log likelihood by other channels, which decides
     between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against
     it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run. well: share, as of
-    `following`, above which a sound channel follows the wheels.
+    `following`, above which a sound channel follows the wheels. is_others: of a run's number, whether the channel moves
+    with the wheels of another run.
     """
-    choice = _Choice(rows_of(hypotheses), hypotheses, well, against)
+    choice = _Choice(rows_of(hypotheses), hypotheses, well, against, is_others)
     if pairs is not None and (choice.number is not None or choice.follows() < well):
         two = [*hypotheses, *pairs()]
-        at_once = _Choice(rows_of(two), two, well, against)
+        at_once = _Choice(rows_of(two), two, well, against, is_others)
         choice = at_once if at_once.is_better_than(choice, well) else choice
     follows = choice.follows()
     if choice.number is None:

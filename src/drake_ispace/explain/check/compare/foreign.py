@@ -64,7 +64,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
-        owners = {name: _owner(runs, bases, number, name) for name in strangers}
+        owners = {name: owner(runs, bases, number, name) for name in strangers}
         free = _free_gain(run, base) if "kinect" in owners and owners["kinect"] is None else None
         if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
             found.append(Finding(
@@ -75,9 +75,9 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
         for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
-            owner = owners[name] if name in owners else _owner(runs, bases, number, name)
+            whose = owners[name] if name in owners else owner(runs, bases, number, name)
             found.append(Finding(
-                "channel_of_another_run", owner or "does not move with the robot", "", (number,), name,
+                "channel_of_another_run", whose or "does not move with the robot", "", (number,), name,
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
                 repairs=(Without(name),),
             ))
@@ -98,7 +98,9 @@ def _is_stranger(link, relation):
     return relation.gain < -SAID and not relation.varies_alike
 
 
-def _owner(runs, bases, number, name):
+def owner(
+    runs: Sequence[Recording], bases: Sequence[Base | None], number: int, name: str
+) -> str | None:
     """In words: with which other run a channel moves; None: with none."""
     for other, base in enumerate(bases):
         if other == number or base is None:

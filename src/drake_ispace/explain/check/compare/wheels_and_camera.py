@@ -17,6 +17,7 @@ from drake_ispace.explain.check.compare.agreement import (
     part,
     row,
 )
+from drake_ispace.explain.check.compare.foreign import owner
 from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
@@ -72,6 +73,7 @@ def wheels_or_camera(
     return disagreement(
         rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears),
         lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
+        is_others=lambda i: owner(runs, bases, i, "kinect") is not None,
     )
 
 
