@@ -24,6 +24,14 @@ def test_a_friction_beyond_every_recorded_torque_makes_no_sense(bump_n_m, on_bou
     assert not named.parameters["speed_rad_s"].on_bound
 
 
+@pytest.mark.parametrize("delay_s, on_bound", [(0.05, False), (0.06, True), (0.06 - 6e-12, True)])
+def test_a_fit_that_ends_just_inside_of_a_bound_is_on_it(delay_s, on_bound):
+    delay = candidate("command_delay")
+    effect = NamedEffect("command_delay", "drive", [], {"delay_s": Estimate(0.06, (0.05, 0.06), "s")}, 1.0, "")
+    (named,) = with_sizes([effect], CASE, {delay: [delay_s]}, {delay: [delay_s]})
+    assert delay.bounds[0][1] == 0.06 and named.parameters["delay_s"].on_bound == on_bound
+
+
 def test_a_patch_may_reach_up_to_a_wall():
     patch = candidate("soft_patch")
     numbers = {p.name: Estimate(0.1, (0.05, 0.2), p.unit) for p in patch.parameters}

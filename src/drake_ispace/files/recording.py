@@ -155,7 +155,7 @@ def validate(recording: Recording, where: str | Path) -> None:
             known, *_ = _conversion(column, unit, ("t", *channel.columns), f"{where}: channels.{name}.units")
             if known != unit:
                 raise InputError(f"{where}: channels.{name}.units.{column} is {unit!r}, expected {known!r}")
-        _check_samples(channel, source, lambda sample: f"sample {sample + 1}")
+        check_samples(channel, source, lambda sample: f"sample {sample + 1}")
         _check_period(name, channel, where)
 
 
@@ -207,7 +207,7 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
             values[:, index] = values[:, index] * numerator / denominator
     in_si.pop("t")
     channel = _in_order(Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s), name, robot)
-    _check_samples(channel, str(file), table.place)
+    check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))
 
@@ -295,8 +295,12 @@ def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) ->
     return conversion(column, unit, where)
 
 
-def _check_samples(channel: Channel, where: str, place: Callable[[int], str]) -> None:
-    """Refuses samples that are not finite or not in order of time."""
+def check_samples(channel: Channel, where: str, place: Callable[[int], str]) -> None:
+    """Refuse samples that are not finite or not in order of time; place: of a row, in words.
+
+    Raises:
+        InputError: naming the channel's place `where`, row and column.
+    """
     for name, samples in (("t", channel.t), *((name, channel.column(name)) for name in channel.columns)):
         bad = np.flatnonzero(~np.isfinite(samples))
         if len(bad):

@@ -7,6 +7,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
+from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import kernel
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.own_model import OwnModel
@@ -166,6 +167,57 @@ def test_a_torque_that_holds_a_weight_is_no_mistake_of_the_data(believed):
 def test_a_torque_of_the_other_sense_is_found_beside_a_weight():
     findings = check(arm(0.3), [swings(seed, -1.0) for seed in (2, 3)]).findings
     assert [finding.fault for finding in findings] == ["torque_sign"]
+
+
+def steps(seed, delay_s, sense=1.0):
+    """3 s of an arm that jumps from place to place, and whose torque acts late."""
+    t, random = 1e-3 * np.arange(3000), np.random.default_rng(seed)
+    wish = random.uniform(-1.0, 1.0, 4)[(t / 0.8).astype(int)]
+    late, torque, theta, omega, summed = round(delay_s / 1e-3), np.zeros(len(t)), np.zeros(len(t)), 0.0, 0.0
+    for i in range(len(t) - 1):
+        if i % 5 == 0:
+            summed += 5e-3 * (wish[i] - theta[i])
+            torque[i] = INERTIA * (240.0 * (wish[i] - theta[i]) - 18.0 * omega + 80.0 * summed)
+        else:
+            torque[i] = torque[i - 1]
+        acts = torque[i - late] if i >= late else 0.0
+        omega += 1e-3 * (acts * random.normal(1.0, 0.02) - 0.3 * np.sin(theta[i])) / INERTIA
+        theta[i + 1] = theta[i] + 1e-3 * omega
+    return Recording("own", channels={
+        "torque": Channel(t[::5], ("tau_1",), sense * torque[::5, None], {}, 5e-3),
+        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
+    })
+
+
+@pytest.mark.parametrize("seed", [0, 10])
+def test_a_torque_that_acts_late_is_not_of_the_other_sense(seed):
+    assert not check(arm(0.3), [steps(seed + k, 0.02) for k in (0, 1)]).findings
+
+
+def test_a_late_torque_of_the_other_sense_is_found():
+    findings = check(arm(0.3), [steps(k, 0.02, -1.0) for k in (0, 1)]).findings
+    assert [finding.fault for finding in findings] == ["torque_sign"]
+
+
+@pytest.mark.parametrize("channel", ["torque", "encoder"])
+def test_what_is_no_number_is_refused(channel, sound):
+    old = sound[0].channels[channel]
+    values = old.values.copy()
+    values[300, 1] = np.nan
+    spoilt = replace(sound[0], channels=sound[0].channels | {channel: replace(old, values=values)})
+    with pytest.raises(InputError, match=f"run 2: channel {channel}: sample 301: .* is nan, expected a finite number"):
+        check(MODEL, [sound[1], spoilt])
+
+
+def test_runs_of_which_nothing_is_left_contradict_each_other(sound):
+    def dead(recording):
+        old = recording.channels["torque"]
+        values = old.values.copy()
+        values[1200:] = values[1200]
+        return replace(recording, channels=recording.channels | {"torque": replace(old, values=values)})
+
+    answer = di.explain(MODEL, [dead(one) for one in sound])
+    assert answer.verdict == "data" and {finding.fault for finding in answer.data} == {"channel_frozen"}
 
 
 def logged(torque, theta):

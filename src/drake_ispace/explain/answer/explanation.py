@@ -245,7 +245,7 @@ class Explanation:
         if self.verdict == "unknown" and self.unknown is None and not shows:
             return _ONLY_LEFT
         if self.verdict == "none" and self.detection is not None and shows:
-            return _ONLY_TRACES
+            return _ONLY_TRACES.format("on unseen runs" if self.proof else "in free runs")
         *names, last = [effect.name.replace("_", " ") for effect in self.effects] or [""]
         return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
 
@@ -313,7 +313,7 @@ _TITLES = {
     "unknown": "The model lacks something that no effect of the library stands for",
     "data": "The recordings contradict each other, or the model's dimensions",
 }
-_ONLY_TRACES = "Something is detectable, but on unseen runs the model is as good without it"
+_ONLY_TRACES = "Something is detectable, but {} the model is as good without it"
 _RUNS_APART = "Single runs show an effect that the others contradict: no one model is right for all"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 

@@ -20,7 +20,7 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     row: None where the gap is too small.
     """
     if row is None:
-        too_small = "the gap is too small to show in metres" if proof else "no run was left to prove it on"
+        too_small = "the gap is too small to show in metres" if proof else "no run was held out to prove it on"
         return too_small if has_effects else ""
     where = f"{proof or 'unseen runs'}{f', {row.kind}' if row.kind else ''}"
     by = "" if row.channel.startswith("simulated") else _BY.get(row.driven_by, "")

@@ -18,7 +18,8 @@ class Examined:
 
     Attributes:
         names: of the runs, those to train on first. trained: how many these are. findings: on all of them. serious:
-            those in spite of which no model can be judged. runs: to train on. held_out: by kind.
+            those in spite of which no model can be judged, or that leave nothing of the runs. runs: to train on.
+        held_out: by kind.
     """
 
     names: list[str]
@@ -48,4 +49,6 @@ def examine(
     found = check(model, everything, tell) if everything else Checked([], [], [])
     masked = iter([[run] for run in everything] if trust_data else found.masked(everything))
     kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
-    return Examined(found.names, len(loaded[None]), found.findings, found.serious, kept.pop(None), kept)
+    nothing_left = loaded[None] and not kept[None]
+    serious = found.findings if nothing_left else found.serious
+    return Examined(found.names, len(loaded[None]), found.findings, serious, kept.pop(None), kept)

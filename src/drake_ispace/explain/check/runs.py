@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.files.recording import Recording
+from drake_ispace.files.recording import Recording, check_samples
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.robot import Robot
 from drake_ispace.scenario import Scenario
@@ -53,12 +53,13 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
 
 
 def check_sizes(recording: Recording, name: str) -> None:
-    """Refuse numbers that no sensor gives in any unit, and with which nothing can be computed.
+    """Refuse what is no number, and numbers that no sensor gives in any unit, with which nothing can be computed.
 
     Raises:
         InputError: naming run, channel and column.
     """
     for channel, samples in recording.channels.items():
+        check_samples(samples, f"{name}: channel {channel}", lambda row: f"sample {row + 1}")
         size = np.abs(samples.values).max(axis=0, initial=0.0)
         for column, largest in zip(samples.columns, size, strict=True):
             if largest > _LARGEST:

@@ -77,14 +77,22 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
 def _of_wheels(run, base, link, given, effort):
     """As `compared`, of the torque of each wheel: some of their sums push nothing, and are not in the link.
 
-    Of a reading counts what it gains over no relation to the wheels: forces of any share tell of no reading.
+    Of a reading counts what it gains over no relation to the wheels, at the best of the usual lags: forces of any share
+    tell of no reading, and a late torque is no torque of another sense.
     """
-    kept = inside(base, link.since_s, link.until_s)
+    at_lags = [_at_lag(run, base, link, given, effort, lag_s) for lag_s in base.lags_s]
+    found = [one for one in at_lags if one is not None]
+    return replace(found[0], scored=np.max([one.scored for one in found], axis=0)) if found else None
+
+
+def _at_lag(run, base, link, given, effort, lag_s):
+    kept = inside(base, link.since_s, link.until_s) & inside(base, link.since_s, link.until_s, lag_s)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept], link.until_s[kept]
     impulses = held_integral(run.channels[TORQUE], since, until)
     y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
+    since, until = since + lag_s, until + lag_s
     x = _related(given) * link.predicted(since, until)
     noise, besides = np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until)
     related, unrelated = (part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x))

@@ -12,7 +12,7 @@ from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, mos
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import COMMAND
+from drake_ispace.robots.robot import COMMAND, TORQUE
 
 Stretches = Sequence[tuple[float, float]]
 
@@ -119,7 +119,7 @@ def _relation(link, base, spoilt=()):
     None: too little motion to tell.
     """
     high = link.usual_s[1]
-    lags = [0.0] if high <= LATENCY_S else np.linspace(0.0, high, 4)
+    lags = np.linspace(0.0, high, 4) if high > LATENCY_S else base.lags_s if link.channel == TORQUE else [0.0]
     found = [one for one in (_at_lag(link, base, lag, spoilt) for lag in lags) if one is not None]
     return max(found, key=lambda one: (one.varies_alike, one.share), default=None)
 

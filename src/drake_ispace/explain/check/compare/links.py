@@ -86,6 +86,11 @@ class Base:
         return np.column_stack([np.interp(t, self.encoder.t, angle) for angle in self.encoder.values.T])
 
     @property
+    def lags_s(self) -> np.ndarray:
+        """Lags [s] of torques at which they are compared: of windows as long as a usual lag one says enough."""
+        return np.zeros(1) if self.robot.in_room else lags(LATENCY_S, self.rate_s)
+
+    @property
     def noise(self) -> np.ndarray:
         """(3,) standard deviation [m, m, rad] of `moved` by whole counts."""
         counts = self.settings.encoder.counts_per_turn
