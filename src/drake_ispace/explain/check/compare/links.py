@@ -86,6 +86,12 @@ class Base:
         return np.column_stack([np.interp(t, self.encoder.t, angle) for angle in self.encoder.values.T])
 
     @property
+    def count_rad(self) -> float:
+        """A count of the encoders [rad]; 0 where these are exact."""
+        counts = self.settings.encoder.counts_per_turn
+        return 2.0 * np.pi / counts if counts > 0 else 0.0
+
+    @property
     def lags_s(self) -> np.ndarray:
         """Lags [s] of torques at which they are compared: of windows as long as a usual lag one says enough."""
         return np.zeros(1) if self.robot.in_room else lags(LATENCY_S, self.rate_s)
@@ -93,9 +99,7 @@ class Base:
     @property
     def noise(self) -> np.ndarray:
         """(3,) standard deviation [m, m, rad] of `moved` by whole counts."""
-        counts = self.settings.encoder.counts_per_turn
-        step = 2.0 * np.pi / counts if counts > 0 else 0.0
-        return step / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
+        return self.count_rad / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
 
     def noise_beside(self, of_fixes: np.ndarray) -> np.ndarray:
         """(3,) standard deviation [m, m, rad] of what the camera and `moved` differ by; of_fixes: (3,) of one fix."""

@@ -82,7 +82,7 @@ def _scores(x, y, groups, noise, z, slack):
     x, y = _by_component(x), _by_component(y)
     shares, residual, scale, improbable = _fitted(x, y, z, slack)
     improbable += ((shares / slack.stds(len(noise[0]))) ** 2).sum(axis=(1, 2)) / 2.0
-    return _likelihood(residual, _scale(residual, scale), y, groups, noise) - improbable
+    return _likelihood(residual, scale_of(residual, scale), y, groups, noise) - improbable
 
 
 def most(y: np.ndarray, groups: tuple[tuple[int, ...], ...], noise: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def _likelihood(residual, scale, y, groups, noise):
     """(h,) logarithms of likelihood of residuals (h, d, n) of a scale (h, d), over those of y unrelated to anything."""
     size = np.empty_like(noise)
     for group in groups:
-        size[:, group] = (_scale(y[:, group]) ** 2).sum(axis=-1, keepdims=True)
+        size[:, group] = (scale_of(y[:, group]) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
     ratio = np.clip(np.sqrt(scale**2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
@@ -144,7 +144,7 @@ def _fitted(x, y, z, slack):
     least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
     scale = None
     for _ in range(_ROUNDS):
-        scale = _scale(residual, scale)
+        scale = scale_of(residual, scale)
         near = np.maximum(scale, least)[..., None]
         weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / near) ** 2) / near**2 * (min(n, MOST_ROWS) / n)
         weighted = design * weight[:, :, None]
@@ -155,8 +155,8 @@ def _fitted(x, y, z, slack):
     return shares[..., :d], residual, scale, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
 
 
-def _scale(values, near=None):
-    """(...,) scale of Student's distribution along the last axis, by iteration.
+def scale_of(values: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
+    """Return the scale (...,) of Student's distribution along the last axis of values (..., n), by iteration.
 
     near: one that was right for values that hardly differ, of which the iteration goes on; None: it begins anew.
     """

@@ -30,7 +30,16 @@ from drake_ispace.explain.check.compare.links import (
     torque_link,
 )
 from drake_ispace.explain.check.compare.motion import Camera, arm, has_motion, turned, windows
-from drake_ispace.explain.check.compare.regression import CAMERA, PHYSICS, Slack, relation, scores
+from drake_ispace.explain.check.compare.regression import (
+    CAMERA,
+    MOST_ROWS,
+    PHYSICS,
+    SLACK,
+    Slack,
+    relation,
+    scale_of,
+    scores,
+)
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -133,7 +142,8 @@ def _by_drive(run, base, repairs):
 class _Compared:
     """Windows [s] of a run (n,), motions x (h, n, 3) that h readings make of the wheels, and y of the camera.
 
-    noise: (h, 3), as of regression.scores.
+    noise: (h, 3), as of regression.scores. apart: (h, n, r) what the wheels turn by that no motion of the body makes
+    them, as a share of what they turn by; r = 0: of so few wheels there is nothing.
     """
 
     since_s: np.ndarray
@@ -141,12 +151,19 @@ class _Compared:
     x: np.ndarray
     y: np.ndarray
     noise: np.ndarray
+    apart: np.ndarray
 
     def row(self, given: Sequence[Reading], slack: Slack, gyro: Part | None = None) -> Row:
         """What these windows say of the readings."""
         if len(self.since_s) < FEWEST:
             return row(given)
-        return row(given, part(self.x, self.y, PLACES_AND_TURNS, self.noise, slack=slack), gyro)
+        return row(given, part(self.x, self.y, PLACES_AND_TURNS, self.noise, slack=slack), self._of_wheels(), gyro)
+
+    def _of_wheels(self) -> Part | None:
+        """Do the wheels agree with each other? Four wheels of a body on the floor tell of three motions."""
+        count = min(self.apart.shape[1], MOST_ROWS) * self.apart.shape[2]
+        share = np.sqrt(np.mean(scale_of(np.swapaxes(self.apart, 1, 2)) ** 2, axis=1)) if count else np.empty(0)
+        return Part(-count * np.log(np.clip(share, SLACK, 1.0)), -count * np.log(SLACK)) if count else None
 
     def thirds(self) -> list["_Compared"]:
         """Each third of the time, with the marker where the whole run has it: a short one would tell of any."""
@@ -154,7 +171,10 @@ class _Compared:
         x[:, :, :2] += self.x[:, :, 2:] @ relation(self.x, self.y, CAMERA)[:, 2:, :2]
         ends = np.linspace(self.since_s[0], self.until_s[-1], 4)
         parts = [(self.since_s >= begin) & (self.until_s <= end) for begin, end in pairwise(ends)]
-        return [_Compared(self.since_s[k], self.until_s[k], x[:, k], self.y[:, k], self.noise) for k in parts]
+        return [
+            _Compared(self.since_s[k], self.until_s[k], x[:, k], self.y[:, k], self.noise, self.apart[:, k])
+            for k in parts
+        ]
 
 
 def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Compared | None:
@@ -175,7 +195,16 @@ def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Co
     }
     x = np.stack([angles @ (r.body @ base.geometry.forward @ r.wheels).T for r in given]) * unit
     y, noise = (np.stack(values) * unit for values in zip(*(views[r.view] for r in given), strict=True))
-    return _Compared(since, until, x, y, noise)
+    return _Compared(since, until, x, y, noise, _apart(angles, base, given))
+
+
+def _apart(angles, base, given):
+    """As of _Compared; where the camera is unrelated to the wheels, these are as given."""
+    geometry, unit = base.geometry, np.eye(angles.shape[1])
+    left, sizes, _ = np.linalg.svd(unit - geometry.inverse @ geometry.forward)
+    turns = np.stack([angles @ (r.wheels if r.wheels.any() else unit).T for r in given])
+    size = np.sqrt(np.mean(scale_of(np.swapaxes(turns, 1, 2)) ** 2, axis=1))
+    return turns @ left[:, sizes > 0.5] / (size[:, None, None] + base.count_rad)
 
 
 def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
