@@ -43,6 +43,13 @@ def test_no_physics_is_blamed_for_millimetres(runs, effects):
     assert answer.to_data()["data"][0]["fault"] == "wrong_unit" and "places in mm" in str(answer)
 
 
+def test_a_run_that_is_given_twice_is_said_to_prove_nothing(runs, effects):
+    answer = explain(MODEL, runs[:2], runs[1:], effects=effects)
+    assert [text for text in answer.warnings if "again" in text] == [
+        "run 3 is run 2 again: it proves nothing, and counts as if it were another one"
+    ]
+
+
 def test_trusted_data_are_used_and_the_finding_stands_first(runs, effects):
     answer = explain(MODEL, [with_kinect(run, in_millimetres) for run in runs[:2]], effects=effects, trust_data=True)
     assert answer.verdict != "data" and "places in mm" in str(answer).splitlines()[1]

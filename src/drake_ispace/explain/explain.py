@@ -120,8 +120,7 @@ def explain(
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
             add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
-    if case.warning:
-        answer.warnings.append(case.warning)
+    answer.warnings += [said for said in (*examined.repeated, case.warning) if said]
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")

@@ -547,6 +547,15 @@ def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
     assert {finding.fault, *finding.rivals} >= {"robot_carried", "robot_lifted"} and finding.limited
 
 
+@pytest.mark.parametrize("wheel", [0, 2])
+def test_a_wheel_that_counts_backwards_on_a_circle_is_told_by_the_other_three(wheel):
+    """A marker that may be anywhere explains to the camera what it does."""
+    (run,) = hide(MODEL["omni"], "omni", {}, ["circle"], 5, 8.0).values()
+    backwards = changed(run, "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == wheel, -1.0, 1.0))
+    (finding,) = found([backwards], "omni")
+    assert finding.what == f"wheel {wheel + 1} counts backwards" and not found([run], "omni")
+
+
 def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_it_rests():
     runs = list(hide(MODEL["omni"], "omni", {}, ["square", "figure_eight", "trapezium"], 5, 8.0).values())
     runs[0] = changed(runs[0], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from drake_ispace.explain.check.check import Checked, check
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.runs import UNNAMED, Runs, listed
@@ -19,7 +21,7 @@ class Examined:
     Attributes:
         names: of the runs, those to train on first. trained: how many these are. findings: on all of them. serious:
             those in spite of which no model can be judged, or that leave nothing of the runs. runs: to train on.
-        held_out: by kind.
+        held_out: by kind. repeated: in words, each run that is an earlier one again.
     """
 
     names: list[str]
@@ -28,6 +30,7 @@ class Examined:
     serious: list[Finding]
     runs: list[Recording]
     held_out: Mapping[str, list[Recording]]
+    repeated: list[str]
 
 
 def examine(
@@ -51,4 +54,21 @@ def examine(
     kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
     nothing_left = loaded[None] and not kept[None]
     serious = found.findings if nothing_left else found.serious
-    return Examined(found.names, len(loaded[None]), found.findings, serious, kept.pop(None), kept)
+    trained, repeated = len(loaded[None]), _repeated(everything, found.names)
+    return Examined(found.names, trained, found.findings, serious, kept.pop(None), kept, repeated)
+
+
+def _repeated(runs, names):
+    """As of Examined."""
+    pairs = ((i, next((j for j in range(i) if _same(runs[i], runs[j])), None)) for i in range(len(runs)))
+    return [
+        f"{names[i]} is {names[j]} again: it proves nothing, and counts as if it were another one"
+        for i, j in pairs if j is not None
+    ]
+
+
+def _same(one, other):
+    channels = [(channel, other.channels.get(name)) for name, channel in one.channels.items()]
+    return len(one.channels) == len(other.channels) and all(
+        b is not None and np.array_equal(a.t, b.t) and np.array_equal(a.values, b.values) for a, b in channels
+    )
