@@ -32,6 +32,17 @@ def test_a_fit_that_ends_just_inside_of_a_bound_is_on_it(delay_s, on_bound):
     assert delay.bounds[0][1] == 0.06 and named.parameters["delay_s"].on_bound == on_bound
 
 
+@pytest.mark.parametrize("name, parameter, size, on_bound", [
+    ("command_delay", "delay_s", 1e-10, False), ("torque_saturation", "limit_n_m", 1.0 / 100.0, False),
+])
+def test_next_to_neutral_a_size_is_on_no_bound(name, parameter, size, on_bound):
+    """A limit's coordinate is one over it."""
+    one = candidate(name)
+    numbers = {p.name: Estimate(0.1, (0.05, 0.2), p.unit) for p in one.parameters}
+    (named,) = with_sizes([NamedEffect(name, "drive", [], numbers, 1.0, "")], CASE, {one: [size]}, {one: [size]})
+    assert named.parameters[parameter].on_bound == on_bound
+
+
 def test_a_patch_may_reach_up_to_a_wall():
     patch = candidate("soft_patch")
     numbers = {p.name: Estimate(0.1, (0.05, 0.2), p.unit) for p in patch.parameters}

@@ -498,7 +498,7 @@ def test_folder_missing(tmp_path):
 
 def test_folder_is_a_file(tmp_path):
     make_run(tmp_path / "run")
-    assert "expected the folder of a run" in refusal(load, tmp_path / "run" / "recording.yaml")
+    assert "expected the folder of a run, there is a file" in refusal(load, tmp_path / "run" / "recording.yaml")
 
 
 def test_folder_with_an_impossible_name():

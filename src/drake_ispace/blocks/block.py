@@ -166,26 +166,29 @@ def Block_(T):
 
         def _declare_update(self, update: Update):
             size = len(self.spec.discrete_state)
-            step = self._bind(update.kernel, size)
             period_s, offset_s = update.period_ticks * TICK_S, update.offset_ticks * TICK_S
             if update.through:
                 if update.phase is not Phase.COMPUTE or len(self.spec.updates) > 1:
                     raise ValueError("a through update is its block's only update, in the compute phase")
-                tickets = self._tickets(update.kernel)
-                self._through = self._declare_cache("stepped", step, tickets)
+                step = self._bind(update.kernel, size)
+                self._through = self._declare_cache("stepped", step, self._tickets(update.kernel))
 
-            def sense(context, state):
-                # Sense updates of one block at the same instant act one after the other, in the order declared.
-                stored = state.get_mutable_discrete_state()
-                stored.set_value(step(context, stored.value().copy()))
+                def compute(context, stored):
+                    stored.set_value(self._through.Eval(context))
 
-            compute = self._bind(update.kernel, size, writes=True)
-            if update.through:
-                compute = lambda context, stored: stored.set_value(self._through.Eval(context))  # noqa: E731
-            if update.phase is Phase.SENSE:
-                self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, offset_s, sense)
-            else:
                 self.DeclarePeriodicDiscreteUpdateEvent(period_s, offset_s, compute)
+            elif update.phase is Phase.COMPUTE:
+                compute = self._bind(update.kernel, size, writes=True)
+                self.DeclarePeriodicDiscreteUpdateEvent(period_s, offset_s, compute)
+            else:
+                step = self._bind(update.kernel, size)
+
+                def sense(context, state):
+                    # Sense updates of one block at the same instant act one after the other, in the order declared.
+                    stored = state.get_mutable_discrete_state()
+                    stored.set_value(step(context, stored.value().copy()))
+
+                self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, offset_s, sense)
 
         def _declare_output(self, name, output: Output):
             write = self._bind(output.kernel, output.size, stepped=self._through is not None, writes=True)

@@ -118,7 +118,8 @@ def load(path: str | Path) -> Recording:
     """The run in the folder `path`, checked and in SI units; InputError says what is wrong with it."""
     folder = Path(path)
     if not os.path.isdir(folder):
-        raise InputError(f"{folder}: expected the folder of a run, there is none")
+        there = "there is a file" if os.path.isfile(folder) else "there is none"
+        raise InputError(f"{folder}: expected the folder of a run, {there}")
     where = folder / "recording.yaml"
     data = load_yaml(where, str(where))
     _check_keys(data, ("format", "robot", "scenario", "channels", "notes"), "", where)
@@ -155,7 +156,7 @@ def validate(recording: Recording, where: str | Path) -> None:
             known, *_ = _conversion(column, unit, ("t", *channel.columns), f"{where}: channels.{name}.units")
             if known != unit:
                 raise InputError(f"{where}: channels.{name}.units.{column} is {unit!r}, expected {known!r}")
-        check_samples(channel, source, lambda sample: f"sample {sample + 1}")
+        _check_samples(channel, source, lambda sample: f"sample {sample + 1}")
         _check_period(name, channel, where)
 
 
@@ -207,7 +208,7 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
             values[:, index] = values[:, index] * numerator / denominator
     in_si.pop("t")
     channel = _in_order(Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s), name, robot)
-    check_samples(channel, str(file), table.place)
+    _check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))
 
@@ -295,12 +296,8 @@ def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) ->
     return conversion(column, unit, where)
 
 
-def check_samples(channel: Channel, where: str, place: Callable[[int], str]) -> None:
-    """Refuse samples that are not finite or not in order of time; place: of a row, in words.
-
-    Raises:
-        InputError: naming the channel's place `where`, row and column.
-    """
+def _check_samples(channel: Channel, where: str, place: Callable[[int], str]) -> None:
+    """Refuses samples that are not finite or not in order of time."""
     for name, samples in (("t", channel.t), *((name, channel.column(name)) for name in channel.columns)):
         bad = np.flatnonzero(~np.isfinite(samples))
         if len(bad):

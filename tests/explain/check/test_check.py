@@ -556,6 +556,31 @@ def test_a_wheel_that_counts_backwards_on_a_circle_is_told_by_the_other_three(wh
     assert finding.what == f"wheel {wheel + 1} counts backwards" and not found([run], "omni")
 
 
+def test_a_wheel_that_counts_backwards_is_told_beside_a_sound_run_of_the_same_motion():
+    runs = [run for seed in (5, 6) for run in hide(MODEL["omni"], "omni", {}, ["circle"], seed, 8.0).values()]
+    runs[1] = changed(runs[1], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))
+    (finding,) = found(runs, "omni")
+    assert (finding.what, finding.runs) == ("wheel 1 counts backwards", (1,))
+
+
+def test_three_mistakes_of_wheels_and_model_are_another_robot_and_nothing_is_repaired():
+    runs = [generate("omni", motion, {}, 12.0, 5 + i) for i, motion in enumerate(("square", "eight", "circle"))]
+    in_degrees = lambda t, v: np.rad2deg(v) * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0)  # noqa: E731
+    runs = [changed(run, "encoder", in_degrees) for run in runs]
+    checked = check(load_scenario(MODEL["omni"], ["omni.plant.wheel_distance_m=0.72"]), runs)
+    assert [finding.fault for finding in checked.findings] == ["another_robot"]
+    for run, repaired in zip(runs, checked.repaired, strict=True):
+        assert np.array_equal(run.channels["encoder"].values, repaired.channels["encoder"].values)
+
+
+def test_a_unit_is_told_beside_a_run_without_the_channel(sound):
+    in_mm = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, 1000.0, 1.0)  # noqa: E731
+    blind = sound["omni"][1]
+    blind = replace(blind, channels={name: c for name, c in blind.channels.items() if name != "kinect"})
+    (finding,) = found([changed(sound["omni"][0], "kinect", in_mm), blind], "omni")
+    assert (finding.fault, finding.runs) == ("wrong_unit", (0,))
+
+
 def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_it_rests():
     runs = list(hide(MODEL["omni"], "omni", {}, ["square", "figure_eight", "trapezium"], 5, 8.0).values())
     runs[0] = changed(runs[0], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))

@@ -189,6 +189,22 @@ def steps(seed, delay_s, sense=1.0):
     })
 
 
+def sine(seed, frequency_hz=1.0):
+    """3 s of an arm that swings steadily."""
+    t, random = 1e-3 * np.arange(3000), np.random.default_rng(seed)
+    wish = np.sin(2.0 * np.pi * frequency_hz * t)
+    torque, theta, omega = np.zeros(len(t)), np.zeros(len(t)), 0.0
+    for i in range(len(t) - 1):
+        pull = 0.3 * np.sin(theta[i])
+        torque[i] = INERTIA * (200.0 * (wish[i] - theta[i]) - 25.0 * omega) + pull if i % 5 == 0 else torque[i - 1]
+        omega += 1e-3 * (torque[i] * random.normal(1.0, 0.02) - pull) / INERTIA
+        theta[i + 1] = theta[i] + 1e-3 * omega
+    return Recording("own", channels={
+        "torque": Channel(t[::5], ("tau_1",), torque[::5, None], {}, 5e-3),
+        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
+    })
+
+
 @pytest.mark.parametrize("seed", [0, 10])
 def test_a_torque_that_acts_late_is_not_of_the_other_sense(seed):
     assert not check(arm(0.3), [steps(seed + k, 0.02) for k in (0, 1)]).findings
@@ -197,6 +213,11 @@ def test_a_torque_that_acts_late_is_not_of_the_other_sense(seed):
 def test_a_late_torque_of_the_other_sense_is_found():
     findings = check(arm(0.3), [steps(k, 0.02, -1.0) for k in (0, 1)]).findings
     assert [finding.fault for finding in findings] == ["torque_sign"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_torque_that_tells_nothing_at_most_lags_is_of_no_other_run(seed):
+    assert not check(arm(0.3), [sine(seed + k) for k in (0, 3)]).findings
 
 
 @pytest.mark.parametrize("channel", ["torque", "encoder"])

@@ -10,10 +10,11 @@ from drake_ispace.faults.library import FAULTS, same_as
 
 def contradiction(examined: Examined, seconds: float) -> Explanation:
     """The answer where the recordings contradict each other, or the model's dimensions."""
+    repair = "repair the recordings (`drake-ispace check RUN... --repair FOLDER`) and ask again"
     return Explanation(
         "data", [], None, [], [], data=examined.findings, runs=examined.names[: examined.trained],
-        held_out=examined.names[examined.trained :], seconds=seconds,
-        next_experiment="repair the recordings (`drake-ispace check RUN... --repair FOLDER`) and ask again",
+        held_out=examined.names[examined.trained :], seconds=seconds, warnings=examined.repeated,
+        next_experiment=repair if examined.runs else "record the runs again: without what is wrong nothing is left",
     )
 
 

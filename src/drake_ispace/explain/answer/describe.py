@@ -228,10 +228,10 @@ def _on_bound(case, point: Point, candidate, i) -> bool:
     if parameter.scale == "torque" and not parameter.reciprocal:
         makes_sense &= abs(value) <= max(np.abs(track.command).max() for track in case.prediction.tracks)
     at_a_wall = candidate.effect.is_local and parameter.shape
-    # a fit by least squares stays inside of its bounds
-    near = np.sqrt(np.finfo(float).eps) * (high - low) if np.isfinite(high - low) else 0.0
-    stopped = z <= low + near or z >= high - near
-    return z != candidate.neutral[i] and not at_a_wall and (stopped or not makes_sense)
+    # a fit by least squares stays inside of its bounds; next to neutral it says that there is nothing
+    ends = [end for end in (low, high) if np.isfinite(end) and end != candidate.neutral[i]]
+    stopped = any(abs(z - end) <= np.sqrt(np.finfo(float).eps) * max(map(abs, ends)) for end in ends)
+    return z != candidate.neutral[i] and not at_a_wall and (stopped or not low < z < high or not makes_sense)
 
 
 def _size(replay, candidate, i, z) -> float:

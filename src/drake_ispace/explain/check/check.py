@@ -152,29 +152,31 @@ class _Search:
         recorded = list(self.runs), self._bases()
         earlier = len(self.findings)
         self._agreed("kinect", wheels_or_camera)
-        self.findings[earlier:] = _at_most_two(self.findings[earlier:])
+        self._of_another_robot(recorded[0], self.findings[earlier:])
         repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
         self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
-        unknown_arms = {TORQUE} if any(finding.channel == "model" for finding in self.findings) else set()
-        if not unknown_arms:
-            self._agreed(TORQUE, torque_columns_of)
+        unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
+        self._agreed(TORQUE, (lambda *runs: Agreement([])) if unknown_arms else torque_columns_of)
         follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, (lambda *runs: Agreement([])) if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))
         tell("looking for strangers and for stretches that do not fit")
-        if not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
+        another = {i for finding in self.findings if finding.fault == "another_robot" for i in finding.runs}
+        if not another and not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
         spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
         strangers = [f for f in foreign(self.runs, self._bases(), spoilt) if (f.runs[0], f.channel) not in coarse]
-        strangers = [finding for finding in strangers if finding.channel not in unknown_arms]
+        strangers = [
+            f for f in strangers if f.runs[0] not in another and (f.channel != TORQUE or f.runs[0] not in unknown_arms)
+        ]
         self._add(strangers)
-        odd = {i for finding in strangers for i in finding.runs}
+        odd = another | {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
         findings = sorted(self.findings, key=lambda finding: (
             finding.limited, FAULTS[finding.fault].harmless,
@@ -260,8 +262,33 @@ class _Search:
                 found.append((i, link, base))
         return found
 
+    def _of_another_robot(self, recorded, found):
+        """Make one finding of three mistakes or more of wheels and model in one run, and take their repairs back.
+
+        recorded: the runs before wheels and camera were compared. found: the findings of that.
+        """
+        wrong = [finding for finding in found if finding.channel in ("encoder", "model")]
+        another = [i for i in range(len(self.runs)) if sum(i in finding.runs for finding in wrong) > 2]
+        if not another:
+            return
+        there = [finding for finding in wrong if set(finding.runs) & set(another)]
+        fewer = {id(f): replace(f, runs=tuple(i for i in f.runs if i not in another)) for f in there}
+        left = [fewer.get(id(finding), finding) for finding in self.findings]
+        self.findings = [finding for finding in left if finding.runs]
+        for i in another:
+            self.runs[i] = recorded[i]
+        self._add([Finding(
+            "another_robot", "wheels and camera go together, but not by these dimensions", "", tuple(another), "model",
+            rivals=tuple(dict.fromkeys(finding.fault for finding in there)),
+            drop_in_deviance=sum({finding.drop_in_deviance for finding in there}),
+            advice="choose the model of that robot",
+        )])
+
     def _add(self, findings: list[Finding]):
         for finding in findings:
+            if finding.channel != "model":
+                having = tuple(i for i in finding.runs if finding.channel in self.runs[i].channels)
+                finding = replace(finding, runs=having)
             if self._echo(finding):
                 continue
             self.findings.append(finding)
@@ -296,21 +323,6 @@ def _complete(finding, names):
     alike = [name for name in fault.effects if sees or not name.startswith("camera_")]
     rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
-
-
-def _at_most_two(findings: list[Finding]) -> list[Finding]:
-    """Findings of whole runs, where three mistakes or more of wheels and model in one run are one: another robot."""
-    of_wheels = [finding for finding in findings if finding.channel in ("encoder", "model")]
-    in_runs = [i for finding in of_wheels for i in finding.runs]
-    if all(in_runs.count(i) <= 2 for i in in_runs):
-        return findings
-    another = Finding(
-        "another_robot", "wheels and camera go together, but not by these dimensions", "",
-        tuple(sorted(set(in_runs))), "model", rivals=tuple(dict.fromkeys(finding.fault for finding in of_wheels)),
-        drop_in_deviance=sum(finding.drop_in_deviance for finding in of_wheels),
-        advice="choose the model of that robot",
-    )
-    return [*(finding for finding in findings if finding not in of_wheels), another]
 
 
 def _joined(findings: list[Finding]) -> list[Finding]:

@@ -1,7 +1,7 @@
 """Training and held-out runs, checked together, and without what is limited in time."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Examined:
     serious: list[Finding]
     runs: list[Recording]
     held_out: Mapping[str, list[Recording]]
-    repeated: list[str]
+    repeated: list[str] = field(default_factory=list)
 
 
 def examine(
@@ -53,7 +53,7 @@ def examine(
     masked = iter([[run] for run in everything] if trust_data else found.masked(everything))
     kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
     nothing_left = loaded[None] and not kept[None]
-    serious = found.findings if nothing_left else found.serious
+    serious = found.limited if nothing_left else found.serious
     trained, repeated = len(loaded[None]), _repeated(everything, found.names)
     return Examined(found.names, trained, found.findings, serious, kept.pop(None), kept, repeated)
 

@@ -18,7 +18,7 @@ def save_repaired(checked: Checked, runs: Sequence[Recording], folder: Path) -> 
         The folders that were written.
 
     Raises:
-        InputError: a folder that is no recording is in the way, or would replace one of the originals.
+        InputError: a folder that is no recording is in the way, or would replace one of the originals or lie in one.
     """
     copies = {}
     for i, (run, pieces) in enumerate(zip(runs, checked.repaired_parts(), strict=True)):
@@ -31,8 +31,8 @@ def save_repaired(checked: Checked, runs: Sequence[Recording], folder: Path) -> 
             copies[place] = replace(piece, notes="\n".join([run.notes, *done]).strip(), path=place)
     originals = {run.path.resolve() for run in runs if run.path is not None}
     for place in copies:
-        if place.resolve() in originals:
-            raise InputError(f"--repair {folder}: {place} is one of the runs, expected another folder")
+        if any(place.resolve().is_relative_to(original) for original in originals):
+            raise InputError(f"--repair {folder}: {place} is one of the runs or in one, expected another folder")
         check_place(place)
     for place, copy in copies.items():
         copy.save(place)

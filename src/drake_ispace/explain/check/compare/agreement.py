@@ -185,10 +185,13 @@ class _Choice:
     def _is_sound(self, i, k, well):
         """Whether run i follows the wheels well as given, and a hypothesis explains little of what that leaves.
 
-        Or that is no mistake of reading, as the channel is another run's.
+        So it does where the channel is another run's.
         """
         given, read = (self._share(self.rows[i], j) for j in (0, k))
-        return given >= well and (read < _plainly_better(given) or (self.is_others is not None and self.is_others(i)))
+        explains = read >= _plainly_better(given)
+        if explains and self.is_others is not None and given >= well:
+            explains = not self.is_others(i, self.hypotheses[k])
+        return given >= well and not explains
 
     def is_better_than(self, other, well):
         """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does."""
@@ -205,7 +208,7 @@ def disagreement(
     pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
-    is_others: Callable[[int], bool] | None = None,
+    is_others: Callable[[int, Any], bool] | None = None,
 ) -> Agreement:
     """The hypothesis under which the runs agree with the wheels: of one mistake, or of two at once.
 
@@ -213,8 +216,8 @@ def disagreement(
     a hypothesis. casting: of a hypothesis and the runs that have it, a log likelihood by other channels, which decides
     between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against
     it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run. well: share, as of
-    `following`, above which a sound channel follows the wheels. is_others: of a run's number, whether the channel moves
-    with the wheels of another run.
+    `following`, above which a sound channel follows the wheels. is_others: of a run's number and a hypothesis,
+    whether the channel that this accuses moves with the wheels of another run.
     """
     choice = _Choice(rows_of(hypotheses), hypotheses, well, against, is_others)
     if pairs is not None and (choice.number is not None or choice.follows() < well):

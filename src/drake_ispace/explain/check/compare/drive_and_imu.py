@@ -64,7 +64,8 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
 
     def one(run, own, tried):
         link = of_run[id(run)]
-        return row(tried, None if link is None else _of_wheels(run, own, link, tried, effort))
+        lags_s = np.zeros(1) if single else own.lags_s  # where clocks are tried, each is a lag
+        return row(tried, None if link is None else _of_wheels(run, own, link, tried, effort, lags_s))
 
     found = _found(runs, bases, given, one, TORQUE, None, single)
     if base.robot.in_si:
@@ -74,29 +75,30 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
     ])
 
 
-def _of_wheels(run, base, link, given, effort):
+def _of_wheels(run, base, link, given, effort, lags_s):
     """As `compared`, of the torque of each wheel: some of their sums push nothing, and are not in the link.
 
-    Of a reading counts what it gains over no relation to the wheels, at the best of the usual lags: forces of any share
-    tell of no reading, and a late torque is no torque of another sense.
+    Of a reading counts what it gains over no relation to the wheels, at the best of some lags: forces of any share tell
+    of no reading, and a late torque is no torque of another sense.
     """
-    at_lags = [_at_lag(run, base, link, given, effort, lag_s) for lag_s in base.lags_s]
-    found = [one for one in at_lags if one is not None]
-    return replace(found[0], scored=np.max([one.scored for one in found], axis=0)) if found else None
-
-
-def _at_lag(run, base, link, given, effort, lag_s):
-    kept = inside(base, link.since_s, link.until_s) & inside(base, link.since_s, link.until_s, lag_s)
+    kept = np.all([inside(base, link.since_s, link.until_s, lag_s) for lag_s in lags_s], axis=0)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept], link.until_s[kept]
     impulses = held_integral(run.channels[TORQUE], since, until)
     y = np.stack([impulses @ (effort @ columns.matrix).T for columns in given])
-    since, until = since + lag_s, until + lag_s
-    x = _related(given) * link.predicted(since, until)
-    noise, besides = np.broadcast_to(link.noise, (len(y), y.shape[2])), link.besides(since, until)
-    related, unrelated = (part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x))
-    return replace(related, scored=related.scored - unrelated.scored + unrelated.scored[0])
+    noise = np.broadcast_to(link.noise, (len(y), y.shape[2]))
+
+    def at(lag_s):
+        """Of the readings, and of no relation, beside what the wheels say so much later."""
+        times = since + lag_s, until + lag_s
+        x, besides = _related(given) * link.predicted(*times), link.besides(*times)
+        return [part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x)]
+
+    found = [at(lag_s) for lag_s in lags_s]
+    gained = np.max([related.scored - unrelated.scored for related, unrelated in found], axis=0)
+    related, unrelated = found[len(found) // 2]  # without a lag
+    return replace(related, scored=gained + unrelated.scored[0])
 
 
 def _times(links, bases) -> float:

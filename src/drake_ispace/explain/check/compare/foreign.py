@@ -98,9 +98,7 @@ def _is_stranger(link, relation):
     return relation.gain < -SAID and not relation.varies_alike
 
 
-def owner(
-    runs: Sequence[Recording], bases: Sequence[Base | None], number: int, name: str
-) -> str | None:
+def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, name: str) -> str | None:
     """In words: with which other run a channel moves; None: with none."""
     for other, base in enumerate(bases):
         if other == number or base is None:
@@ -116,10 +114,12 @@ def owner(
 def _relation(link, base, spoilt=()):
     """How well a channel follows the wheels at the best of the usual lags, but for spoilt stretches.
 
-    None: too little motion to tell.
+    None: too little motion to tell. Of a torque, which may be early or late, it must be enough without a lag.
     """
     high = link.usual_s[1]
-    lags = np.linspace(0.0, high, 4) if high > LATENCY_S else base.lags_s if link.channel == TORQUE else [0.0]
+    lags = np.linspace(0.0, high, 4) if high > LATENCY_S else [0.0]
+    if link.channel == TORQUE:
+        lags = base.lags_s if _at_lag(link, base, 0.0, spoilt) is not None else []
     found = [one for one in (_at_lag(link, base, lag, spoilt) for lag in lags) if one is not None]
     return max(found, key=lambda one: (one.varies_alike, one.share), default=None)
 

@@ -93,7 +93,7 @@ class Base:
 
     @property
     def lags_s(self) -> np.ndarray:
-        """Lags [s] of torques at which they are compared: of windows as long as a usual lag one says enough."""
+        """Lags [s] of torques at which they are compared: none in a room, where windows are as long as a usual lag."""
         return np.zeros(1) if self.robot.in_room else lags(LATENCY_S, self.rate_s)
 
     @property

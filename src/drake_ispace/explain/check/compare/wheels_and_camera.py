@@ -82,7 +82,7 @@ def wheels_or_camera(
     return disagreement(
         rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears),
         lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
-        is_others=lambda i: owner(runs, bases, i, "kinect") is not None,
+        is_others=lambda i, reading: reading.channel == "kinect" and owner(runs, bases, i, "kinect") is not None,
     )
 
 
