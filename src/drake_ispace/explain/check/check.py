@@ -277,6 +277,8 @@ class _Search:
         self.findings = [finding for finding in left if finding.runs]
         for i in another:
             self.runs[i] = recorded[i]
+            for repair in (repair for f in found if f not in wrong and i in f.runs for repair in f.repairs):
+                self.runs[i] = repair.apply(self.runs[i])
         self._add([Finding(
             "another_robot", "wheels and camera go together, but not by these dimensions", "", tuple(another), "model",
             rivals=tuple(dict.fromkeys(finding.fault for finding in there)),
@@ -286,9 +288,8 @@ class _Search:
 
     def _add(self, findings: list[Finding]):
         for finding in findings:
-            if finding.channel != "model":
-                having = tuple(i for i in finding.runs if finding.channel in self.runs[i].channels)
-                finding = replace(finding, runs=having)
+            having = tuple(i for i in finding.runs if finding.channel in self.runs[i].channels)
+            finding = replace(finding, runs=having or finding.runs)
             if self._echo(finding):
                 continue
             self.findings.append(finding)
