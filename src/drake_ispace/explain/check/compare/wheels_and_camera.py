@@ -79,10 +79,15 @@ def wheels_or_camera(
         thirds = [] if whole is None else [third.row(tried, PHYSICS).scored for third in whole.thirds()]
         return sum(max(scored[:-1].max() - scored[-1], 0.0) for scored in thirds)
 
+    def is_others(i, reading):
+        """Whether the camera moves with the wheels of another run; of four wheels one that is wrong shows by itself."""
+        shows = reading.channel == "encoder" and len(base.geometry.wheels) > 3
+        return not shows and owner(runs, bases, i, "kinect") is not None
+
     return disagreement(
         rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears),
         lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
-        is_others=lambda i, reading: reading.channel == "kinect" and owner(runs, bases, i, "kinect") is not None,
+        is_others=is_others,
     )
 
 
