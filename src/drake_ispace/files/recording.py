@@ -298,12 +298,7 @@ def _conversion(column: str, unit: Any, columns: tuple[str, ...], where: str) ->
 
 def _check_samples(channel: Channel, where: str, place: Callable[[int], str]) -> None:
     """Refuses samples that are not finite or not in order of time."""
-    for name, samples in (("t", channel.t), *((name, channel.column(name)) for name in channel.columns)):
-        bad = np.flatnonzero(~np.isfinite(samples))
-        if len(bad):
-            raise InputError(
-                f"{where}: {place(bad[0])}: column {shown(name)} is {samples[bad[0]]}, expected a finite number"
-            )
+    check_finite(channel, where, place)
     bad = np.flatnonzero(np.diff(channel.t) <= 0) + 1
     if len(bad):
         before, t = channel.t[bad[0] - 1 : bad[0] + 1].tolist()
@@ -314,6 +309,20 @@ def _check_samples(channel: Channel, where: str, place: Callable[[int], str]) ->
         if len(bad):
             t, late = channel.t[bad[0]].item(), received[bad[0]].item()
             raise InputError(f"{where}: {place(bad[0])}: t_received = {late} s, expected no less than t = {t} s")
+
+
+def check_finite(channel: Channel, where: str, place: Callable[[int], str]) -> None:
+    """Refuse samples that are no number; where: the channel, place: a row, both in words.
+
+    Raises:
+        InputError: naming channel, row and column.
+    """
+    for name, samples in (("t", channel.t), *((name, channel.column(name)) for name in channel.columns)):
+        bad = np.flatnonzero(~np.isfinite(samples))
+        if len(bad):
+            raise InputError(
+                f"{where}: {place(bad[0])}: column {shown(name)} is {samples[bad[0]]}, expected a finite number"
+            )
 
 
 def median_step(t: np.ndarray) -> float:

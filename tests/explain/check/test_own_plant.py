@@ -144,18 +144,33 @@ def arm(weight):
 def swings(seed, sense=1.0):
     """12 s of an arm of 0.3 N m under position control, nearly to the top and back."""
     t, random = 1e-3 * np.arange(12000), np.random.default_rng(seed)
-    phases, theta, omega = random.uniform(0.0, 6.0, 3), np.zeros(len(t)), 0.0
-    sines = zip((1.8, 0.9, 0.4), (0.23, 0.6, 1.3), phases, strict=True)
+    sines = zip((1.8, 0.9, 0.4), (0.23, 0.6, 1.3), random.uniform(0.0, 6.0, 3), strict=True)
     wish = np.minimum(t, 1.0) * sum(a * np.sin(2.0 * np.pi * f * t + phase) for a, f, phase in sines)
-    torque = np.zeros(len(t))
-    for i in range(len(t) - 1):
+    return follows(wish, random, sense)
+
+
+def sine(seed):
+    """3 s of an arm that swings steadily, at 1 Hz."""
+    return follows(np.sin(2.0 * np.pi * 1e-3 * np.arange(3000)), np.random.default_rng(seed))
+
+
+def follows(wish, random, sense=1.0):
+    """An arm of 0.3 N m under position control, told at 1 kHz where to be."""
+    torque, theta, omega = np.zeros(len(wish)), np.zeros(len(wish)), 0.0
+    for i in range(len(wish) - 1):
         pull = 0.3 * np.sin(theta[i])
         torque[i] = INERTIA * (200.0 * (wish[i] - theta[i]) - 25.0 * omega) + pull if i % 5 == 0 else torque[i - 1]
         omega += 1e-3 * (torque[i] * random.normal(1.0, 0.02) - pull) / INERTIA
         theta[i + 1] = theta[i] + 1e-3 * omega
+    return of_arm(sense * torque, theta)
+
+
+def of_arm(torque, theta):
+    """A run of an arm that was simulated at 1 kHz, logged at 200 Hz with 0.2 mrad a count."""
+    t, counted = 1e-3 * np.arange(0, len(theta), 5), 2e-4 * np.floor(theta[::5, None] / 2e-4)
     return Recording("own", channels={
-        "torque": Channel(t[::5], ("tau_1",), sense * torque[::5, None], {}, 5e-3),
-        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
+        "torque": Channel(t, ("tau_1",), torque[::5, None], {}, 5e-3),
+        "encoder": Channel(t, ("theta_1",), counted, {}, 5e-3),
     })
 
 
@@ -183,26 +198,7 @@ def steps(seed, delay_s, sense=1.0):
         acts = torque[i - late] if i >= late else 0.0
         omega += 1e-3 * (acts * random.normal(1.0, 0.02) - 0.3 * np.sin(theta[i])) / INERTIA
         theta[i + 1] = theta[i] + 1e-3 * omega
-    return Recording("own", channels={
-        "torque": Channel(t[::5], ("tau_1",), sense * torque[::5, None], {}, 5e-3),
-        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
-    })
-
-
-def sine(seed, frequency_hz=1.0):
-    """3 s of an arm that swings steadily."""
-    t, random = 1e-3 * np.arange(3000), np.random.default_rng(seed)
-    wish = np.sin(2.0 * np.pi * frequency_hz * t)
-    torque, theta, omega = np.zeros(len(t)), np.zeros(len(t)), 0.0
-    for i in range(len(t) - 1):
-        pull = 0.3 * np.sin(theta[i])
-        torque[i] = INERTIA * (200.0 * (wish[i] - theta[i]) - 25.0 * omega) + pull if i % 5 == 0 else torque[i - 1]
-        omega += 1e-3 * (torque[i] * random.normal(1.0, 0.02) - pull) / INERTIA
-        theta[i + 1] = theta[i] + 1e-3 * omega
-    return Recording("own", channels={
-        "torque": Channel(t[::5], ("tau_1",), torque[::5, None], {}, 5e-3),
-        "encoder": Channel(t[::5], ("theta_1",), 2e-4 * np.floor(theta[::5, None] / 2e-4), {}, 5e-3),
-    })
+    return of_arm(sense * torque, theta)
 
 
 @pytest.mark.parametrize("seed", [0, 10])

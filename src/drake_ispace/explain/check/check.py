@@ -16,9 +16,9 @@ from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
 from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
-from drake_ispace.explain.check.compare.foreign import foreign
+from drake_ispace.explain.check.compare.foreign import another_robot, foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, links
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -159,9 +159,9 @@ class _Search:
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
-        self._agreed(TORQUE, (lambda *runs: Agreement([])) if unknown_arms else torque_columns_of)
+        self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
         follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
-        self._agreed(COMMAND, (lambda *runs: Agreement([])) if follows else command_columns_of)
+        self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))
@@ -171,9 +171,10 @@ class _Search:
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
         spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
-        strangers = [f for f in foreign(self.runs, self._bases(), spoilt) if (f.runs[0], f.channel) not in coarse]
+        known = coarse | {(i, TORQUE) for i in unknown_arms}
         strangers = [
-            f for f in strangers if f.runs[0] not in another and (f.channel != TORQUE or f.runs[0] not in unknown_arms)
+            finding for finding in foreign(self.runs, self._bases(), spoilt)
+            if finding.runs[0] not in another and (finding.runs[0], finding.channel) not in known
         ]
         self._add(strangers)
         odd = another | {i for finding in strangers for i in finding.runs}
@@ -257,7 +258,7 @@ class _Search:
         for i, (run, base) in enumerate(zip(self.runs, self._bases(), strict=True)):
             uneven = {f.channel for f in self.findings if f.fault in _UNEVEN and i in f.runs}
             there = base is not None and channel in run.channels and not uneven & {channel, "encoder"}
-            link = links(run, base).get(channel) if there else None
+            link = link_of(run, base, channel) if there else None
             if link is not None:
                 found.append((i, link, base))
         return found
@@ -272,19 +273,14 @@ class _Search:
         if not another:
             return
         there = [finding for finding in wrong if set(finding.runs) & set(another)]
-        fewer = {id(f): replace(f, runs=tuple(i for i in f.runs if i not in another)) for f in there}
-        left = [fewer.get(id(finding), finding) for finding in self.findings]
-        self.findings = [finding for finding in left if finding.runs]
+        elsewhere = [replace(f, runs=tuple(i for i in f.runs if i not in another)) for f in wrong]
+        self.findings = [f for f in self.findings if f not in wrong] + [f for f in elsewhere if f.runs]
         for i in another:
             self.runs[i] = recorded[i]
             for repair in (repair for f in found if f not in wrong and i in f.runs for repair in f.repairs):
                 self.runs[i] = repair.apply(self.runs[i])
-        self._add([Finding(
-            "another_robot", "wheels and camera go together, but not by these dimensions", "", tuple(another), "model",
-            rivals=tuple(dict.fromkeys(finding.fault for finding in there)),
-            drop_in_deviance=sum({finding.drop_in_deviance for finding in there}),
-            advice="choose the model of that robot",
-        )])
+        drop, rivals = sum({f.drop_in_deviance for f in there}), dict.fromkeys(f.fault for f in there)
+        self._add([another_robot(tuple(another), drop, tuple(rivals), "choose the model of that robot")])
 
     def _add(self, findings: list[Finding]):
         for finding in findings:
@@ -313,6 +309,11 @@ class _Search:
             any(begin - WINDOW_S <= since and until <= end + WINDOW_S for begin, end in known)
             for since, until in finding.stretches
         )
+
+
+def _not_compared(*runs) -> Agreement:
+    """In place of a search for mistakes of columns that cannot be compared with the wheels."""
+    return Agreement([])
 
 
 def _complete(finding, names):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.files.recording import Recording
+from drake_ispace.files.recording import Recording, check_finite
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.robot import Robot
 from drake_ispace.scenario import Scenario
@@ -59,12 +59,7 @@ def check_sizes(recording: Recording, name: str) -> None:
         InputError: naming run, channel and column.
     """
     for channel, samples in recording.channels.items():
-        for column, values in (("t", samples.t), *zip(samples.columns, samples.values.T, strict=True)):
-            if len(bad := np.flatnonzero(~np.isfinite(values))):
-                raise InputError(
-                    f"{name}: channel {channel}: sample {bad[0] + 1}: column {column} is {values[bad[0]]}, "
-                    "expected a finite number"
-                )
+        check_finite(samples, f"{name}: channel {channel}", lambda row: f"sample {row + 1}")
         size = np.abs(samples.values).max(axis=0, initial=0.0)
         for column, largest in zip(samples.columns, size, strict=True):
             if largest > _LARGEST:

@@ -188,10 +188,7 @@ class _Choice:
         So it does where the channel is another run's.
         """
         given, read = (self._share(self.rows[i], j) for j in (0, k))
-        explains = read >= _plainly_better(given)
-        if explains and self.is_others is not None and given >= well:
-            explains = not self.is_others(i, self.hypotheses[k])
-        return given >= well and not explains
+        return given >= well and (read < _plainly_better(given) or self.is_others(i, self.hypotheses[k]))
 
     def is_better_than(self, other, well):
         """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does."""
@@ -208,7 +205,7 @@ def disagreement(
     pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
-    is_others: Callable[[int, Any], bool] | None = None,
+    is_others: Callable[[int, Any], bool] = lambda i, hypothesis: False,
 ) -> Agreement:
     """The hypothesis under which the runs agree with the wheels: of one mistake, or of two at once.
 

@@ -90,7 +90,7 @@ def _of_wheels(run, base, link, given, effort, lags_s):
     noise = np.broadcast_to(link.noise, (len(y), y.shape[2]))
 
     def at(lag_s):
-        """Of the readings, and of no relation, beside what the wheels say so much later."""
+        """The log likelihoods of all readings, and those of no relation, where wheels say the motion lag_s later."""
         times = since + lag_s, until + lag_s
         x, besides = _related(given) * link.predicted(*times), link.besides(*times)
         return [part(motion, y, link.groups, noise, besides, link.slack) for motion in (x, 0.0 * x)]

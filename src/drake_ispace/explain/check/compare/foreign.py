@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, inside, links, moving
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    LATENCY_S,
+    Base,
+    camera_link,
+    inside,
+    link_of,
+    links,
+    moving,
+)
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, most, residuals, scores
 from drake_ispace.explain.check.finding import Finding
@@ -67,10 +76,7 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         owners = {name: owner(runs, bases, number, name) for name in strangers}
         free = _free_gain(run, base) if "kinect" in owners and owners["kinect"] is None else None
         if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
-            found.append(Finding(
-                "another_robot", "wheels and camera go together, but not by these dimensions", "", (number,), "model",
-                drop_in_deviance=2.0 * free.gain, rivals=("wheel_order", "gear"),
-            ))
+            found.append(another_robot((number,), 2.0 * free.gain, ("wheel_order", "gear")))
             continue
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
         for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
@@ -82,6 +88,14 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
                 repairs=(Without(name),),
             ))
     return found
+
+
+def another_robot(runs: tuple[int, ...], drop_in_deviance: float, rivals: tuple[str, ...], advice: str = "") -> Finding:
+    """The finding that the wheels and the camera of these runs are of another robot; arguments as of Finding."""
+    return Finding(
+        "another_robot", "wheels and camera go together, but not by these dimensions", "", runs, "model",
+        drop_in_deviance=drop_in_deviance, rivals=rivals, advice=advice,
+    )
 
 
 def _is_stranger(link, relation):
@@ -104,7 +118,7 @@ def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, 
         if other == number or base is None:
             continue
         camera = name == "encoder"
-        link = links(runs[other], bases[number]).get("kinect") if camera else links(runs[number], base).get(name)
+        link = link_of(runs[other], bases[number], "kinect") if camera else link_of(runs[number], base, name)
         found = None if link is None else _relation(link, bases[number] if camera else base)
         if found is not None and found.share > 2.0 * RELATED:
             return f"moves with the {'camera' if camera else 'wheels'} of run {other + 1} of these"

@@ -151,12 +151,15 @@ def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
 
 def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
     """Channel -> Link of every channel of the run that can be compared; starts: series of windows of the camera."""
-    found = {}
-    for name, make in (("kinect", camera_link), ("imu", turn_link), (TORQUE, torque_link), (COMMAND, command_link)):
-        link = make(run, base, starts) if name in run.channels else None
-        if link is not None and len(link.since_s) >= FEWEST:
-            found[name] = link
-    return found
+    found = {name: link_of(run, base, name, starts) for name in ("kinect", "imu", TORQUE, COMMAND)}
+    return {name: link for name, link in found.items() if link is not None}
+
+
+def link_of(run: Recording, base: Base, channel: str, starts: int = 1) -> Link | None:
+    """The Link of one channel; None where it cannot be compared. starts: as of `links`."""
+    makers = {"kinect": camera_link, "imu": turn_link, TORQUE: torque_link, COMMAND: command_link}
+    link = makers[channel](run, base, starts) if channel in makers and channel in run.channels else None
+    return link if link is not None and len(link.since_s) >= FEWEST else None
 
 
 def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:

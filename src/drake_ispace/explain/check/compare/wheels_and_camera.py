@@ -167,8 +167,9 @@ class _Compared:
     def _of_wheels(self) -> Part | None:
         """Do the wheels agree with each other? Four wheels of a body on the floor tell of three motions."""
         count = min(self.apart.shape[1], MOST_ROWS) * self.apart.shape[2]
-        share = np.sqrt(np.mean(scale_of(np.swapaxes(self.apart, 1, 2)) ** 2, axis=1)) if count else np.empty(0)
-        return Part(-count * np.log(np.clip(share, SLACK, 1.0)), -count * np.log(SLACK)) if count else None
+        if not count:
+            return None
+        return Part(-count * np.log(np.clip(_size(self.apart), SLACK, 1.0)), -count * np.log(SLACK))
 
     def thirds(self) -> list["_Compared"]:
         """Each third of the time, with the marker where the whole run has it: a short one would tell of any."""
@@ -208,8 +209,12 @@ def _apart(angles, base, given):
     geometry, unit = base.geometry, np.eye(angles.shape[1])
     left, sizes, _ = np.linalg.svd(unit - geometry.inverse @ geometry.forward)
     turns = np.stack([angles @ (r.wheels if r.wheels.any() else unit).T for r in given])
-    size = np.sqrt(np.mean(scale_of(np.swapaxes(turns, 1, 2)) ** 2, axis=1))
-    return turns @ left[:, sizes > 0.5] / (size[:, None, None] + base.count_rad)
+    return turns @ left[:, sizes > 0.5] / (_size(turns)[:, None, None] + base.count_rad)
+
+
+def _size(motions):
+    """(h,) scale of motions (h, n, d): the root mean square over their components."""
+    return np.sqrt(np.mean(scale_of(np.swapaxes(motions, 1, 2)) ** 2, axis=1))
 
 
 def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
