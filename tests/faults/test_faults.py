@@ -73,6 +73,15 @@ def test_rows_are_left_out_turned_round_and_spread(run):
     assert set(Without("kinect").apply(run).channels) == {"encoder"}
 
 
+@pytest.mark.parametrize("repair", [Evened("kinect"), Gridded("kinect", 0.1, 0.02), Mirrored("kinect", 0.2, 0.6)])
+def test_no_fix_of_a_repaired_camera_is_received_before_its_stamp(run, repair):
+    values = np.column_stack([T, T, T, T**2 + 0.001])
+    run.channels["kinect"] = Channel(T**2, ("x", "y", "phi", "t_received"), values)
+    repaired = repair.apply(run).channels["kinect"]
+    assert np.all(repaired.column("t_received") >= repaired.t)
+    assert np.all(np.diff(repaired.column("t_received")) > 0.0)
+
+
 def test_stamps_go_to_the_nearest_free_step(run):
     t = np.array([0.02, 0.13, 0.14, 0.38, 0.52])
     run.channels["encoder"] = Channel(t, ("theta_r", "theta_l"), np.zeros((5, 2)))

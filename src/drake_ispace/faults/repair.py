@@ -229,7 +229,7 @@ class Dropped:
 
 @dataclass(frozen=True)
 class Mirrored:
-    """The samples of a channel from from_s to to_s in the opposite order."""
+    """The samples of a channel from from_s to to_s in the opposite order; what was received when stays."""
 
     channel: str
     from_s: float
@@ -242,8 +242,9 @@ class Mirrored:
         """A copy of the recording with these samples turned round."""
         channel = recording.channels[self.channel]
         inside = np.flatnonzero((channel.t >= self.from_s) & (channel.t <= self.to_s))
+        measured = [at for at, name in enumerate(channel.columns) if name != "t_received"]
         values = channel.values.copy()
-        values[inside] = channel.values[inside[::-1]]
+        values[np.ix_(inside, measured)] = channel.values[np.ix_(inside[::-1], measured)]
         return with_channel(recording, self.channel, replace(channel, values=values))
 
 
@@ -301,7 +302,11 @@ Repair = Mixed | Unwrapped | Turned | OfStamps | Interpolated | LeftOut | Withou
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:
-    """A copy of the recording with another channel of that name."""
+    """A copy of the recording with another channel of that name, of which no sample is received before its stamp."""
+    if "t_received" in channel.columns:
+        values, at = channel.values.copy(), channel.columns.index("t_received")
+        values[:, at] = np.maximum(values[:, at], channel.t)
+        channel = replace(channel, values=values)
     return replace(recording, channels={**recording.channels, name: channel})
 
 
