@@ -7,7 +7,7 @@ FAULTS = (
         "clock_offset", "a clock that is off",
         "a channel's stamps are earlier or later than the others' by the same time", "each computer has its own clock",
         "motion appears in one channel earlier than in the others", "shift the stamps",
-        effects=("clock_offset", "camera_latency"),
+        effects=("clock_offset", "camera_latency", "command_delay", "velocity_delay"),
     ),
     Fault(
         "clock_drift", "a clock that is fast or slow",
