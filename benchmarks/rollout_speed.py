@@ -28,6 +28,7 @@ from rollout_speed import plain_loop as plain
 from rollout_speed.hand_written import OPTIONS, HandWritten
 
 import drake_ispace as di
+from drake_ispace.blocks.block import in_one_context
 from drake_ispace.blocks.rates import MAX_TICK, TICK_S, VISION_TICKS
 from drake_ispace.rollout.compile import Rollout
 from drake_ispace.rollout.lanes import lanes_of
@@ -121,7 +122,8 @@ def compiled_vs_drake(repetitions, size):
 
             def drake(simulator=simulator, reached=reached):
                 reached[0] += ticks
-                return on_this_core(lambda: simulator.AdvanceTo(reached[0] * TICK_S))
+                with in_one_context(simulator.get_system(), simulator.get_context()):  # as `simulate` does
+                    return on_this_core(lambda: simulator.AdvanceTo(reached[0] * TICK_S))
 
             def compiled(rollout=rollout):
                 return on_this_core(lambda: [rollout.run(ticks) for _ in range(_OFTEN)]) / _OFTEN

@@ -10,6 +10,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import VectorLogSink
 
+from drake_ispace.blocks.block import in_one_context
 from drake_ispace.blocks.rates import TICK_S, ticks_in
 from drake_ispace.room.room import Space
 from drake_ispace.scenario import Scenario, as_scenario
@@ -67,16 +68,17 @@ def simulate_diagram(diagram: Diagram, scenario: Scenario, progress: Callable[[f
     ticks = ticks_in(scenario.seconds)
     started = time.perf_counter()
     diverged = None
-    for tick in range(min(_CHUNK, ticks), ticks + _CHUNK, _CHUNK):
-        simulator.AdvanceTo(min(tick, ticks) * TICK_S)
-        if progress:
-            progress(simulator.get_context().get_time())
-        start = max(tick - _CHUNK - 1, 0)
-        latest = {name: _log(simulator, sink)[start:] for name, sink in sinks.items()}
-        diverged = first_divergence(latest, scenario.space)
-        if diverged is not None:
-            diverged += start
-            break
+    with in_one_context(simulator.get_system(), simulator.get_context()):
+        for tick in range(min(_CHUNK, ticks), ticks + _CHUNK, _CHUNK):
+            simulator.AdvanceTo(min(tick, ticks) * TICK_S)
+            if progress:
+                progress(simulator.get_context().get_time())
+            start = max(tick - _CHUNK - 1, 0)
+            latest = {name: _log(simulator, sink)[start:] for name, sink in sinks.items()}
+            diverged = first_divergence(latest, scenario.space)
+            if diverged is not None:
+                diverged += start
+                break
     wall_s = time.perf_counter() - started
     return make_run(scenario, {name: _log(simulator, sink) for name, sink in sinks.items()}, diverged, wall_s)
 

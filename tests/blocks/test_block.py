@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update
+from drake_ispace.blocks.block import Block, Output, Phase, Spec, Update, in_one_context
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.kernels import arguments, cache_folder, kernel, plain
 from drake_ispace.blocks.rates import TICK_S
@@ -19,6 +19,9 @@ from drake_ispace.plants.linear_pendulum import LinearPendulumPlant
 from drake_ispace.plants.omni import OmniPlant, OmniPlantParameters
 from drake_ispace.plants.pendulum import PendulumPlant, PendulumPlantParameters
 from drake_ispace.plants.slip import Slip
+from drake_ispace.scenario import load_scenario
+from drake_ispace.simulation import make_simulator, simulate
+from drake_ispace.wiring.catalog import build_diagram
 
 # -- Kernels as a block would have them; Block takes plain functions too.
 
@@ -207,6 +210,40 @@ def test_every_context_has_its_own_parameters_whichever_was_read_first():
         clone = clone or context.Clone()
         assert block.GetOutputPort("y").Eval(context)[0] == gain
     assert block.GetOutputPort("y").Eval(clone)[0] == 2.0
+
+
+def test_in_one_context_other_contexts_have_parameters_and_states_of_their_own():
+    block = Block(Spec(
+        inputs={"signal": 1}, outputs={"y": Output(1, recall)}, parameters={"gain": 2.0},
+        discrete_state=np.array([-1.0, 5.0]), updates=(Update(count_new, Phase.COMPUTE),),
+    ))
+    kept, other = block.CreateDefaultContext(), block.CreateDefaultContext()
+    for context in (kept, other):
+        block.get_input_port().FixValue(context, [1.0])
+    other.SetDiscreteState([-1.0, 7.0])
+    with in_one_context(block, kept):
+        assert [block.get_output_port().Eval(context)[0] for context in (kept, other, kept)] == [5.0, 7.0, 5.0]
+        kept.SetDiscreteState([-1.0, 6.0])
+        assert block.get_output_port().Eval(kept)[0] == 6.0
+
+
+def test_after_in_one_context_parameters_may_change_again():
+    block = Gain(2.0)
+    context = block.CreateDefaultContext()
+    block.GetInputPort("signal").FixValue(context, [1.0])
+    with in_one_context(block, context):
+        assert block.GetOutputPort("y").Eval(context)[0] == 2.0
+    context.get_mutable_numeric_parameter(0).SetFromVector([7.0])
+    assert block.GetOutputPort("y").Eval(context)[0] == 7.0
+
+
+@pytest.mark.parametrize("name", ["omni_multirate", "pendulum_multirate"])
+def test_in_one_context_a_simulation_has_the_same_bits(name):
+    scenario = load_scenario(name, ["seconds=0.6"])
+    (simulator, sinks), run = make_simulator(build_diagram(scenario)), simulate(scenario)
+    simulator.AdvanceTo(0.6)
+    for signal, sink in sinks.items():
+        assert np.array_equal(sink.FindLog(simulator.get_context()).data().T, run.signals[signal])
 
 
 def test_a_plants_mass_can_be_changed_in_its_context():

@@ -187,8 +187,9 @@ def test_torques_that_are_stamped_late_are_set_to_the_tick(every, late_s):
 def test_an_encoder_that_is_stamped_late_may_be_its_clock_or_a_delay_of_the_command():
     runs = [Clock("encoder", 1.0, 0.03).apply(run(k, 0.02, push=0.01)) for k in (1, 2)]
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "viscous_friction"))
-    assert found.verdict == "set" and [(e.name, e.faults) for e in found.effects] == [("command_delay", ["clock_offset"])]
-    assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.03, abs=0.001)
+    (effect,) = found.effects
+    assert found.verdict == "set" and (effect.name, effect.faults) == ("command_delay", ["clock_offset"])
+    assert effect.parameters["delay_s"].estimate == pytest.approx(0.03, abs=0.001)
 
 
 @pytest.mark.parametrize("every", [1, 5, 20])

@@ -11,13 +11,22 @@ The same kernel runs compiled in Drake's Simulator and, in its plain Python form
 
 import enum
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.symbolic import Expression
-from pydrake.systems.framework import BasicVector_, InputPortIndex, LeafSystem_, ValueProducer
+from pydrake.systems.framework import (
+    BasicVector_,
+    Context,
+    Diagram,
+    InputPortIndex,
+    LeafSystem_,
+    System,
+    ValueProducer,
+)
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_ispace.blocks.kernels import arguments, plain
@@ -107,7 +116,8 @@ def _values(value):
     return list(value.values()) if isinstance(value, Mapping) else value
 
 
-_EMPTY = np.empty(0)
+#: What a Block keeps of no Context: the Context, its continuous and discrete state, and its parameters by name.
+_NOTHING_KEPT = None, np.empty(0), np.empty(0), {}
 
 
 @functools.cache
@@ -136,6 +146,7 @@ def Block_(T):
             LeafSystem_[T].__init__(self, converter=converter)
             self.spec = spec
             self._through = None
+            self._kept = _NOTHING_KEPT
             for name, size in spec.inputs.items():
                 self.DeclareVectorInputPort(name, size)
             self.DeclareNumericParameter(BasicVector_[T](spec.parameter_values))
@@ -222,17 +233,27 @@ def Block_(T):
                 self._unpacked.append(unpacked)
             return unpacked
 
-        def _bind(self, function, size, stepped=False, writes=False):
-            """Return a function (context, xd=None) that evaluates a kernel into a new `out` of `size` entries.
+        def _keep(self, context):
+            """Keep the objects of the block's own Context, or those of none; see `in_one_context`."""
+            if context is None:
+                self._kept = _NOTHING_KEPT
+                return
+            has_xc, has_xd = context.num_continuous_states(), context.num_discrete_state_groups()
+            xc = context.get_continuous_state_vector().value() if has_xc else _NOTHING_KEPT[1]
+            xd = context.get_discrete_state_vector().value() if has_xd else _NOTHING_KEPT[2]
+            self._kept = context, xc, xd, self._parameters.Eval(context)
 
-            If `xd` is given, it takes the place of the discrete state stored in the context. With `stepped`, the
-            argument `xd` of a block with a through update is the state after that update. With `writes`, the function
-            is (context, vector) and evaluates it into the vector or the DiscreteValues that Drake asks for, in place
-            where these are floats.
+        def _bind(self, function, size, stepped=False, writes=False):
+            """Return a function (context, given=None) that evaluates a kernel into a new `out` of `size` entries.
+
+            A second argument takes the place of the discrete state stored in the context. With `stepped`, the argument
+            `xd` of a block with a through update is the state after that update. With `writes`, the function is
+            (context, vector) and evaluates it into the vector or the DiscreteValues that Drake asks for, in place where
+            these are floats.
 
             The function is made from its text: a call of Python for every argument would make Drake's Simulator
-            slower by a seventh. Parameters that are the same in every Context so far are not fetched from its cache,
-            which takes three times as long as to ask whether they are there.
+            slower by a seventh. What `in_one_context` keeps is not fetched again. Nor are parameters that are the same
+            in every Context so far: to ask whether they are there takes a third of the time.
 
             Raises:
                 TypeError: an argument of the kernel is no port, state or parameter.
@@ -243,35 +264,38 @@ def Block_(T):
                 raise TypeError(f"{type(self).__name__}: kernel argument {unknown} is no port, state or parameter")
             ports = {f"port_{name}": self.get_input_port(i).Eval for i, name in enumerate(self.spec.inputs)}
             values = "value()" if scalar_is_float else "CopyToVector()"
-            stored = f"context.get_discrete_state_vector().{values}" + ("" if writes else " if xd is None else xd")
-            if self.spec.discrete_state is None:
-                stored = "no_state"
-            elif stepped:
-                stored = "stepped(context)"
+            fetched = {
+                "xc": f"context.get_continuous_state_vector().{values}",
+                "xd": f"context.get_discrete_state_vector().{values}",
+                "parameters": "unpacked[0] if len(unpacked) == 1 and not out_of_date(context) else unpack(context)",
+            }
+            needed = {"parameters" if name in self.spec.parameters else name for name in names}
+            if stepped or self.spec.discrete_state is None:
+                needed.discard("xd")
             texts = {
                 **{name: f"parameters[{name!r}]" for name in self.spec.parameters},
-                "xc": f"context.get_continuous_state_vector().{values}", "xd": stored,
-                "tick": "tick_at(float(context.get_time()))",
+                "xc": "xc", "xd": "xd", "tick": "tick_at(float(context.get_time()))",
                 **{name: f"port_{name}(context)" for name in self.spec.inputs},
             }
+            if stepped:
+                texts["xd"] = "stepped(context)"
             in_place = writes and scalar_is_float
             lines = [
-                "def call(context, vector):" if writes else "def call(context, xd=None):",
+                "def call(context, vector):" if writes else "def call(context, given=None):",
                 "out = vector.get_mutable_value()" if in_place else "out = empty(size, scalar)",
+                "kept, xc, xd, parameters = block._kept",
             ]
-            if not self.spec.parameters.keys().isdisjoint(names):
-                lines += [
-                    "known = block._unpacked",
-                    "is_known = len(known) == 1 and not out_of_date(context)",
-                    "parameters = known[0] if is_known else eval_parameters(context)",
-                ]
+            if of_context := [f"    {name} = {text}" for name, text in fetched.items() if name in needed]:
+                lines += ["if context is not kept:", *of_context]
+            if "xd" in needed and not writes:
+                lines += ["if given is not None:", "    xd = given"]
             lines += [f"run({', '.join([*(texts[name] for name in names), 'out'])})"]
             if not in_place:
                 lines += ["vector.set_value(out)" if writes else "return out"]
             scope = {
                 "run": function if scalar_is_float else plain(function), "scalar": float if scalar_is_float else object,
-                "empty": np.empty, "size": size, "tick_at": tick_at, "no_state": _EMPTY, "block": self,
-                "eval_parameters": self._parameters.Eval, "out_of_date": self._parameters.is_out_of_date,
+                "empty": np.empty, "size": size, "tick_at": tick_at, "block": self, "unpacked": self._unpacked,
+                "out_of_date": self._parameters.is_out_of_date, "unpack": self._parameters.Eval,
                 "stepped": self._through.Eval if stepped else None, **ports,
             }
             exec(compile("\n    ".join(lines), f"<arguments of {function.__name__}>", "exec"), scope)
@@ -282,3 +306,28 @@ def Block_(T):
 
 #: A Block over floats; every block of a diagram is a subclass of Block.
 Block = Block_[None]
+
+
+@contextmanager
+def in_one_context(system: System, context: Context) -> Iterator[None]:
+    """Simulate a Diagram in this one Context, of which no parameter changes meanwhile, and make it a sixth faster.
+
+    Every Block keeps the Python objects of its Context, its state and its parameters, which pydrake otherwise makes
+    anew for every call. Evaluations in other Contexts stay right.
+    """
+    blocks = [leaf for leaf in _leaves(system) if isinstance(leaf, Block)]
+    try:
+        for block in blocks:
+            block._keep(block.GetMyContextFromRoot(context))
+        yield
+    finally:
+        for block in blocks:
+            block._keep(None)
+
+
+def _leaves(system: System) -> Iterator[System]:
+    if isinstance(system, Diagram):
+        for part in system.GetSystems():
+            yield from _leaves(part)
+    else:
+        yield system
