@@ -27,7 +27,7 @@ CLASSES = [{"motion": RNG.integers(1, 5, n)} for n in ROWS]  # class 1 is not sc
 WHITENING = Whitening(MEASURED, CLASSES)
 FOUND = [residuals(0.1) for _ in range(5)]
 OFFSETS = offsets_of(
-    WHITENING, MEASURED, stacks_of([residuals(0.2) for _ in range(3)], MEASURED),
+    WHITENING, MEASURED, [stacks_of([residuals(0.2) for _ in range(3)], MEASURED)],
     stacks_of_runs([(i, residuals()[i]) for i in (0, 0, 1)], MEASURED),
 )
 CHANGES = Changes(WHITENING, MEASURED, FOUND)

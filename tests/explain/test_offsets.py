@@ -23,7 +23,7 @@ WHITENING = Whitening(MEASURED, [{"motion": RNG.integers(0, 4, n)} for n in (900
 EVERYWHERE, OWN = [residuals(0.2) for _ in range(3)], [(i, residuals()[i]) for i in (0, 0, 1)]
 STARTS = WHITENING.starts(MEASURED)
 FREED = RNG.standard_normal((2, STARTS[-1]))
-STACKS = stacks_of(EVERYWHERE, MEASURED), stacks_of_runs(OWN, MEASURED)
+STACKS = [stacks_of(EVERYWHERE[:2], MEASURED), stacks_of(EVERYWHERE[2:], MEASURED)], stacks_of_runs(OWN, MEASURED)
 OFFSETS = offsets_of(WHITENING, MEASURED, *STACKS).with_freed(FREED)
 NOTHING = [{name: 0.0 * rows for name, rows in run.items()} for run in MEASURED]
 #: The same with whitened vectors that are all kept.

@@ -36,7 +36,7 @@ def _stack(changes, run) -> Stack:
 
 
 def offsets_of(
-    whitening: Whitening, residuals: Residuals, everywhere: Sequence[Stack], own: Sequence[Stack]
+    whitening: Whitening, residuals: Residuals, everywhere: Sequence[Sequence[Stack]], own: Sequence[Stack]
 ) -> "Offsets":
     """The Offsets under a noise, none of them freed."""
     return Offsets(whitening, residuals, everywhere, own, np.empty((0, whitening.starts(residuals)[-1])))
@@ -47,20 +47,21 @@ class Offsets:
     """(k + q + f) whitened vectors of n numbers, of which none but `freed` is kept whitened.
 
     Attributes:
-        whitening: the noise. residuals: of all runs; only their sizes are used. everywhere: per run, k changes. own:
-            per run, changes of this run only; q of them all. freed: (f, n) further vectors, whitened.
+        whitening: the noise. residuals: of all runs; only their sizes are used. everywhere: groups of changes of all
+            runs, k of them all; per run, a Stack of each group. own: per run, changes of this run only; q of them all.
+            freed: (f, n) further vectors, whitened.
     """
 
     whitening: Whitening
     residuals: Residuals
-    everywhere: Sequence[Stack]
+    everywhere: Sequence[Sequence[Stack]]
     own: Sequence[Stack]
     freed: np.ndarray
     _ends: list[int] = field(init=False, repr=False)
     _starts: list[int] = field(init=False, repr=False)
 
     def __post_init__(self):
-        ends = np.cumsum([_count(self.everywhere[0]), *map(_count, self.own), len(self.freed)])
+        ends = np.cumsum([*(_count(group[0]) for group in self.everywhere), *map(_count, self.own), len(self.freed)])
         object.__setattr__(self, "_ends", ends.tolist())
         object.__setattr__(self, "_starts", self.whitening.starts(self.residuals).tolist())
 
@@ -129,8 +130,10 @@ class Offsets:
         return list(zip(self._starts[:-1], self._starts[1:], strict=True))
 
     def _groups(self, i):
-        """Which of the vectors, and their changes in run `i`: those of all runs, and its own."""
-        return (slice(0, self._ends[0]), self.everywhere[i]), (slice(*self._ends[i : i + 2]), self.own[i])
+        """Which of the vectors, and their changes in run `i`: those of all runs, group by group, and its own."""
+        ends, groups = [0, *self._ends], len(self.everywhere)
+        numbers, stacks = [*range(groups), groups + i], [*(group[i] for group in self.everywhere), self.own[i]]
+        return [(slice(ends[number], ends[number + 1]), stack) for number, stack in zip(numbers, stacks, strict=True)]
 
 
 def _flat(rows):

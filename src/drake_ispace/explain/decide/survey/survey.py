@@ -75,7 +75,7 @@ class Survey:
     def light(self) -> "Survey":
         """The Survey without the changes of the residuals: nothing can be surveyed or moved from it any more."""
         screen = self.screen.light()
-        none = {"changes": [], "by_sizes": [], "offset_stacks": [], "tolerated_stacks": []}
+        none = {"changes": [], "by_sizes": [], "offset_stacks": [], "tolerated_stacks": [], "assumed_stacks": []}
         view = replace(self.view, signatures=screen.signatures, **none)
         nothing = np.empty((len(screen.signatures), 0))
         return replace(self, view=view, tested=None, changes=None, screen=screen, by_instant=nothing)

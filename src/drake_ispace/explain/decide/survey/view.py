@@ -29,8 +29,8 @@ class View:
     Attributes:
         prediction: model and runs. signatures: of every effect and every generic disagreement. changes: those that
             are explained away while the noise is learned. offset_stacks: per run, changes by every nuisance of it.
-            tolerated_stacks: per run, changes by what a sound robot may be off. assumed: how many of these, the last
-            ones, are by other assumptions about noise. sizes: natural size of each coordinate of each candidate.
+            tolerated_stacks: per run, changes by what a sound robot may be off. assumed_stacks: per run, changes by
+            other assumptions about noise. sizes: natural size of each coordinate of each candidate.
     """
 
     prediction: Prediction
@@ -39,7 +39,7 @@ class View:
     by_sizes: list[Residuals]
     offset_stacks: list[Stack]
     tolerated_stacks: list[Stack]
-    assumed: int
+    assumed_stacks: list[Stack]
     sizes: Mapping[Candidate, Sequence[float]]
 
     @property
@@ -47,21 +47,12 @@ class View:
         """(run, change) of every nuisance of a single run."""
         return [(i, change) for i, stack in enumerate(self.offset_stacks) for change in members(stack)]
 
-    @property
-    def tolerated(self) -> list[Residuals]:
-        """Changes by what a sound robot may be off."""
-        return [list(change) for change in zip(*map(members, self.tolerated_stacks), strict=True)]
-
     def assuming_at(self, point: Point, residuals: Residuals) -> "View":
         """The View whose changes by other assumptions about noise are those of the `residuals` at `point`.
 
         Where an effect is missing, a filter with other gains follows it otherwise: the change looks like the effect.
         """
-        again = stacks_of(_by_assumptions(self.prediction, point, residuals), residuals)
-        return replace(self, tolerated_stacks=[
-            {name: np.concatenate([rows[: len(rows) - self.assumed], new[name]]) for name, rows in old.items()}
-            for old, new in zip(self.tolerated_stacks, again, strict=True)
-        ])
+        return replace(self, assumed_stacks=_by_assumptions(self.prediction, point, residuals))
 
     def of_run(self, i: int) -> "View":
         """The View of one of its runs."""
@@ -71,12 +62,13 @@ class View:
             signatures=[replace(signature, change=[signature.change[i]]) for signature in self.signatures],
             changes=own(self.changes), by_sizes=own(self.by_sizes),
             offset_stacks=self.offset_stacks[i : i + 1], tolerated_stacks=self.tolerated_stacks[i : i + 1],
+            assumed_stacks=self.assumed_stacks[i : i + 1],
         )
 
     def regression(self, whitening: Whitening, residuals: Residuals) -> "Regression":
         """Least squares by all changes and offsets, under this noise."""
-        changes, none = Changes(whitening, residuals, self.changes), stacks_of([], residuals)
-        return Regression(whitening, Marginal(changes, offsets_of(whitening, residuals, none, self.offset_stacks)))
+        changes = Changes(whitening, residuals, self.changes)
+        return Regression(whitening, Marginal(changes, offsets_of(whitening, residuals, [], self.offset_stacks)))
 
     def errors(self, regression: "Regression", residuals: Residuals) -> list[Residuals]:
         """What errors of the amounts of a regression add up to, together as large as is expected."""
@@ -100,7 +92,7 @@ class View:
         near: whether the residuals are nearly those of the best point. Only then is their past the noise's memory, and
             the memory is marginalised. flaws: further changes to be tolerated, one standard deviation each.
         """
-        everywhere = stacks_of([*self.tolerated, *flaws], residuals) if flaws else self.tolerated_stacks
+        everywhere = [self.tolerated_stacks, self.assumed_stacks, stacks_of(flaws, residuals)]
         offsets = offsets_of(whitening, residuals, everywhere, self.offset_stacks)
         memory = whitening.memory(residuals) if near else ()
         return Likelihood(self.prediction, whitening, offsets, self.sizes, memory)
@@ -147,16 +139,16 @@ def view_from(
     tested = signatures(prediction, point, others, scales, base) + generics(prediction, point, base)
     steady = [s.change for s in tested if not s.candidate.effect.is_local]
     timing = [difference(other, base) for other in prediction.under_other_timing(merged(point))]
-    assumed = _by_assumptions(prediction, point, base)
     by_sizes = _changes_by_sizes(prediction, point, sizes, base)
     offsets = stacks_of_runs(prediction.nuisances(merged(point)), base)
-    tolerated = stacks_of(_tolerated(tested, scales) + timing + assumed, base)
-    return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, len(assumed), sizes)
+    tolerated, assumed = stacks_of(_tolerated(tested, scales) + timing, base), _by_assumptions(prediction, point, base)
+    return View(prediction, tested, steady + by_sizes + timing, by_sizes, offsets, tolerated, assumed, sizes)
 
 
 def _by_assumptions(prediction, point, residuals):
-    """Changes of the residuals at `point` by each other assumption about noise."""
-    return [difference(other, residuals) for other in prediction.under_other_noise(merged(point))]
+    """Per run, changes of the residuals at `point` by each other assumption about noise."""
+    changes = [difference(other, residuals) for other in prediction.under_other_noise(merged(point))]
+    return stacks_of(changes, residuals)
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
