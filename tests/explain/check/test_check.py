@@ -241,6 +241,16 @@ def frozen(t, v):
     return v
 
 
+def frozen_column(t, v, column=1):
+    v[:, [column]] = frozen(t, v[:, [column]])
+    return v
+
+
+def set_anew(t, v, column=1):
+    v[t > 6.0, column] -= 7.3
+    return v
+
+
 def spiked(t, v):
     v[[40, 80], 0] += 0.7
     return v
@@ -273,6 +283,28 @@ def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
     (finding,) = found([changed(first, channel, values), second], "omni")
     assert finding.fault == fault and finding.limited and finding.runs == (0,)
     assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
+
+
+@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("column", [0, 1])
+@pytest.mark.parametrize(("values", "fault", "what", "lasts_s"), [
+    (frozen_column, "channel_frozen", "repeats, then leaps", 2.0), (set_anew, "counter_reset", "leaps", 0.0),
+])
+def test_one_wheel_that_stops_or_starts_anew_is_told(sound, robot, column, values, fault, what, lasts_s):
+    first, second = sound[robot]
+    spoilt = changed(first, "encoder", lambda t, v: values(t, v, column))
+    (finding,) = found([spoilt, second], robot)
+    assert finding.fault == fault and finding.runs == (0,) and what in finding.what
+    assert first.channels["encoder"].columns[column] in finding.what
+    assert finding.to_s - finding.from_s == pytest.approx(lasts_s, abs=0.1)
+
+
+@pytest.mark.parametrize(("robot", "channel", "column"), [("omni", "torque", 0), ("pendulum", "imu", 4)])
+def test_a_column_that_stops_for_a_while_is_told(sound, robot, channel, column):
+    first, second = sound[robot]
+    (finding,) = found([changed(first, channel, lambda t, v: frozen_column(t, v, column)), second], robot)
+    assert (finding.fault, finding.channel, finding.runs) == ("channel_frozen", channel, (0,))
+    assert finding.what == f"{first.channels[channel].columns[column]} repeats"
 
 
 def test_a_single_fix_of_a_slow_camera_that_is_off_is_an_outlier(sound):

@@ -186,7 +186,9 @@ class _Search:
         return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
 
     def _bases(self):
-        return [base_of(run, self.robot, self.settings) for run in self.runs]
+        return [
+            base_of(run, self.robot, self.settings, self._spoilt([i], ("encoder",))) for i, run in enumerate(self.runs)
+        ]
 
     def _drives(self):
         """Number of each run with a commanded velocity -> the command and the wheels."""
@@ -295,11 +297,11 @@ class _Search:
                     if not isinstance(repair, CutOut):
                         self.runs[i] = repair.apply(self.runs[i])
 
-    def _spoilt(self, runs):
-        """Stretches [s] of these runs at which something is at fault."""
+    def _spoilt(self, runs, channels=None):
+        """Stretches [s] of these runs at which something is at fault, or one of these channels."""
         return [
             stretch for finding in self.findings if finding.limited and set(finding.runs) & set(runs)
-            for stretch in finding.stretches
+            for stretch in finding.stretches if channels is None or finding.channel in channels
         ]
 
     def _echo(self, finding):

@@ -86,6 +86,8 @@ def turned_findings(run: Recording, base: Base | None, number: int) -> Iterator[
     if usual > 0.5 * _QUARTER or np.mean(quarters % 4 != 0) > 0.5:  # at random, at most half of the steps are jumps
         return
     quarters[(np.diff(t) > WINDOW_S) | (beside > usual) | (ways > far)] = 0
+    for since, until in base.spoilt:
+        quarters[(t[1:] > since) & (t[:-1] < until)] = 0
     sides = np.append(0, np.cumsum(quarters)).astype(int) % 4
     off_by = (sides - np.bincount(sides).argmax() + 1) % 4 - 1  # from a quarter turn back to half a turn
     same = [part for part in np.split(np.arange(len(t)), np.flatnonzero(np.diff(sides)) + 1) if off_by[part[0]]]

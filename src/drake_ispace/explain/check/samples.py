@@ -68,7 +68,11 @@ def sample_findings(run: Recording, number: int, steps: bool = False) -> Iterato
             found = list(_stopped(channel, number))
         if name != "kinect" and not found:
             found = list(_repeated(name, channel, number))
-        yield from found or (() if name in _NOISY else _reversed(name, channel, number))
+        if name not in _NOISY and not found:
+            found = list(_reversed(name, channel, number))
+        if name == "encoder" and not found:
+            found = list(_set_anew(channel, number))
+        yield from found
 
 
 def _known_turn(height, off, counts_per_turn, times):
@@ -146,7 +150,7 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
 
 
 def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[Finding]:
-    """A noisy channel that repeats itself: for a while, or a column of it always.
+    """A noisy channel that repeats itself: for a while, all of it or a column, or a column of it always.
 
     The torque of a controller rests while the wheels do; may_rest: it may be constant at any time.
     """
@@ -158,22 +162,25 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
         return
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
-    again = repeats(channel.values)
-    long = [
-        (a, b) for a, b in stretches(again)
-        if channel.t[b] - channel.t[a] >= STUCK_S and not _holds(again, b - a)
-    ]
-    low, high = channel.values.min(axis=0), channel.values.max(axis=0)
-    for first, last in long:
-        held = channel.values[first]
-        since, until = float(channel.t[first]), float(channel.t[last])
-        if name == "torque" and encoder is not None:
-            inside = encoder.values[(encoder.t >= since) & (encoder.t < until)]
-            if len(inside) and not np.ptp(inside, axis=0).any():
+    found = []
+    for what, values in (
+        ("rows repeat", channel.values), *((f"{c} repeats", channel.column(c)[:, None]) for c in channel.columns)
+    ):
+        again, low, high = repeats(values), values.min(axis=0), values.max(axis=0)
+        for first, last in stretches(again):
+            since, until, held = float(channel.t[first]), float(channel.t[last]), values[first]
+            if until - since < STUCK_S or _holds(again, last - first):
                 continue
-        if held.any() and not np.all((held == low) | (held == high)):
-            yield Finding("channel_frozen", "rows repeat", "", (number,), name, since, until,
-                          repairs=(CutOut(since, until),))
+            if any(a <= since and until <= b for a, b in found):  # a column of rows that repeat
+                continue
+            if name == "torque" and encoder is not None:
+                inside = encoder.values[(encoder.t >= since) & (encoder.t < until)]
+                if len(inside) and not np.ptp(inside, axis=0).any():
+                    continue
+            if held.any() and not np.all((held == low) | (held == high)):
+                found.append((since, until))
+                yield Finding("channel_frozen", what, "", (number,), name, since, until,
+                              repairs=(CutOut(since, until),))
 
 
 def _holds(again, rows):
@@ -182,17 +189,43 @@ def _holds(again, rows):
     return others == 0 or len(again) * ((np.sum(again) - rows) / others) ** rows >= CHANCE
 
 
+def _leaps(channel: Channel) -> np.ndarray:
+    """(n - 1, wheels) whether an angle leaps from a row to the next: few steps do, and all others are far smaller."""
+    apart = np.diff(channel.t)
+    steps = np.abs(np.diff(channel.values, axis=0)) / np.maximum(apart / np.median(apart), 1.0)[:, None]
+    largest = np.sort(steps, axis=None)[::-1][: int(np.sqrt(steps.size)) + 1]
+    far = largest[:-1] > LEAP * largest[1:]
+    far &= largest[1:] > 0.0  # a wheel that hardly moves makes single counts
+    return steps > LEAP * largest[1:][far].min(initial=np.inf)
+
+
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
-    """Rows of the encoder that repeat and then leap to where the wheels have gone meanwhile."""
-    size = np.abs(np.diff(channel.values, axis=0)).max(axis=1)
-    if not size.any():
-        return
-    for first, last in stretches(size == 0.0):
+    """Angles, of one wheel or of all, that repeat and then leap to where the wheels have gone meanwhile."""
+    leaps, still = _leaps(channel), np.diff(channel.values, axis=0) == 0.0
+    for first, last in sorted({part for own in still.T for part in stretches(own)}):
         since, until = float(channel.t[first]), float(channel.t[last])
-        others = np.delete(size, last) if last < len(size) else size[:0]
-        if until - since >= STUCK_S and len(others) and size[last] > LEAP * others.max(initial=0.0):
-            yield Finding("channel_frozen", "rows repeat, then leap", "", (number,), "encoder", since, until,
+        if until - since < STUCK_S or last >= len(leaps):
+            continue
+        stopped = leaps[last] & still[first:last].all(axis=0)
+        if stopped.any():
+            names = "rows" if still[first:last].all() else _named(channel, stopped)
+            what = f"{names} repeats, then leaps" if names in channel.columns else f"{names} repeat, then leap"
+            yield Finding("channel_frozen", what, "", (number,), "encoder", since, until,
                           repairs=(CutOut(since, float(channel.t[last + 1])),))
+
+
+def _named(channel: Channel, some: np.ndarray) -> str:
+    """Names of some columns, in words."""
+    return ", ".join(name for name, one in zip(channel.columns, some, strict=True) if one)
+
+
+def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
+    """Angles that leap from one row to the next."""
+    leaps = _leaps(channel)
+    for k in np.flatnonzero(leaps.any(axis=1)).tolist():
+        since, until = float(channel.t[k]), float(channel.t[k + 1])
+        what = f"{_named(channel, leaps[k])} leap{'s' if leaps[k].sum() == 1 else ''}, as no wheel can turn"
+        yield Finding("counter_reset", what, "", (number,), "encoder", since, until, repairs=(CutOut(since, until),))
 
 
 def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 The wheels' clock is the reference. A channel may be moved against it in time.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -50,13 +50,14 @@ class Base:
 
     Attributes:
         robot, settings: of the model. encoder: the channel. rate_s: half of the time over which angles are
-            differentiated.
+            differentiated. spoilt: stretches [s] in which the encoder is at fault.
     """
 
     robot: Robot
     settings: Any
     encoder: Channel
     rate_s: float = RATE_S
+    spoilt: tuple[tuple[float, float], ...] = ()
 
     @property
     def geometry(self):
@@ -139,14 +140,14 @@ class Link:
         return self.besides is not None and np.isinf(self.slack.besides)
 
 
-def base_of(run: Recording, robot: Robot, settings: Any) -> Base | None:
-    """The wheels of a run; None without an encoder that can be compared."""
+def base_of(run: Recording, robot: Robot, settings: Any, spoilt: Iterable[tuple[float, float]] = ()) -> Base | None:
+    """The wheels of a run; None without an encoder that can be compared. spoilt: as of Base."""
     encoder = run.channels.get("encoder")
     if encoder is None or len(encoder.t) < 3 or len(encoder.columns) != len(settings.plant.geometry.wheels):
         return None
     # of a plant of unknown quickness so short that a run has as many windows of torque as count
     most_s = RATE_S if robot.in_room else RATE_S / LATENCY_S * (encoder.t[-1] - encoder.t[0]) / MOST_ROWS
-    return Base(robot, settings, encoder, float(min(RATE_S, most_s)))
+    return Base(robot, settings, encoder, float(min(RATE_S, most_s)), tuple(spoilt))
 
 
 def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
@@ -325,9 +326,12 @@ def _grid(channel, base, window_s, starts):
 
 
 def inside(base: Base, since_s: np.ndarray, until_s: np.ndarray, lag_s: float = 0.0) -> np.ndarray:
-    """(n,) which windows lie inside the wheels' time, moved by lag_s."""
-    t = base.encoder.t
-    return (since_s + lag_s - 2 * base.rate_s >= t[0]) & (until_s + lag_s + 2 * base.rate_s <= t[-1])
+    """(n,) which windows lie inside the wheels' time, moved by lag_s, and outside of what is spoilt."""
+    t, begin, end = base.encoder.t, since_s + lag_s - 2 * base.rate_s, until_s + lag_s + 2 * base.rate_s
+    kept = (begin >= t[0]) & (end <= t[-1])
+    for since, until in base.spoilt:
+        kept &= (end <= since) | (begin >= until)
+    return kept
 
 
 def moves(link: Link) -> bool:
