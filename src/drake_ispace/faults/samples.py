@@ -62,7 +62,7 @@ FAULTS = (
         "counter_reset", "a counter that is set anew",
         "angles of the wheels jump to other numbers, and go on from there",
         "a driver that starts anew while the log runs, or a counter that wraps",
-        "an angle leaps between two rows, several times as far as it ever turns; or all turn fast, and the robot does not",
+        "an angle leaps between two rows, far beyond any other step; or all turn fast, and the robot does not",
         "cut the run in two there", same=("counter_wrap", "rows_missing"), harmless=True,
     ),
     Fault(

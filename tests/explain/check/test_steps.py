@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.samples import sample_findings
+from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 
 SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
@@ -27,6 +29,16 @@ def test_angles_that_are_set_to_zero_are_no_jump_of_the_camera():
         return values
 
     assert found("encoder", reset) == [("counter_reset", "encoder", (0,))]
+
+
+@pytest.mark.parametrize(("every_s", "rows"), [(0.02, 8), (0.2, 3), (0.2, 1)])
+def test_a_dash_between_rests_is_no_counter_that_was_set_anew(every_s, rows):
+    """Its wheels turn by a count now and then, and fast for a few rows."""
+    t, count = every_s * np.arange(200), 2.0 * np.pi / two_wheels.COUNTS
+    angles = count * np.random.default_rng(1).integers(0, 2, (200, 2))
+    angles[60:] += 3.0 * np.clip(np.arange(140) + 1.0, 0, rows)[:, None]
+    encoder = Channel(t, ("theta_r", "theta_l"), angles)
+    assert not list(sample_findings(Recording("rover", channels={"encoder": encoder}), 0))
 
 
 def test_a_camera_that_jumps_is_no_counter_that_was_set_anew():

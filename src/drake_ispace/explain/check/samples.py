@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
+from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S, step_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CERTAIN, CHANCE
@@ -190,13 +191,18 @@ def _holds(again, rows):
 
 
 def _leaps(channel: Channel) -> np.ndarray:
-    """(n - 1, wheels) whether an angle leaps from a row to the next: few steps do, and all others are far smaller."""
+    """(n - 1, wheels) whether an angle leaps from a row to the next: few steps do, each by itself, and all others are
+    far smaller."""
     apart = np.diff(channel.t)
     steps = np.abs(np.diff(channel.values, axis=0)) / np.maximum(apart / np.median(apart), 1.0)[:, None]
     largest = np.sort(steps, axis=None)[::-1][: int(np.sqrt(steps.size)) + 1]
     far = largest[:-1] > LEAP * largest[1:]
     far &= largest[1:] > 0.0  # a wheel that hardly moves makes single counts
-    return steps > LEAP * largest[1:][far].min(initial=np.inf)
+    leaps = steps > LEAP * largest[1:][far].min(initial=np.inf)
+    around = np.zeros_like(leaps)  # a motion that is fast for some rows is none
+    around[1:] |= leaps[:-1]
+    around[:-1] |= leaps[1:]
+    return leaps & ~around
 
 
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
@@ -220,7 +226,9 @@ def _named(channel: Channel, some: np.ndarray) -> str:
 
 
 def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
-    """Angles that leap from one row to the next."""
+    """Angles that leap from one row to the next, where rows are so close that no wheel starts and stops between two."""
+    if np.median(np.diff(channel.t)) > RATE_S:
+        return
     leaps = _leaps(channel)
     for k in np.flatnonzero(leaps.any(axis=1)).tolist():
         since, until = float(channel.t[k]), float(channel.t[k + 1])
