@@ -8,7 +8,7 @@ import pytest
 
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.adequacy import _unlike
-from drake_ispace.explain.prove.free_run import PREDICTION, WHEELS, Measure, simulate, windows_of
+from drake_ispace.explain.prove.free_run import PREDICTION, STEP, WHEELS, Measure, simulate, windows_of
 from drake_ispace.explain.prove.noise import FORCES, JOLTS, Spreads, process_noise, sensor_noise
 from drake_ispace.explain.prove.predicted import predicted_share
 from drake_ispace.explain.prove.prove import prove
@@ -155,3 +155,14 @@ def test_whole_pixels_repeat_the_error_of_a_robot_at_rest():
 def test_noise_of_the_markers_comes_on_top_of_whole_pixels():
     _, moving = fixes_of(1.0)
     assert moving[:, 0].std() == pytest.approx(0.00487 * np.sqrt((1.0 + 1.0 / 12.0) / 2.0), rel=0.15)
+
+
+def test_a_model_that_runs_away_has_no_process_noise():
+    robot = SimpleNamespace(driven="torque", most_slip=3.0, most_unknown=3.0)
+    prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(robot=robot)))
+    shown = [Measure(PREDICTION, horizon, "encoder: wheel 1", "rad", "torque") for horizon in (STEP, "0.2s")]
+    noise = [{measure: np.linspace(-1.0, 1.0, 9)[:, None] for measure in shown}]
+    away = [{measure: np.full((9, 1), np.inf) for measure in shown}]
+    assert process_noise(prediction, "0.2s", noise, noise, {"force 1": noise}).needed == {"force 1": 0.0}
+    with pytest.raises(np.linalg.LinAlgError, match="runs away"):
+        process_noise(prediction, "0.2s", away, noise, {"force 1": noise})

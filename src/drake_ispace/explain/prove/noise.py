@@ -276,6 +276,9 @@ def process_noise(
     Args:
         horizon: name of the shortest horizon. after: errors of each run. sensors: spread under sensor noise. unit:
             source -> spread under the robot's assumed process noise.
+
+    Raises:
+        LinAlgError: the model runs away from the runs.
     """
     needed, robot = {}, prediction.replay.body.robot
     pooled, noise = pooled_of(after), pooled_of(sensors)
@@ -297,6 +300,8 @@ def process_noise(
             extra = _covariance(pooled, measures) - of_noise
             columns.append([(part * np.outer(scale, scale)).ravel() for part in (extra, *parts)])
         extra, *parts = (np.concatenate(column) for column in zip(*columns, strict=True))
+        if not np.isfinite([extra, *parts]).all():
+            raise np.linalg.LinAlgError("the model runs away")
         strengths = np.sqrt(nnls(np.column_stack(parts), extra)[0])
         needed |= dict(zip(forces, map(float, strengths), strict=True))
         if robot.driven == COMMAND:  # noise that free runs on the command do not show is none
