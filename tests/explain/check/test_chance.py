@@ -52,6 +52,19 @@ def test_a_channel_that_often_holds_its_value_is_not_stuck_where_it_holds_it_by_
     assert faults(sample_findings(recording(torque=(t, held)), 0)) == []
 
 
+@pytest.mark.parametrize("rests", [True, False])
+def test_a_column_may_hold_its_value_while_a_wheel_rests(rests):
+    """As the torque of that wheel does."""
+    random, t = np.random.default_rng(0), 0.005 * np.arange(4000)
+    turning = np.sin(t)
+    resting = np.sin(t - np.clip(t - 5.0, 0.0, 3.0)) if rests else 1.1 * turning
+    torques = random.standard_normal((4000, 2))
+    torques[(t > 5.0) & (t < 8.0), 1] = 0.31
+    wheels = Channel(t, COLUMNS["encoder"], np.column_stack([turning, resting]))
+    run = Recording("mine", channels={"encoder": wheels, "torque": Channel(t, COLUMNS["torque"], torques)})
+    assert faults(sample_findings(run, 0)) == ([] if rests else ["channel_frozen"])
+
+
 @pytest.mark.parametrize(("every_s", "factor", "fault"), [
     (1.3, 1.0, []), (0.04, 1e3, ["time_unit"]), (0.04, 1e6, ["time_unit"]), (3.0, 1e3, ["time_unit"]),
 ])

@@ -31,14 +31,39 @@ def test_angles_that_are_set_to_zero_are_no_jump_of_the_camera():
     assert found("encoder", reset) == [("counter_reset", "encoder", (0,))]
 
 
-@pytest.mark.parametrize(("every_s", "rows"), [(0.02, 8), (0.2, 3), (0.2, 1)])
-def test_a_dash_between_rests_is_no_counter_that_was_set_anew(every_s, rows):
-    """Its wheels turn by a count now and then, and fast for a few rows."""
-    t, count = every_s * np.arange(200), 2.0 * np.pi / two_wheels.COUNTS
-    angles = count * np.random.default_rng(1).integers(0, 2, (200, 2))
-    angles[60:] += 3.0 * np.clip(np.arange(140) + 1.0, 0, rows)[:, None]
+def of_encoder(t, angles):
     encoder = Channel(t, ("theta_r", "theta_l"), angles)
-    assert not list(sample_findings(Recording("rover", channels={"encoder": encoder}), 0))
+    return [finding.fault for finding in sample_findings(Recording("rover", channels={"encoder": encoder}), 0)]
+
+
+@pytest.mark.parametrize("shaken", [True, False])
+@pytest.mark.parametrize(("every_s", "rows"), [(0.02, 8), (0.2, 3), (0.2, 1)])
+def test_a_dash_between_rests_is_no_counter_that_was_set_anew(every_s, rows, shaken):
+    """Its wheels turn by a count now and then, or not at all, and fast for a few rows."""
+    t, count = every_s * np.arange(200), 2.0 * np.pi / two_wheels.COUNTS
+    angles = count * shaken * np.random.default_rng(1).integers(0, 2, (200, 2))
+    for begin in (60, 120):
+        angles[begin:] += 3.0 * np.clip(np.arange(200 - begin) + 1.0, 0, rows)[:, None]
+    assert of_encoder(t, angles) == []
+
+
+@pytest.mark.parametrize("held", [2, 10])
+def test_a_dash_in_a_table_that_holds_its_samples_is_no_leap(held):
+    t = 0.01 * np.arange(2000)
+    angle = 0.05 * t + 6.0 * np.clip(t - 10.0, 0.0, 0.3)
+    assert of_encoder(t, np.repeat(angle[::held], held)[:, None] * [1.0, 1.1]) == []
+
+
+def test_a_wheel_in_coarse_counts_beside_a_fine_one_does_not_leap():
+    t = 0.01 * np.arange(2000)
+    assert of_encoder(t, np.column_stack([0.5 * np.floor(0.8 * t), 0.4 * t + 0.1 * np.sin(t)])) == []
+
+
+def test_wheels_that_turn_while_rows_are_missing_do_not_leap():
+    t = 0.01 * np.arange(2000)
+    angles = 0.001 * np.random.default_rng(1).integers(0, 2, (2000, 2)) + 0.5 * (t > 10.0)[:, None]
+    kept = (t <= 10.0) | (t > 10.6)
+    assert of_encoder(t[kept], angles[kept]) == []
 
 
 def test_a_camera_that_jumps_is_no_counter_that_was_set_anew():

@@ -186,9 +186,17 @@ class _Search:
         return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
 
     def _bases(self):
-        return [
-            base_of(run, self.robot, self.settings, self._spoilt([i], ("encoder",))) for i, run in enumerate(self.runs)
-        ]
+        return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(self.runs)]
+
+    def _cut(self, i):
+        """Stretches [s] that are cut out of a run because of its encoder, by the encoder's clock as it is now."""
+        cut = []
+        for repair in (r for f in self.findings if i in f.runs and f.channel == "encoder" for r in f.repairs):
+            if isinstance(repair, CutOut):
+                cut.append((repair.from_s, repair.to_s))
+            elif isinstance(repair, Clock) and repair.since_s == -np.inf:
+                cut = [tuple(repair.rate * t + repair.offset_s for t in stretch) for stretch in cut]
+        return cut
 
     def _drives(self):
         """Number of each run with a commanded velocity -> the command and the wheels."""
@@ -297,11 +305,11 @@ class _Search:
                     if not isinstance(repair, CutOut):
                         self.runs[i] = repair.apply(self.runs[i])
 
-    def _spoilt(self, runs, channels=None):
-        """Stretches [s] of these runs at which something is at fault, or one of these channels."""
+    def _spoilt(self, runs):
+        """Stretches [s] of these runs at which something is at fault."""
         return [
             stretch for finding in self.findings if finding.limited and set(finding.runs) & set(runs)
-            for stretch in finding.stretches if channels is None or finding.channel in channels
+            for stretch in finding.stretches
         ]
 
     def _echo(self, finding):

@@ -163,10 +163,10 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
         return
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
-    found = []
-    for what, values in (
-        ("rows repeat", channel.values), *((f"{c} repeats", channel.column(c)[:, None]) for c in channel.columns)
-    ):
+    found, parts = [], [("rows repeat", channel.values)]
+    if encoder is not None and not may_rest:
+        parts += [(f"{column} repeats", channel.column(column)[:, None]) for column in channel.columns]
+    for what, values in parts:
         again, low, high = repeats(values), values.min(axis=0), values.max(axis=0)
         for first, last in stretches(again):
             since, until, held = float(channel.t[first]), float(channel.t[last]), values[first]
@@ -174,14 +174,25 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
                 continue
             if any(a <= since and until <= b for a, b in found):  # a column of rows that repeat
                 continue
-            if name == "torque" and encoder is not None:
-                inside = encoder.values[(encoder.t >= since) & (encoder.t < until)]
-                if len(inside) and not np.ptp(inside, axis=0).any():
-                    continue
+            inside = None if encoder is None else encoder.values[(encoder.t >= since) & (encoder.t < until)]
+            if values is not channel.values and (_often(again, last - first) or not _all_turn(inside)):
+                continue
+            if name == "torque" and inside is not None and len(inside) and not np.ptp(inside, axis=0).any():
+                continue
             if held.any() and not np.all((held == low) | (held == high)):
                 found.append((since, until))
                 yield Finding("channel_frozen", what, "", (number,), name, since, until,
                               repairs=(CutOut(since, until),))
+
+
+def _often(again, rows):
+    """Whether a column repeats itself in other rows than so many in turn as well: it is not noisy."""
+    return LEAP * (np.sum(again) - rows) >= len(again) - rows
+
+
+def _all_turn(angles):
+    """Whether every wheel turns by more than a count; angles: (n, wheels) of a stretch."""
+    return len(angles) > 1 and all(np.ptp(angle) > step_of(angle) for angle in angles.T)
 
 
 def _holds(again, rows):
@@ -190,15 +201,26 @@ def _holds(again, rows):
     return others == 0 or len(again) * ((np.sum(again) - rows) / others) ** rows >= CHANCE
 
 
-def _leaps(channel: Channel) -> np.ndarray:
-    """(n - 1, wheels) whether an angle leaps from a row to the next: few steps do, each by itself, and all others are
-    far smaller."""
-    apart = np.diff(channel.t)
-    steps = np.abs(np.diff(channel.values, axis=0)) / np.maximum(apart / np.median(apart), 1.0)[:, None]
-    largest = np.sort(steps, axis=None)[::-1][: int(np.sqrt(steps.size)) + 1]
-    far = largest[:-1] > LEAP * largest[1:]
-    far &= largest[1:] > 0.0  # a wheel that hardly moves makes single counts
-    leaps = steps > LEAP * largest[1:][far].min(initial=np.inf)
+def _changing(channel: Channel) -> np.ndarray:
+    """Numbers of the rows at which an angle changes, and of the first one; none where they are so far apart that a
+    wheel may start and stop between two."""
+    rows = np.flatnonzero(np.append(True, ~repeats(channel.values)))
+    quick = len(rows) > 2 and np.median(np.diff(channel.t[rows])) <= RATE_S
+    return rows if quick else rows[:0]
+
+
+def _leaps(t: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
+    """(n - 1, wheels) whether an angle leaps from a row to the next, at times t (n,) and of values (n, wheels).
+
+    Few of its steps do, each by itself, and all others are far smaller. A step over a longer time may be as much
+    longer, but for those over longest_s.
+    """
+    apart = np.diff(t)
+    longer = np.where(apart < longest_s, np.maximum(apart / np.median(apart), 1.0), 1.0)
+    steps = np.abs(np.diff(values, axis=0)) / longer[:, None]
+    largest = -np.sort(-steps, axis=0)[: int(np.sqrt(len(steps))) + 1]
+    far = (largest[:-1] > LEAP * largest[1:]) & (largest[1:] > 0.0)  # a wheel that hardly moves makes single counts
+    leaps = steps > LEAP * np.where(far, largest[1:], np.inf).min(axis=0)
     around = np.zeros_like(leaps)  # a motion that is fast for some rows is none
     around[1:] |= leaps[:-1]
     around[:-1] |= leaps[1:]
@@ -207,7 +229,11 @@ def _leaps(channel: Channel) -> np.ndarray:
 
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     """Angles, of one wheel or of all, that repeat and then leap to where the wheels have gone meanwhile."""
-    leaps, still = _leaps(channel), np.diff(channel.values, axis=0) == 0.0
+    rows, still = _changing(channel), np.diff(channel.values, axis=0) == 0.0
+    if not len(rows):
+        return
+    leaps = np.zeros_like(still)  # from the row before to one that changes
+    leaps[rows[1:] - 1] = _leaps(channel.t[rows], channel.values[rows], STUCK_S)
     for first, last in sorted({part for own in still.T for part in stretches(own)}):
         since, until = float(channel.t[first]), float(channel.t[last])
         if until - since < STUCK_S or last >= len(leaps):
@@ -226,12 +252,13 @@ def _named(channel: Channel, some: np.ndarray) -> str:
 
 
 def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
-    """Angles that leap from one row to the next, where rows are so close that no wheel starts and stops between two."""
-    if np.median(np.diff(channel.t)) > RATE_S:
-        return
-    leaps = _leaps(channel)
+    """Angles that leap from one row to the next."""
+    rows = _changing(channel)
+    leaps = _leaps(channel.t[rows], channel.values[rows]) if len(rows) else np.empty((0, 0), bool)
     for k in np.flatnonzero(leaps.any(axis=1)).tolist():
-        since, until = float(channel.t[k]), float(channel.t[k + 1])
+        since, until = (float(t) for t in channel.t[rows[k + 1] - 1 : rows[k + 1] + 1])
+        if until - since > RATE_S:  # rows are missing
+            continue
         what = f"{_named(channel, leaps[k])} leap{'s' if leaps[k].sum() == 1 else ''}, as no wheel can turn"
         yield Finding("counter_reset", what, "", (number,), "encoder", since, until, repairs=(CutOut(since, until),))
 
