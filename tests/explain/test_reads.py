@@ -57,7 +57,7 @@ def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     answer = di.explain(two_wheels.model(), some, effects=effects)
     (effect,) = answer.effects
     assert answer.verdict == "set" and (effect.name, effect.faults) == ("velocity_delay", ["clock_offset"])
-    assert answer.effects[0].parameters["delay_s"].estimate == pytest.approx(0.064, abs=0.003)
+    assert effect.parameters["delay_s"].estimate == pytest.approx(0.064, abs=0.003)
 
 
 @pytest.mark.parametrize("left_share", [0.0, 0.05])

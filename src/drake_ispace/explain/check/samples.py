@@ -201,39 +201,33 @@ def _holds(again, rows):
     return others == 0 or len(again) * ((np.sum(again) - rows) / others) ** rows >= CHANCE
 
 
-def _changing(channel: Channel) -> np.ndarray:
-    """Numbers of the rows at which an angle changes, and of the first one; none where they are so far apart that a
-    wheel may start and stop between two."""
-    rows = np.flatnonzero(np.append(True, ~repeats(channel.values)))
-    quick = len(rows) > 2 and np.median(np.diff(channel.t[rows])) <= RATE_S
-    return rows if quick else rows[:0]
-
-
-def _leaps(t: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -> np.ndarray:
-    """(n - 1, wheels) whether an angle leaps from a row to the next, at times t (n,) and of values (n, wheels).
+def _leaps(channel: Channel, longest_s: float = np.inf) -> np.ndarray:
+    """(n - 1, wheels) whether an angle leaps from a row to the next.
 
     Few of its steps do, each by itself, and all others are far smaller. A step over a longer time may be as much
-    longer, but for those over longest_s.
+    longer, but for those over longest_s. Steps are those between rows at which an angle changes; where these are so far
+    apart that a wheel may start and stop between two, nothing leaps.
     """
-    apart = np.diff(t)
+    found = np.zeros((len(channel.t) - 1, len(channel.columns)), bool)
+    rows = np.flatnonzero(np.append(True, ~repeats(channel.values)))
+    apart = np.diff(channel.t[rows])
+    if len(rows) <= 2 or np.median(apart) > RATE_S:
+        return found
     longer = np.where(apart < longest_s, np.maximum(apart / np.median(apart), 1.0), 1.0)
-    steps = np.abs(np.diff(values, axis=0)) / longer[:, None]
+    steps = np.abs(np.diff(channel.values[rows], axis=0)) / longer[:, None]
     largest = -np.sort(-steps, axis=0)[: int(np.sqrt(len(steps))) + 1]
     far = (largest[:-1] > LEAP * largest[1:]) & (largest[1:] > 0.0)  # a wheel that hardly moves makes single counts
     leaps = steps > LEAP * np.where(far, largest[1:], np.inf).min(axis=0)
     around = np.zeros_like(leaps)  # a motion that is fast for some rows is none
     around[1:] |= leaps[:-1]
     around[:-1] |= leaps[1:]
-    return leaps & ~around
+    found[rows[1:] - 1] = leaps & ~around
+    return found
 
 
 def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
     """Angles, of one wheel or of all, that repeat and then leap to where the wheels have gone meanwhile."""
-    rows, still = _changing(channel), np.diff(channel.values, axis=0) == 0.0
-    if not len(rows):
-        return
-    leaps = np.zeros_like(still)  # from the row before to one that changes
-    leaps[rows[1:] - 1] = _leaps(channel.t[rows], channel.values[rows], STUCK_S)
+    leaps, still = _leaps(channel, STUCK_S), np.diff(channel.values, axis=0) == 0.0
     for first, last in sorted({part for own in still.T for part in stretches(own)}):
         since, until = float(channel.t[first]), float(channel.t[last])
         if until - since < STUCK_S or last >= len(leaps):
@@ -253,10 +247,9 @@ def _named(channel: Channel, some: np.ndarray) -> str:
 
 def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
     """Angles that leap from one row to the next."""
-    rows = _changing(channel)
-    leaps = _leaps(channel.t[rows], channel.values[rows]) if len(rows) else np.empty((0, 0), bool)
+    leaps = _leaps(channel)
     for k in np.flatnonzero(leaps.any(axis=1)).tolist():
-        since, until = (float(t) for t in channel.t[rows[k + 1] - 1 : rows[k + 1] + 1])
+        since, until = float(channel.t[k]), float(channel.t[k + 1])
         if until - since > RATE_S:  # rows are missing
             continue
         what = f"{_named(channel, leaps[k])} leap{'s' if leaps[k].sum() == 1 else ''}, as no wheel can turn"
