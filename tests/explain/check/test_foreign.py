@@ -10,6 +10,7 @@ from drake_ispace.explain.check.check import check
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
 from hidden import two_wheels
+from hidden.generator import generate
 
 STEP_S = 0.02
 MODEL = load_scenario("velocity_base", [
@@ -67,3 +68,12 @@ def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
     (finding,) = check(two_wheels.model(), [left, mixed, free]).findings
     assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", "kinect", (1,))
     assert finding.what == "moves with the wheels of run 1 of these"
+
+
+@pytest.mark.parametrize(("robot", "channel"), [("omni", "torque"), ("pendulum", "torque"), ("pendulum", "imu")])
+def test_a_torque_or_an_imu_of_another_run_is_found_by_whose_wheels_it_follows(robot, channel):
+    own, other = (generate(robot, motion, {}, 8.0, 7 + i) for i, motion in enumerate(("back_and_forth", "eight")))
+    mixed = replace(own, channels=own.channels | {channel: other.channels[channel]})
+    (finding,) = check(f"{robot}_multirate", [mixed, other]).findings
+    assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", channel, (0,))
+    assert finding.what == "moves with the wheels of run 2 of these"

@@ -69,7 +69,10 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         linked = links(run, base)
         relation = {name: _relation(link, base, spoilt[number]) for name, link in linked.items()}
         relation = {name: one for name, one in relation.items() if one is not None}
-        strangers = [name for name, one in relation.items() if _is_stranger(linked[name], one)]
+        strangers = [
+            name for name, link in linked.items()
+            if _is_stranger(link, relation.get(name)) or _is_of_another(runs, bases, number, name, relation.get(name))
+        ]
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
@@ -104,7 +107,11 @@ def _is_stranger(link, relation):
     Friction, weight or an offset may hide all but the camera's motion, but turn none against the wheels. What is
     compared beside motions of any share, such as a torque, must go against them clearly. A command that mostly says to
     go straight on is no stranger to wheels that wander a little, as long as both turn together where it says to turn.
+
+    relation: None: too little motion to tell.
     """
+    if relation is None:
+        return False
     if link.channel == "kinect":
         return relation.share < RELATED
     if link.any_share:
@@ -112,16 +119,30 @@ def _is_stranger(link, relation):
     return relation.gain < -SAID and not relation.varies_alike
 
 
+def _is_of_another(runs, bases, number, name, relation):
+    """Whether a torque or an IMU hardly follows the wheels of its own run, and clearly those of another one.
+
+    A command may do so by itself, where one run's wheels carry it out better than another's. relation: as of
+    `_is_stranger`.
+    """
+    follows = relation is not None and relation.share >= RELATED
+    return name in (TORQUE, "imu") and not follows and owner(runs, bases, number, name) is not None
+
+
 def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, name: str) -> str | None:
-    """In words: with which other run a channel moves; None: with none."""
+    """In words: with which other run a channel moves, put there in the place of that run's own; None: with none."""
     for other, base in enumerate(bases):
         if other == number or base is None:
             continue
-        camera = name == "encoder"
-        link = link_of(runs[other], bases[number], "kinect") if camera else link_of(runs[number], base, name)
-        found = None if link is None else _relation(link, bases[number] if camera else base)
+        if name == "encoder":
+            seen, run, wheels = "kinect", runs[other], bases[number]
+        else:
+            seen, wheels = name, base
+            run = replace(runs[other], channels={**runs[other].channels, name: runs[number].channels[name]})
+        link = link_of(run, wheels, seen)
+        found = None if link is None else _relation(link, wheels)
         if found is not None and found.share > 2.0 * RELATED:
-            return f"moves with the {'camera' if camera else 'wheels'} of run {other + 1} of these"
+            return f"moves with the {'camera' if name == 'encoder' else 'wheels'} of run {other + 1} of these"
     return None
 
 
