@@ -299,6 +299,18 @@ def test_one_wheel_that_stops_or_starts_anew_is_told(sound, robot, column, value
     assert finding.to_s - finding.from_s == pytest.approx(lasts_s, abs=0.1)
 
 
+@pytest.mark.parametrize("robot", MODEL)
+def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_jumps(sound, robot):
+    first, second = sound[robot]
+    encoder, lost_s = first.channels["encoder"], 0.5
+    kept = (encoder.t < 4.0) | (encoder.t >= 4.0 + lost_s)
+    moved = replace(encoder, t=(encoder.t - lost_s * (encoder.t >= 4.0))[kept], values=encoder.values[kept])
+    (finding,) = found([replace(first, channels=first.channels | {"encoder": moved}), second], robot)
+    assert (finding.fault, finding.channel, finding.runs) == ("clock_jump", "encoder", (0,))
+    (repair,) = finding.repairs
+    assert repair.since_s == pytest.approx(4.0, abs=0.01) and repair.offset_s == pytest.approx(lost_s, abs=0.05)
+
+
 @pytest.mark.parametrize(("robot", "channel", "column"), [("omni", "torque", 0), ("pendulum", "imu", 4)])
 def test_a_column_that_stops_for_a_while_is_told(sound, robot, channel, column):
     first, second = sound[robot]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
-from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks
+from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks, late_since
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
 from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings
@@ -40,6 +40,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
+_LEAP = "counter_reset"  # of angles, by themselves
 _SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
 
 
@@ -148,6 +149,7 @@ class _Search:
         self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
         self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
         tell("comparing wheels and camera")
+        self._lost_angles()
         self._encoder_clock()
         recorded = list(self.runs), self._bases()
         earlier = len(self.findings)
@@ -255,6 +257,30 @@ class _Search:
             drop = sum(finding.drop_in_deviance for finding in found)
             self._add([Finding("clock_offset", what, "", found[0].runs, "encoder", drop_in_deviance=drop,
                                repairs=(Clock("encoder", 1.0, -offset),))])
+
+    def _lost_angles(self):
+        """Wheels that leap because rows are lost there and later stamps were moved up: all else is late since then."""
+        leaps = [(i, finding.to_s) for finding in self.findings if finding.fault == _LEAP for i in finding.runs]
+        found = []
+        for i, at_s in leaps:
+            if [run for run, _ in leaps].count(i) > 1:
+                continue
+            camera, imu, torque = (
+                [one for one in self._links(name) if one[0] == i] for name in ("kinect", "imu", TORQUE)
+            )
+            late_s, drop = late_since([*camera, *imu] or torque, at_s)  # friction hides when a torque acts
+            if late_s:
+                found.append(Finding(
+                    "clock_jump", f"clock jumps by {-late_s:.3g} s at {at_s:.4g} s", "", (i,), "encoder", at_s,
+                    float(self.runs[i].channels["encoder"].t[-1]), drop, repairs=(Clock("encoder", 1.0, late_s, at_s),),
+                ))
+        moved = {i for finding in found for i in finding.runs}
+        others = [
+            replace(finding, runs=tuple(i for i in finding.runs if i not in moved))
+            if finding.fault == _LEAP else finding for finding in self.findings
+        ]
+        self.findings = [finding for finding in others if finding.runs]
+        self._add(found)
 
     def _clocks(self, channel):
         """The mistakes of a channel's clock, in the runs as they are now."""

@@ -239,6 +239,23 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
 
 
+def late_since(links: Sequence[tuple[int, Link, Base]], at_s: float) -> tuple[float, float]:
+    """By how much [s] all channels of a run are late against its wheels from a moment on, and the drop in deviance.
+
+    Zeros: they are not, or were so before. links: as of `clocks`, of one run.
+    """
+    later, earlier = (
+        [_Trial(i, link.only(kept), base) for i, link, base in links if moves(link.only(kept := side(link)))]
+        for side in (lambda link: link.since_s >= at_s, lambda link: link.until_s < at_s)
+    )
+    common = _common(later, []) if later else None
+    if common is None:
+        return 0.0, 0.0
+    gains, gains_before = ([trial.gain(common) for trial in trials] for trials in (later, earlier))
+    said = sum(gains) >= SAID and min(gains) > -SAID and sum(gains_before) <= 0.0
+    return (-common.lag_s, 2.0 * sum(gains)) if said else (0.0, 0.0)
+
+
 def _common_drift(trials):
     """For each run its best offset with the drift that all runs may share; empty where they are too short."""
     if len(trials) < 2:

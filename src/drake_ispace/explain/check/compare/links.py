@@ -4,7 +4,7 @@ The wheels' clock is the reference. A channel may be moved against it in time.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -138,6 +138,10 @@ class Link:
         """Whether motions besides may have any share, so that the channel may follow them without following the wheels.
         """
         return self.besides is not None and np.isinf(self.slack.besides)
+
+    def only(self, kept: np.ndarray) -> "Link":
+        """The Link with these of its windows (n,)."""
+        return replace(self, since_s=self.since_s[kept], until_s=self.until_s[kept], measured=self.measured[kept])
 
 
 def base_of(run: Recording, robot: Robot, settings: Any, spoilt: Iterable[tuple[float, float]] = ()) -> Base | None:
