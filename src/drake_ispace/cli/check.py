@@ -54,11 +54,7 @@ def check(
         data = [finding.to_data() for finding in checked.findings]
         print_json({"runs": checked.names, "data": data, "repaired": [str(copy) for copy in copies]})
         return
-    from drake_ispace.explain.answer.sentences import sentence_of_finding
-
-    say("The recordings agree with each other" if not checked.findings else "What is wrong with the recordings")
-    for finding in checked.findings:
-        say(f"  {sentence_of_finding(finding)}")
+    say(str(checked))
     for copy in copies:
         say(f"repaired: {copy}")
     if out is not None:

@@ -11,7 +11,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drake_ispace.explain.answer.explanation import plain
-from drake_ispace.explain.answer.sentences import sentence_of_finding
 from drake_ispace.explain.check.compare.links import Base, base_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.prove.paths import chained
@@ -49,7 +48,7 @@ def findings_page(findings: Sequence[Finding], model: Scenario, runs: Sequence[R
         picture = folder / f"finding_{number}.png"
         plot_finding(finding, model, runs[finding.runs[0]], picture)
         shown.append({
-            "finding": finding, "fault": FAULTS[finding.fault], "sentence": sentence_of_finding(finding),
+            "finding": finding, "fault": FAULTS[finding.fault], "sentence": str(finding),
             "picture": embedded(picture),
         })
     return render("check.html.j2", shown=shown, runs=len(runs), diagram=model.diagram)

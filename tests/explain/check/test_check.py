@@ -311,6 +311,14 @@ def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_j
     assert repair.since_s == pytest.approx(4.0, abs=0.01) and repair.offset_s == pytest.approx(lost_s, abs=0.05)
 
 
+def test_a_check_is_printed_in_sentences(sound):
+    first, second = sound["omni"]
+    assert str(check(MODEL["omni"], [first, second])) == "The recordings agree with each other"
+    title, line = str(check(MODEL["omni"], [changed(first, "kinect", jumped), second])).splitlines()
+    assert title == "What is wrong with the recordings"
+    assert "kinect in " in line and "the place jumps by 0.299 m" in line and "repair: " in line
+
+
 @pytest.mark.parametrize(("robot", "channel", "column"), [("omni", "torque", 0), ("pendulum", "imu", 4)])
 def test_a_column_that_stops_for_a_while_is_told(sound, robot, channel, column):
     first, second = sound[robot]

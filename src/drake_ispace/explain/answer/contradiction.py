@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import sentence_of_finding
 from drake_ispace.explain.check.examine import Examined
 from drake_ispace.faults.library import FAULTS, same_as
 
@@ -28,7 +27,7 @@ def add_findings(answer: Explanation, examined: Examined) -> None:
     answer.effects = [replace(effect, faults=same_as(effect.name)) for effect in answer.effects]
     if answer.verdict == "named" and any(effect.faults for effect in answer.effects):
         answer.verdict = "set"
-    answer.warnings = [sentence_of_finding(finding) for finding in examined.findings] + answer.warnings
+    answer.warnings = [str(finding) for finding in examined.findings] + answer.warnings
     doubts = [finding for finding in examined.findings if FAULTS[finding.fault].doubtful]
     if answer.effects and doubts:
         answer.verdict = "incomplete"

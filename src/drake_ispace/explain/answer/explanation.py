@@ -5,14 +5,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drake_ispace.explain.answer.sentences import (
-    gap_sentence,
-    is_place,
-    p_in_words,
-    sentence_of,
-    sentence_of_finding,
-    short,
-)
+from drake_ispace.explain.answer.sentences import gap_sentence, is_place, p_in_words, sentence_of, short
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
 from drake_ispace.explain.prove.proof import PlantParameter
@@ -252,7 +245,7 @@ class Explanation:
     @property
     def warned(self) -> list[str]:
         """Drifts and warnings in the order to be read, findings of the data first."""
-        of_data = [sentence_of_finding(finding) for finding in self.data]
+        of_data = [str(finding) for finding in self.data]
         return sorted([*self.drifts, *self.warnings], key=lambda warning: warning not in of_data)
 
     def gap_in_words(self) -> list[str]:
@@ -276,7 +269,7 @@ class Explanation:
         lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if self.detection else "")]
         lines += [f"! {warning}" for warning in self.warned]
         if self.verdict == "data":
-            lines += [f"  {sentence_of_finding(finding)}" for finding in self.data]
+            lines += [f"  {finding}" for finding in self.data]
         for effect in self.effects:
             alike = [*effect.equivalents, *(f"{fault} (a fault of the data)" for fault in effect.faults)]
             others = f", or {', '.join(alike)}" if alike else ""

@@ -4,10 +4,8 @@ import math
 import sys
 from pathlib import Path
 
-from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
 from drake_ispace.explain.prove.remainder import NOTHING, Remainder
-from drake_ispace.faults.library import FAULTS
 
 _OVER = {RUN: "over whole runs", "step": "at the next sample"}
 _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",
@@ -80,11 +78,3 @@ def amount(value: float, unit: str) -> str:
         return f"{1e3 * value:.3g} mm"
     return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
 
-
-def sentence_of_finding(finding: Finding) -> str:
-    """A finding in a sentence a user can act on."""
-    where = "in all runs" if finding.run == "all" else f"in {finding.run}"
-    when = f" from {finding.from_s:.4g} s to {finding.to_s:.4g} s" if finding.limited else ""
-    others = f" (or {', '.join(finding.rivals[:3])})" if finding.rivals else ""
-    what = f"{FAULTS[finding.fault].title}, {finding.what}{others}"
-    return f"{finding.channel} {where}{when}: {what}; repair: {finding.repair}"

@@ -5,7 +5,7 @@ copy before the next comparison, so that one mistake is not found twice.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +55,11 @@ class Checked:
 
     names: list[str]
     findings: list[Finding]
-    repaired: list[Recording]
+    repaired: list[Recording] = field(repr=False)
+
+    def __str__(self) -> str:
+        title = "What is wrong with the recordings" if self.findings else "The recordings agree with each other"
+        return "\n".join([title, *(f"  {finding}" for finding in self.findings)])
 
     @property
     def serious(self) -> list[Finding]:

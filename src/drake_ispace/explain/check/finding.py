@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import OfStretch, Repair, Turned
 
 
@@ -52,6 +53,13 @@ class Finding:
     def repair(self) -> str:
         """What undoes it, in one line."""
         return self.advice or "; ".join(str(one) for one in self.repairs) or "record it again"
+
+    def __str__(self) -> str:
+        where = "in all runs" if self.run == "all" else f"in {self.run}"
+        when = f" from {self.from_s:.4g} s to {self.to_s:.4g} s" if self.limited else ""
+        others = f" (or {', '.join(self.rivals[:3])})" if self.rivals else ""
+        what = f"{FAULTS[self.fault].title}, {self.what}{others}"
+        return f"{self.channel} {where}{when}: {what}; repair: {self.repair}"
 
     def to_data(self) -> dict:
         """Plain data, ready for JSON."""
