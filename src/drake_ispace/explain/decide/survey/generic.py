@@ -192,6 +192,9 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
             [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
+    yield Generic("friction_once_a_turn", "force", "wheel angle and direction", 2), [
+        [-size * wave(m.angles) * _sense(body.plant.geometry, m) for m in motions] for wave in (np.sin, np.cos)
+    ]
 
 
 def _angles(prediction, motions) -> Iterator[_Shapes]:
@@ -286,6 +289,12 @@ def _top(motions, axes):
 def _course(m):
     """(rows,) direction of motion in B [rad]."""
     return np.arctan2(m.body[:, 1], m.body[:, 0])
+
+
+def _sense(wheels, m):
+    """(rows, n) in which each wheel turns, between -1 and 1, as `_direction`."""
+    rims = m.body @ wheels.inverse.T * [wheel.radius_m for wheel in wheels.wheels]
+    return rims / np.maximum(np.abs(rims), _LEAST_SPEED)
 
 
 def _direction(v):
