@@ -52,7 +52,7 @@ class Generic:
     @property
     def is_local(self) -> bool:
         """Whether it has an amplitude for every part of the room or way, with which it can explain slow noise, too."""
-        return self.columns > 4
+        return self.columns > 4 and self.driver.startswith("place")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -192,8 +192,9 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
             [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
-    yield Generic("friction_once_a_turn", "force", "wheel angle and direction", 2), [
-        [-size * wave(m.angles) * _sense(body.plant.geometry, m) for m in motions] for wave in (np.sin, np.cos)
+    yield Generic("friction_once_a_turn", "force", "wheel angle and direction", 2 * body.wheels), [
+        [-size * wheel * wave(m.angles) * _sense(body.plant.geometry, m) for m in motions]
+        for wheel in np.eye(body.wheels) for wave in (np.sin, np.cos)
     ]
 
 
