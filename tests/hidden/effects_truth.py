@@ -100,6 +100,7 @@ UNKNOWN = {
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
     "cogging": "N m",  # A sin(COGS theta_i)
     "cable_pull": "N/m",  # spring to CABLE_M
+    "tight_spot": "N m",  # largest Coulomb friction of a wheel that rubs once a turn, each at an angle of its own
 }
 
 
@@ -144,6 +145,7 @@ class Effects(NamedTuple):
     warm_n_m: float
     warm_gain: float
     cogging_n_m: float
+    tight_n_m: float
     cable_n_m: float
 
 
@@ -224,6 +226,7 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         warm_n_m=sizes["motor_warm_up"],
         warm_gain=sizes["motor_warm_up_gain"],
         cogging_n_m=sizes["cogging"],
+        tight_n_m=sizes["tight_spot"],
         cable_n_m=sizes["cable_pull"],
     )
 
@@ -293,10 +296,11 @@ def rub(angle, before, bent, e, torque):
 
 
 @njit(cache=True)
-def dry_friction(wheel, torque, rate, time_s, e):
+def dry_friction(wheel, torque, rate, angle, time_s, e):
     """How much torque [N m] the effects take against the direction of a wheel."""
     dry = e.coulomb + e.bump * np.exp(-((rate / e.bump_rad_s) ** 2))
     dry = dry + e.load_share * abs(torque) + e.warm_n_m * np.exp(-time_s / WARM_S) + e.own_dry[wheel]
+    dry = dry + 0.5 * e.tight_n_m * (1.0 + np.sin(angle + 2.0 * wheel))
     return dry + (abs(e.one_way) if rate * e.one_way > 0.0 else 0.0)
 
 
@@ -313,7 +317,7 @@ def wheel_torque(wheel, torque, rate, angle, time_s, base_coulomb, base_viscous,
 
     steepest [N m s/rad]: slope of dry friction that the integration step allows.
     """
-    dry = base_coulomb + dry_friction(wheel, torque, rate, time_s, e)
+    dry = base_coulomb + dry_friction(wheel, torque, rate, angle, time_s, e)
     width = max(0.02, abs(dry) / steepest)
     return torque + steady_torque(wheel, rate, angle, e) - dry * soft_sign(rate, width) - base_viscous * rate
 

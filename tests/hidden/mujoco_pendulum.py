@@ -102,9 +102,9 @@ def run(
             _state(data, z)
             _push(data, z, force, mass, e)
             for i in range(2):
-                rate = data.qvel[6 + i]
-                dry = dry_friction(i, torque[i], rate, time_s, e)
-                data.ctrl[i] = torque[i] + steady_torque(i, rate, data.qpos[7 + i] - wheels[i], e)
+                rate, angle = data.qvel[6 + i], data.qpos[7 + i] - wheels[i]
+                dry = dry_friction(i, torque[i], rate, angle, time_s, e)
+                data.ctrl[i] = torque[i] + steady_torque(i, rate, angle, e)
                 model.dof_frictionloss[6 + i] = own_friction[i] + max(dry, 0.0)
             mujoco.mj_step(model, data)
     return loop.commanded, loop.angles, loop.felt, loop.fixes[: int(loop.numbers[0])], loop.truth

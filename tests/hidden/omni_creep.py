@@ -40,7 +40,7 @@ def rates(time_s, z, torque, push, body, e, out):
     for i in range(4):
         radius = 1.0 / np.hypot(body.g[i, 0], body.g[i, 1])
         rate = body.g[i, 0] * vx + body.g[i, 1] * vy + body.g[i, 2] * wz
-        dry = body.coulomb + dry_friction(i, torque[i], rate, time_s, e)
+        dry = body.coulomb + dry_friction(i, torque[i], rate, z[truth.THETA + i], time_s, e)
         dry *= 2.0 / np.pi * np.arctan(rate / _WIDTH_RAD_S)
         net = torque[i] + steady_torque(i, rate, z[truth.THETA + i], e) - dry - body.viscous * rate
         share = min(max(net / radius / (_MU * 0.25 * body.mass_kg * GRAVITY), -0.95), 0.95)

@@ -115,6 +115,14 @@ def test_what_no_name_explains_is_said():
     assert found.unknown.driver == "place and direction" and found.unknown.nearest == "soft_floor"
 
 
+def test_of_wheels_that_rub_once_a_turn_it_is_said_what_the_friction_goes_with():
+    rubbing = "tight_spot", 0.02
+    runs = [generate("omni", m, {}, 10.0, 80 + i, unknown=rubbing) for i, m in enumerate(["square", "eight"])]
+    found = explain("omni_multirate", runs, effects=some("coulomb_friction", "motor_lag", "mass_error"))
+    assert found.verdict == "unknown"
+    assert (found.unknown.link, found.unknown.driver) == ("force", "wheel angle and direction")
+
+
 @pytest.mark.slow
 def test_a_patch_of_the_floor_is_where_it_is_said_to_be():
     """Up to edges that no run reached."""
