@@ -207,7 +207,7 @@ def motion(x, y, speed=0.0):
     n = len(x)
     return Motion(
         np.column_stack([np.full(n, speed), np.zeros(n), np.zeros(n)]), np.column_stack([x, y, np.zeros(n)]),
-        np.arange(n) * TICK_S, np.zeros((n, 2)), np.zeros((n, 2)),
+        np.arange(n) * TICK_S, *np.zeros((3, n, 2)),
     )
 
 
@@ -255,7 +255,7 @@ def test_a_way_that_is_turned_is_that_of_a_robot_that_turns_otherwise():
         return np.column_stack([np.cumsum(velocity, axis=0) * TICK_S, phi])
 
     true = way(body[:, 2] + extra)
-    added = _travelled(Motion(body, true, t, np.zeros((4000, 2)), np.zeros((4000, 2))), 0.0, 0.0, extra)
+    added = _travelled(Motion(body, true, t, *np.zeros((3, 4000, 2))), 0.0, 0.0, extra)
     assert np.abs(added[:, 2]).max() > 0.09 and np.abs(added[:, :2]).max() > 0.1
     np.testing.assert_allclose(true - added, way(body[:, 2]), atol=1e-9)
 

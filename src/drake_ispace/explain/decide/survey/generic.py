@@ -95,13 +95,14 @@ class Motion:
 
     Attributes:
         body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
-        angles: (rows, n) of the wheels. command: (rows, m).
+        angles, rates: (rows, n) of the wheels [rad, rad/s]. command: (rows, m).
     """
 
     body: np.ndarray
     place: np.ndarray
     t: np.ndarray
     angles: np.ndarray
+    rates: np.ndarray
     command: np.ndarray
 
 
@@ -112,14 +113,15 @@ def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speed
     """
     body = prediction.replay.body
     angles = track.turned[:, : body.wheels]
-    velocity = speeds(angles) @ body.plant.geometry.forward.T
+    rates = speeds(angles)
     ticks_s = np.arange(len(angles)) * TICK_S
     place = np.zeros((len(angles), 3))
     if len(track.fix_t) > 1:
         fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
         place = np.column_stack([np.interp(ticks_s, track.fix_t, column) for column in fixes.T])
-    return Motion(velocity, place, track.since_s + ticks_s, angles, track.command)
+    velocity = rates @ body.plant.geometry.forward.T
+    return Motion(velocity, place, track.since_s + ticks_s, angles, rates, track.command)
 
 
 def _forces(prediction, motions) -> Iterator[_Shapes]:
@@ -192,10 +194,11 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
         yield Generic(f"ripple_{n}_a_turn", "force", "wheel angle", 2), [
             [size * wave(n * m.angles) for m in motions] for wave in (np.sin, np.cos)
         ]
-    yield Generic("friction_once_a_turn", "force", "wheel angle and direction", 2 * body.wheels), [
-        [-size * wheel * wave(m.angles) * _sense(body.plant.geometry, m) for m in motions]
-        for wheel in np.eye(body.wheels) for wave in (np.sin, np.cos)
-    ]
+    if body.robot.in_room:  # else it is a resistance along the way
+        yield Generic("friction_once_a_turn", "force", "wheel angle and direction", 2 * body.wheels), [
+            [-size * wheel * wave(m.angles) * np.sign(m.rates) for m in motions]
+            for wheel in np.eye(body.wheels) for wave in (np.sin, np.cos)
+        ]
 
 
 def _angles(prediction, motions) -> Iterator[_Shapes]:
@@ -290,12 +293,6 @@ def _top(motions, axes):
 def _course(m):
     """(rows,) direction of motion in B [rad]."""
     return np.arctan2(m.body[:, 1], m.body[:, 0])
-
-
-def _sense(wheels, m):
-    """(rows, n) in which each wheel turns, between -1 and 1, as `_direction`."""
-    rims = m.body @ wheels.inverse.T * [wheel.radius_m for wheel in wheels.wheels]
-    return rims / np.maximum(np.abs(rims), _LEAST_SPEED)
 
 
 def _direction(v):
