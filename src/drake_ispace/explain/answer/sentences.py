@@ -77,4 +77,3 @@ def amount(value: float, unit: str) -> str:
     if unit == "m" and abs(value) < 1.0:
         return f"{1e3 * value:.3g} mm"
     return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"
-
