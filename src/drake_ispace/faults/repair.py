@@ -87,13 +87,17 @@ class Clock:
         since = f" from {self.since_s:.6g} s on" if self.since_s > -math.inf else ""
         return f"{self.channel}: t = {scale}{offset}{since}"
 
+    def moved(self, t: np.ndarray) -> np.ndarray:
+        """(n,) the times [s] that stand for times t (n,) of the recorded clock."""
+        return np.where(t >= self.since_s, self.rate * t + self.offset_s, t)
+
     def apply(self, recording: Recording) -> Recording:
         """A copy of the recording with the channel's clock repaired; the nominal period follows it.
 
         Samples that would come before an earlier one are left out.
         """
         channel, late = recording.channels[self.channel], recording.channels[self.channel].t >= self.since_s
-        values, t = channel.values.copy(), np.where(late, self.rate * channel.t + self.offset_s, channel.t)
+        values, t = channel.values.copy(), self.moved(channel.t)
         if "t_received" in channel.columns:
             at = channel.columns.index("t_received")
             values[:, at] = np.where(late, self.rate * values[:, at] + self.offset_s, values[:, at])

@@ -4,7 +4,7 @@ The wheels are compared with the camera, then torque, command and IMU with the w
 copy before the next comparison, so that one mistake is not found twice.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -200,8 +200,8 @@ class _Search:
         for repair in (r for f in self.findings if i in f.runs and f.channel == "encoder" for r in f.repairs):
             if isinstance(repair, CutOut):
                 cut.append((repair.from_s, repair.to_s))
-            elif isinstance(repair, Clock) and repair.since_s == -np.inf:
-                cut = [tuple(repair.rate * t + repair.offset_s for t in stretch) for stretch in cut]
+            elif isinstance(repair, Clock):
+                cut = [tuple(repair.moved(np.array(stretch))) for stretch in cut]
         return cut
 
     def _drives(self):
@@ -278,13 +278,16 @@ class _Search:
                     "clock_jump", f"clock jumps by {-late_s:.3g} s at {at_s:.4g} s", "", (i,), "encoder", at_s,
                     float(self.runs[i].channels["encoder"].t[-1]), drop, repairs=(Clock("encoder", 1.0, late_s, at_s),),
                 ))
-        moved = {i for finding in found for i in finding.runs}
-        others = [
-            replace(finding, runs=tuple(i for i in finding.runs if i not in moved))
-            if finding.fault == _LEAP else finding for finding in self.findings
-        ]
-        self.findings = [finding for finding in others if finding.runs]
+        self._take_back(lambda finding: finding.fault == _LEAP, {i for finding in found for i in finding.runs})
         self._add(found)
+
+    def _take_back(self, which: Callable[[Finding], bool], runs: Collection[int]):
+        """Say some findings no longer of these runs."""
+        kept = [
+            replace(finding, runs=tuple(i for i in finding.runs if i not in runs)) if which(finding) else finding
+            for finding in self.findings
+        ]
+        self.findings = [finding for finding in kept if finding.runs]
 
     def _clocks(self, channel):
         """The mistakes of a channel's clock, in the runs as they are now."""
@@ -313,8 +316,7 @@ class _Search:
         if not another:
             return
         there = [finding for finding in wrong if set(finding.runs) & set(another)]
-        elsewhere = [replace(f, runs=tuple(i for i in f.runs if i not in another)) for f in wrong]
-        self.findings = [f for f in self.findings if f not in wrong] + [f for f in elsewhere if f.runs]
+        self._take_back(wrong.__contains__, another)
         for i in another:
             self.runs[i] = recorded[i]
             for repair in (repair for f in found if f not in wrong and i in f.runs for repair in f.repairs):

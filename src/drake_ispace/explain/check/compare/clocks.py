@@ -215,7 +215,7 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
 
     links: number of the run, link and base of every run that has the channel.
     """
-    trials = [_Trial(*one) for one in links if moves(one[1])]
+    trials = _trials(links)
     own = [(trial, *trial.best()) for trial in trials]
     own = [(trial, path, gain) for trial, path, gain in own if gain >= SAID]
     apart = sum(gain - SAID for *_, gain in own)  # each of them must be worth what is said of a fault
@@ -244,16 +244,22 @@ def late_since(links: Sequence[tuple[int, Link, Base]], at_s: float) -> tuple[fl
 
     Zeros: they are not, or were so before. links: as of `clocks`, of one run.
     """
-    later, earlier = (
-        [_Trial(i, link.only(kept), base) for i, link, base in links if moves(link.only(kept := side(link)))]
-        for side in (lambda link: link.since_s >= at_s, lambda link: link.until_s < at_s)
-    )
+    later = _trials([(i, link.only(link.since_s >= at_s), base) for i, link, base in links])
     common = _common(later, []) if later else None
     if common is None:
         return 0.0, 0.0
-    gains, gains_before = ([trial.gain(common) for trial in trials] for trials in (later, earlier))
-    said = sum(gains) >= SAID and min(gains) > -SAID and sum(gains_before) <= 0.0
-    return (-common.lag_s, 2.0 * sum(gains)) if said else (0.0, 0.0)
+    gains = [trial.gain(common) for trial in later]
+    if sum(gains) < SAID or min(gains) <= -SAID:
+        return 0.0, 0.0
+    earlier = _trials([(i, link.only(link.until_s < at_s), base) for i, link, base in links])
+    if sum(trial.gain(common) for trial in earlier) > 0.0:
+        return 0.0, 0.0
+    return -common.lag_s, 2.0 * sum(gains)
+
+
+def _trials(links):
+    """A _Trial of every link that moves enough to tell the time; links: as of `clocks`."""
+    return [_Trial(*one) for one in links if moves(one[1])]
 
 
 def _common_drift(trials):

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -69,24 +70,23 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
         linked = links(run, base)
         relation = {name: _relation(link, base, spoilt[number]) for name, link in linked.items()}
         relation = {name: one for name, one in relation.items() if one is not None}
+        whose = cache(partial(owner, runs, bases, number))
         strangers = [
             name for name, link in linked.items()
-            if _is_stranger(link, relation.get(name)) or _is_of_another(runs, bases, number, name, relation.get(name))
+            if _is_stranger(link, relation.get(name)) or _is_of_another(name, relation.get(name), whose)
         ]
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue
-        owners = {name: owner(runs, bases, number, name) for name in strangers}
-        free = _free_gain(run, base) if "kinect" in owners and owners["kinect"] is None else None
+        free = _free_gain(run, base) if "kinect" in strangers and whose("kinect") is None else None
         if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
             found.append(another_robot((number,), 2.0 * free.gain, ("wheel_order", "gear")))
             continue
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
         for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
-            whose = owners[name] if name in owners else owner(runs, bases, number, name)
             found.append(Finding(
-                "channel_of_another_run", whose or "does not move with the robot", "", (number,), name,
+                "channel_of_another_run", whose(name) or "does not move with the robot", "", (number,), name,
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
                 repairs=(Without(name),),
             ))
@@ -119,14 +119,14 @@ def _is_stranger(link, relation):
     return relation.gain < -SAID and not relation.varies_alike
 
 
-def _is_of_another(runs, bases, number, name, relation):
+def _is_of_another(name, relation, whose):
     """Whether a torque or an IMU hardly follows the wheels of its own run, and clearly those of another one.
 
     A command may do so by itself, where one run's wheels carry it out better than another's. relation: as of
-    `_is_stranger`.
+    `_is_stranger`. whose: `owner` of a channel of this run.
     """
     follows = relation is not None and relation.share >= RELATED
-    return name in (TORQUE, "imu") and not follows and owner(runs, bases, number, name) is not None
+    return name in (TORQUE, "imu") and not follows and whose(name) is not None
 
 
 def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, name: str) -> str | None:
