@@ -41,6 +41,13 @@ def test_large_errors_at_any_time_are_chance():
     assert left_at_changes(moved) == 0.0
 
 
+def test_a_few_larger_errors_at_any_time_hide_none_after_changes():
+    found = runs(3.0)
+    for _, errors in found:
+        errors[::111] = 20.0
+    assert left_at_changes(found) == pytest.approx(np.sqrt((9.0 - 1.0) / 5.0), rel=0.3)
+
+
 def test_a_command_that_always_changes_as_much_tells_nothing():
     assert left_at_changes([(np.ones((50, 1)), RANDOM.standard_normal((50, 2)))]) == 0.0
 

@@ -53,3 +53,15 @@ def test_a_camera_that_begins_late_or_ends_early_has_lost_no_fix(recording):
     gaps = rows(kinect, (kinect.t < 3.0) & ((kinect.t < 1.0) | (kinect.t > 2.0)))
     assert track_of(recording, kinect=rows(kinect, abs(kinect.t - 3.0) < 1.0)).missed.sum() == 0
     assert track_of(recording, kinect=gaps).missed.sum() == pytest.approx(30, abs=1)
+
+
+@pytest.mark.parametrize("changed", [
+    lambda t: np.round(t, 3), lambda t: t + np.random.default_rng(3).uniform(-0.2, 0.2, len(t)) / 30.0,
+], ids=["milliseconds", "uneven"])
+def test_only_lost_fixes_are_missed_where_stamps_are_rounded_or_uneven(recording, changed):
+    kinect = recording.channels["kinect"]
+    stamped = replace(kinect, t=changed(kinect.t + 0.01), period_s=0.033)
+    kept = np.ones(len(kinect.t), bool)
+    kept[[20, 50, 51, 90]] = False
+    assert track_of(recording, kinect=stamped).missed.sum() == 0
+    assert track_of(recording, kinect=rows(stamped, kept)).missed.sum() == 4

@@ -103,6 +103,7 @@ for factor in (2.0, 4.0, 0.5, 0.25, 9.0):
         scaled("encoder", factor))
 for factor in (2.0, 4.0, 0.5):
     add(f"counts per turn of wheel 1 times {factor}", "encoder", {"counts_per_turn"}, scaled("encoder", one(0, factor)))
+add("encoder in radians read as degrees", "encoder", {"wrong_unit", "gear"}, scaled("encoder", DEG))
 add("wheel 2 in degrees", "encoder", {"wrong_unit"}, scaled("encoder", one(1, 1 / DEG)))
 for i in range(2):
     add(f"wheel {i + 1} counts backwards", "encoder", {"wheel_sign"}, scaled("encoder", one(i, -1.0)))
@@ -117,6 +118,7 @@ add("wheels moved on by one", "encoder", {"wheels_swapped", "wheel_order", *TURN
 for name, factor in {"millimetres": 1e3, "centimetres": 1e2, "inches": 1 / 0.0254}.items():
     add(f"camera in {name}", "kinect", {"wrong_unit"}, scaled("kinect", [factor, factor, 1.0, 1.0]))
 add("headings in degrees", "kinect", {"wrong_unit"}, scaled("kinect", [1.0, 1.0, 1 / DEG, 1.0]))
+add("headings in radians read as degrees", "kinect", {"wrong_unit"}, scaled("kinect", [1.0, 1.0, DEG, 1.0]))
 add("camera in millimetres and degrees", "kinect", {"wrong_unit"}, scaled("kinect", [1e3, 1e3, 1 / DEG, 1.0]))
 add("x and y swapped", "kinect", MIRRORED, place(((0, 1), (1, 0))))
 add("x mirrored", "kinect", MIRRORED, place(((-1, 0), (0, 1))))

@@ -419,7 +419,7 @@ def test_repaired_copies_are_sound_and_say_what_was_done(sound, tmp_path):
 def commanded():
     """Two runs of a robot on mecanum wheels whose drive follows its command a quarter of a second later."""
     lag = {"velocity_lag": {"time_constant_s": 0.15}, "velocity_delay": {"delay_s": 0.1}}
-    model = load_scenario("velocity_base", ["rover.plant.wheels=mecanum"])
+    model = load_scenario("velocity_base", ["rover.plant.wheels=mecanum", "rover.trajectory.heading=tangent"])
     return model, list(hide(model, "rover", lag, ["square", "trapezium"], 4, 12.0).values())
 
 
@@ -427,7 +427,9 @@ def test_a_drive_may_lag_behind_its_command(commanded):
     assert check(*commanded).findings == []
 
 
-@pytest.mark.parametrize(("factors", "fault"), [((1, 1, -1), "command_sign"), ((1e3, 1e3, 1), "wrong_unit")])
+@pytest.mark.parametrize(("factors", "fault"), [
+    ((1, 1, -1), "command_sign"), ((1e3, 1e3, 1), "wrong_unit"), ((1, 1, np.pi / 180.0), "wrong_unit"),
+])
 def test_columns_of_the_command(commanded, factors, fault):
     model, runs = commanded
     (finding,) = check(model, [changed(run, "command", lambda t, v: v * factors) for run in runs]).findings

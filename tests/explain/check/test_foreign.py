@@ -55,6 +55,15 @@ def test_a_command_of_another_run_is_found():
     assert [(f.fault, f.channel) for f in check(MODEL, [mixed]).findings] == [("channel_of_another_run", "command")]
 
 
+def test_wheels_of_another_run_are_found_although_the_command_says_little():
+    """The camera of the other run goes with them, and no other wheels with the camera of this one."""
+    own, other = (two_wheels.drive(660 + i, 20.0, left_share=0.0, late_s=0.0, lag_s=0.0, in_step=True) for i in (0, 1))
+    mixed = replace(own, channels=own.channels | {"encoder": other.channels["encoder"]})
+    for channels in (mixed.channels, {k: v for k, v in mixed.channels.items() if k != "command"}):
+        (finding,) = check(two_wheels.model(), [other, replace(mixed, channels=channels)]).findings
+        assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", "encoder", (1,))
+
+
 def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
     """On a circle a share of the way looks like a turn, which must not make a turn of the other sense."""
     sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}

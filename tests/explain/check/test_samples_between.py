@@ -175,9 +175,10 @@ def test_fixes_of_a_robot_that_goes_straight_on_are_not_interpolated():
 
 
 COURSES = {
-    "ahead": lambda place: np.diff(place, axis=0, append=place[-1:]),
-    "behind": lambda place: np.diff(place, axis=0, prepend=place[:1]),
-    "both": lambda place: np.gradient(place, axis=0),
+    "ahead": lambda t, place: np.diff(place, axis=0, append=place[-1:]),
+    "behind": lambda t, place: np.diff(place, axis=0, prepend=place[:1]),
+    "both": lambda t, place: np.gradient(place, axis=0),
+    "by time": lambda t, place: np.gradient(place, t, axis=0),
 }
 
 
@@ -185,10 +186,11 @@ COURSES = {
 def test_headings_that_are_directions_of_motion_are_told(run, rover, how):
     for one, model in ((run, None), (rover, two_wheels.model())):
         kinect = one.channels["kinect"]
-        way = COURSES[how](kinect.values[:, :2])
+        t = kinect.t + np.random.default_rng(1).uniform(-2e-3, 2e-3, len(kinect.t))
+        way = COURSES[how](t, kinect.values[:, :2])
         values = kinect.values.copy()
         values[:, 2] = np.arctan2(way[:, 1], way[:, 0])
-        checked = found(with_samples(one, "kinect", kinect.t, values), model)
+        checked = found(with_samples(one, "kinect", t, values), model)
         assert [f.fault for f in checked.findings] == ["heading_is_course"]
 
 

@@ -110,6 +110,7 @@ def course_findings(run: Recording, number: int) -> Iterator[Finding]:
     place, phi = kinect.values[:, :2], kinect.column("phi")
     for way, heading in (
         (np.diff(place, axis=0), phi[:-1]), (np.diff(place, axis=0), phi[1:]), (place[2:] - place[:-2], phi[1:-1]),
+        (np.gradient(place, kinect.t, axis=0), phi),
     ):
         moved = way.any(axis=1)
         if 2 * np.sum(moved) < len(moved):  # rounded

@@ -297,13 +297,15 @@ def _sightings(channel, rows, thinned):
 
 
 def _missed(channel, end_s):
-    """`missed` of a Track: a scheduled capture has a fix if one lies within a quarter of a period of it.
+    """`missed` of a Track: as many captures lie between two fixes as periods, to the nearest.
 
-    None is scheduled before the first fix or after the last: a camera may be switched on late, or off early.
+    None is scheduled before the first fix or after the last: a camera may be switched on late, or off early. Stamps may
+    be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture.
     """
-    if not channel.period_s:
+    t = channel.t[channel.t <= end_s + 1e-6]
+    if not channel.period_s or not len(t):
         return np.empty(0)
-    due = np.arange(channel.t[0], min(channel.t[-1], end_s) + 1e-6, channel.period_s)
-    after = np.searchsorted(channel.t, due)
-    nearby = channel.t[np.clip([after - 1, after], 0, len(channel.t) - 1)]
-    return (np.abs(nearby - due).min(axis=0) > 0.25 * channel.period_s).astype(float)
+    captures = np.rint(np.diff(t) / channel.period_s).astype(int)  # from one fix to the next
+    missed = np.ones(1 + captures.sum())
+    missed[np.cumsum([0, *captures])] = 0.0
+    return missed

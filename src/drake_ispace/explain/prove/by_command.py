@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import rankdata
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.levels import CERTAIN
@@ -78,16 +79,20 @@ def left_at_changes(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def _larger_after(changed: Sequence[np.ndarray], squares: Sequence[np.ndarray]) -> float:
-    """As of `left_at_changes`, of each run's (k,) rows that have `changed`."""
+    """As of `left_at_changes`, of each run's (k,) rows that have `changed`.
+
+    Whether it is chance their ranks tell: the squares are mostly a few large errors, which are anywhere.
+    """
     every, share = np.concatenate(squares), np.mean(np.concatenate(changed))
     if not 0.0 < share < 1.0:
         return 0.0
 
-    def larger_by(shift):
+    def larger_by(values, shift=0.0):
         after = np.concatenate([np.roll(rows, round(shift * len(rows))) for rows in changed])
-        return every[after].mean() - every[~after].mean()
+        return values[after].mean() - values[~after].mean()
 
-    found, by_chance = larger_by(0.0), np.array([larger_by(k / (_SHIFTS + 1)) for k in range(1, _SHIFTS + 1)])
-    if found < by_chance.mean() + CERTAIN * by_chance.std(ddof=1):
+    ranks = rankdata(every)
+    by_chance = np.array([larger_by(ranks, k / (_SHIFTS + 1)) for k in range(1, _SHIFTS + 1)])
+    if larger_by(ranks) < by_chance.mean() + CERTAIN * by_chance.std(ddof=1):
         return 0.0
-    return float(np.sqrt(share * max(found, 0.0)))
+    return float(np.sqrt(share * max(larger_by(every), 0.0)))

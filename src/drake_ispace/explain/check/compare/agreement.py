@@ -244,7 +244,7 @@ def compared(
 ) -> Part | None:
     """Log likelihoods (matrices,) of a link whose measured columns are multiplied by matrices; None: too short.
 
-    related: (matrices, 1, 1) factor on what the wheels predict, 0 where there is no relation.
+    related: (matrices, 1, 1 or d) factor on what the wheels predict, 0 where there is no relation.
     """
     kept = inside(base, link.since_s, link.until_s)
     if kept.sum() < FEWEST:

@@ -7,7 +7,7 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
-from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS
+from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
 
@@ -24,8 +24,9 @@ class Columns:
     """A way to read the columns of a channel: values = matrix times recorded ones, plus offset.
 
     Attributes:
-        fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel
-            says nothing of the robot's motion. advice: none, the data are at fault. of, shared: as of Hypothesis.
+        fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel, or each
+            column by itself, says nothing of the robot's motion. advice: none, the data are at fault. of, shared: as of
+            Hypothesis.
     """
 
     fault: str
@@ -33,7 +34,7 @@ class Columns:
     matrix: np.ndarray
     rare: bool = False
     offset: np.ndarray | None = None
-    related: float = 1.0
+    related: float | tuple[float, ...] = 1.0
     advice: str = ""
     of: tuple["Columns", ...] = ()
     shared: bool = False
@@ -97,8 +98,15 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
 
 
 def command_columns() -> list[Columns]:
-    """All readings of the columns vx, vy, wz, that as given first."""
-    found = innocent(3)
+    """All readings of the columns vx, vy, wz, that as given first.
+
+    Some accuse nobody, as the turns of a command that hardly turns say nothing of wheels that wander: without these any
+    larger unit would be the likelier.
+    """
+    found = [
+        *innocent(3), Columns("", "whatever the turns", np.eye(3), related=(1.0, 1.0, 0.0)),
+        Columns("", "whatever the way", np.eye(3), related=(0.0, 0.0, 1.0)),
+    ]
     for signs in product((1.0, -1.0), repeat=3):
         wrong = [name for name, sign in zip(("vx", "vy", "wz"), signs, strict=True) if sign < 0.0]
         if wrong:
@@ -108,8 +116,7 @@ def command_columns() -> list[Columns]:
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
         found.append(Columns("command_axes_swapped", "vx and vy change places", swap, not x == y == 1.0))
     speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
-    turns = {f"{unit}/s": factor for unit, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
-    for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **turns}.items()):
+    for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **RATES}.items()):
         wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
         if wrong:
             factors = np.diag([metre, metre, radian])
@@ -129,8 +136,7 @@ def accelerometer_columns() -> list[Columns]:
 def gyro_columns() -> list[Columns]:
     """All mistaken readings of wx, wy, wz."""
     found = _turned("wx, wy, wz")
-    rates = {f"{name}/s": factor for name, factor in ANGLES.items()} | {"rpm": in_si("rpm")}
-    found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in rates.items()]
+    found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in RATES.items()]
     return found
 
 

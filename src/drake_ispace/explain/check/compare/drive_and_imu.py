@@ -128,7 +128,9 @@ def _beside(x, y, z):
 
 
 def _related(given):
-    return np.array([columns.related for columns in given])[:, None, None]
+    """(readings, 1, 1), or (readings, 1, d) where one is unrelated in some columns: a factor on the wheels' motion."""
+    each = [np.atleast_1d(columns.related) for columns in given]
+    return np.stack(np.broadcast_arrays(*each))[:, None]
 
 
 def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:

@@ -83,7 +83,8 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
             found.append(another_robot((number,), 2.0 * free.gain, ("wheel_order", "gear")))
             continue
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
-        for name in strangers if friends or len(doubted) == 1 else ["encoder"]:
+        wheels_are_another = not friends and whose("encoder") is not None and not any(map(whose, strangers))
+        for name in ["encoder"] if wheels_are_another or not (friends or len(doubted) == 1) else strangers:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
                 "channel_of_another_run", whose(name) or "does not move with the robot", "", (number,), name,

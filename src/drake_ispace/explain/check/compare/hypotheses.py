@@ -15,7 +15,11 @@ from drake_ispace.plants.wheels import WheelGeometry
 
 #: Recorded unit -> what a number in it must be multiplied by to be in m, or in rad.
 LENGTHS = {"mm": in_si("mm"), "cm": in_si("cm"), "inch": inch, "km": kilo}
-ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")}
+ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")} | {"rad read as deg": 1.0 / in_si("deg")}
+#: Recorded unit -> what a number in it must be multiplied by to be in rad/s.
+RATES = {"rpm": in_si("rpm"), "rad/s read as deg/s": ANGLES["rad read as deg"]} | {
+    f"{unit}/s": in_si(unit) for unit in ("deg", "rev", "mrad")
+}
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
 _TYPED = (0.5, 2.0)  # tracks and half tracks, or rooms, that are taken for each other

@@ -98,7 +98,9 @@ def _likelihood(residual, scale, y, groups, noise):
     """(h,) logarithms of likelihood of residuals (h, d, n) of a scale (h, d), over those of y unrelated to anything."""
     size = np.empty_like(noise)
     for group in groups:
-        size[:, group] = (scale_of(y[:, group]) ** 2).sum(axis=-1, keepdims=True)
+        motion = y[:, group]
+        all_in_all = SLACK * np.sqrt((motion**2).mean(axis=-1))  # of a command that is zero but in a few windows
+        size[:, group] = (np.maximum(scale_of(motion), all_in_all) ** 2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
     ratio = np.clip(np.sqrt(scale**2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
