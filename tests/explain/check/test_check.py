@@ -311,6 +311,15 @@ def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_j
     assert repair.since_s == pytest.approx(4.0, abs=0.01) and repair.offset_s == pytest.approx(lost_s, abs=0.05)
 
 
+@pytest.mark.parametrize("robot", MODEL)
+def test_a_clock_that_leaves_out_some_time_jumps_there(sound, robot):
+    first, second = sound[robot]
+    kinect = first.channels["kinect"]
+    jumped = replace(kinect, t=kinect.t + 0.5 * (kinect.t >= 4.0))
+    (finding,) = found([replace(first, channels=first.channels | {"kinect": jumped}), second], robot)
+    assert finding.fault == "clock_jump" and finding.from_s == jumped.t[jumped.t >= 4.5][0]
+
+
 def test_a_check_is_printed_in_sentences(sound):
     first, second = sound["omni"]
     assert str(check(MODEL["omni"], [first, second])) == "The recordings agree with each other"

@@ -5,6 +5,7 @@ Motion itself is the clock: what a channel says of it is compared with what the 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -83,9 +84,11 @@ class _Trial:
     def loss_of(self, path: Path) -> float:
         """The log likelihood that a clock must gain beyond a constant offset, because many more of them are tried.
 
-        They jump at any window to any offset, or drift at any rate.
+        They jump at any window to any offset, or where stamps leave that out, or drift at any rate.
         """
         jumps, drifts = len(self.link.since_s) * len(_LAGS_S), len(_rates(self.lasts_s))
+        if path.jump_s in [gap.jump_s for gap in self.gaps]:
+            jumps = len(self.gaps)
         return float(np.log(jumps if path.later_s else drifts if path.rate else 1))
 
     def _scored(self, since, until, measured, must_follow):
@@ -130,7 +133,7 @@ class _Trial:
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
-        rough = [path for path in (self.offset(), self.drift(), self.jump()) if path is not None]
+        rough = [path for path in (self.offset(), self.drift(), self.jump(), *self.gaps) if path is not None]
         least = float(self.total[self.usual].min()) - 0.5 * SAID
         paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
         paths = [path for path in paths if not path.rate or _is_drift(path.rate, self.lasts_s)]
@@ -178,6 +181,18 @@ class _Trial:
         if abs(first - second) <= LATENCY_S:
             return None
         return Path(float(first), 0.0, 0.0, float(second - first), float(self.link.since_s[end]))
+
+    @cached_property
+    def gaps(self) -> list[Path]:
+        """Paths with a clock that jumps where its stamps leave out more than a latency, by as much.
+
+        Steady motion does not say when a clock jumps. None beside motions of any share, as for `jump`.
+        """
+        steps = np.diff(self.link.t)
+        left_out = steps - np.median(steps)
+        at = () if self.link.any_share else np.flatnonzero(left_out > LATENCY_S)
+        lag = float(_LAGS_S[self.usual][np.argmin(self.total[self.usual])])
+        return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
 
     def repair(self, path: Path) -> Clock:
         """What puts the channel on the wheels' clock."""

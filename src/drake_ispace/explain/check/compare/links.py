@@ -4,7 +4,7 @@ The wheels' clock is the reference. A channel may be moved against it in time.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -119,7 +119,7 @@ class Link:
         channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
             the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
             share; None: none. usual_s: from and to, by how much later [s] the wheels may say what a sound channel says.
-        slack: of the relation.
+        slack: of the relation. t: (k,) the channel's stamps.
     """
 
     channel: str
@@ -132,6 +132,7 @@ class Link:
     besides: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
     usual_s: tuple[float, float] = (-LATENCY_S, LATENCY_S)
     slack: Slack = PHYSICS
+    t: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def any_share(self) -> bool:
@@ -164,7 +165,7 @@ def link_of(run: Recording, base: Base, channel: str, starts: int = 1) -> Link |
     """The Link of one channel; None where it cannot be compared. starts: as of `links`."""
     makers = {"kinect": camera_link, "imu": turn_link, TORQUE: torque_link, COMMAND: command_link}
     link = makers[channel](run, base, starts) if channel in makers and channel in run.channels else None
-    return link if link is not None and len(link.since_s) >= FEWEST else None
+    return replace(link, t=run.channels[channel].t) if link is not None and len(link.since_s) >= FEWEST else None
 
 
 def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
