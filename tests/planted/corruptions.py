@@ -115,7 +115,7 @@ add("wheels 1 and 3 swapped", "encoder", {"wheels_swapped", "wheel_order"}, orde
 add("wheels moved on by one", "encoder", {"wheels_swapped", "wheel_order", *TURNED}, ordered("encoder", (1, 2, 3, 0)),
     robots=("omni",))
 
-for name, factor in {"millimetres": 1e3, "centimetres": 1e2, "inches": 1 / 0.0254}.items():
+for name, factor in {"millimetres": 1e3, "centimetres": 1e2, "inches": 1 / 0.0254, "tenths of a metre": 10.0}.items():
     add(f"camera in {name}", "kinect", {"wrong_unit"}, scaled("kinect", [factor, factor, 1.0, 1.0]))
 add("headings in degrees", "kinect", {"wrong_unit"}, scaled("kinect", [1.0, 1.0, 1 / DEG, 1.0]))
 add("headings in radians read as degrees", "kinect", {"wrong_unit"}, scaled("kinect", [1.0, 1.0, DEG, 1.0]))
@@ -223,6 +223,7 @@ def _burst(folder, other):
 for channel in ("encoder", "torque", "imu"):
     add(f"rows of {channel} twice", channel, {"rows_duplicated"}, _repeat(channel, 0.05), every=False)
     add(f"a gap in {channel}", channel, {"rows_missing"}, _gap(channel), every=False)
+add("rows of kinect twice", "kinect", {"rows_duplicated"}, _repeat("kinect", 0.25), every=False)
 add("uneven stamps", "encoder", {"stamp_jitter", "bursts"}, _jitter("encoder", 0.8))
 add("frames stamped when they arrive", "kinect", {"stamp_jitter"}, _jitter("kinect", 0.3))
 add("bursts", "encoder", {"bursts", "stamp_jitter"}, _burst)

@@ -20,6 +20,7 @@ MECANUM = {"kind": "mecanum", "wheel_diameter_m": 0.1, "track_m": 0.4, "wheelbas
 ROBOTS = {
     "differential": DIFFERENTIAL, "omni at odd angles": OMNI,
     "three omni": {**OMNI, "angles_deg": [10, 140, 260], "wheels": None},
+    "omni on an axis": {**OMNI, "angles_deg": [90, 180, 210, 330]},
     "clockwise": {**OMNI, "forward_turns": "clockwise"}, "mecanum": MECANUM,
 }
 ROBOTS["three omni"].pop("wheels")

@@ -234,9 +234,9 @@ def _wheels(keys, sizes, given, where):
             raise InputError(f"{where}: angles_deg: expected at least three directions, got {count}")
         side = np.pi / 2.0 if keys.forward_turns == "anticlockwise" else -np.pi / 2.0
         distance = sizes["centre_diameter_m"] / 2.0
-        places = [
-            Wheel(distance * np.cos(a), distance * np.sin(a), a + side, radius) for a in np.radians(keys.angles_deg)
-        ]
+        angles = np.radians(keys.angles_deg)
+        at = np.round(distance * np.column_stack([np.cos(angles), np.sin(angles)]), 15)  # of 90 degrees x is zero
+        places = [Wheel(x, y, angle + side, radius) for (x, y), angle in zip(at.tolist(), angles, strict=True)]
     elif keys.kind in ("differential", "tricycle"):
         half = sizes["track_m"] / 2.0
         sides = {_side(name, where): name for name in map(str, names)}

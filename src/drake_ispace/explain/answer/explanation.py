@@ -271,7 +271,9 @@ class Explanation:
         if self.verdict == "data":
             lines += [f"  {finding}" for finding in self.data]
         for effect in self.effects:
-            alike = [*effect.equivalents, *(f"{fault} (a fault of the data)" for fault in effect.faults)]
+            effects = [name for name in effect.equivalents if name not in effect.faults]
+            faults = [f"{fault} (a fault of the data)" for fault in effect.faults if fault != effect.name]
+            alike = [*effects, *faults]
             others = f", or {', '.join(alike)}" if alike else ""
             lines.append(f"  {effect.name}{others}; enters at: {effect.enters_at}")
             for name, p in effect.parameters.items():

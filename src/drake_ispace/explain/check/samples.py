@@ -67,7 +67,7 @@ def sample_findings(run: Recording, number: int, steps: bool = False) -> Iterato
             found = list(_stuck(run, name, number, steps and name == "torque"))
         if name == "encoder" and not found:
             found = list(_stopped(channel, number))
-        if name != "kinect" and not found:
+        if not found:
             found = list(_repeated(name, channel, number))
         if name not in _NOISY and not found:
             found = list(_reversed(name, channel, number))
@@ -99,7 +99,7 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
     repeats, or from there to what follows, much farther than it ever turns from row to row. A torque that is commanded
     periodically repeats itself until the run ends.
     """
-    values = np.ascontiguousarray(channel.values)
+    values = np.ascontiguousarray(channel.values[:, :3] if name == "kinect" else channel.values)
     steps = np.abs(np.diff(values, axis=0))
     _, codes = np.unique(values, axis=0, return_inverse=True)
     codes = codes.ravel()

@@ -23,6 +23,7 @@ RATES = {"rpm": in_si("rpm"), "rad/s read as deg/s": ANGLES["rad read as deg"]} 
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
 _TYPED = (0.5, 2.0)  # tracks and half tracks, or rooms, that are taken for each other
+_SCALES = (*_TYPED, 0.01, 0.1, 10.0)  # of a room in another unit than it is read as
 _FACTORS = (*_EDGES, *np.reciprocal(_EDGES).tolist())
 
 
@@ -151,7 +152,7 @@ def _tracks(unit, times):
     """
     for wide in _TYPED:
         yield _track(unit, "half_track", f"{wide:.2g} times", wide)
-    if _typed(times) is not None:
+    if _typed(times, _TYPED) is not None:
         return
     if times > 1.0:
         yield _track(unit, "effective_track", f"about {times:.2g} times", times)
@@ -168,18 +169,18 @@ def _track(unit, fault, by, wide):
     )
 
 
-def _typed(times):
-    """The factor of two that may be meant, within what physics may add; None: neither."""
-    return next((typed for typed in _TYPED if abs(times / typed - 1.0) <= SLACK), None)
+def _typed(times, factors):
+    """The one of some factors that may be meant, within what physics may add; None: none."""
+    return next((typed for typed in factors if abs(times / typed - 1.0) <= SLACK), None)
 
 
 def _rooms(unit, times):
     """Places in a unit that nobody knows, so many times as large as physics cannot make them."""
-    size = _typed(times) or times
+    size = _typed(times, _SCALES) or times
     if abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
-        said = f"places {'' if size in _TYPED else 'about '}{size:.2g} times as large as the wheels say"
-        yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _TYPED)
+        said = f"places {'' if size in _SCALES else 'about '}{size:.2g} times as large as the wheels say"
+        yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _SCALES)
 
 
 def _turned(unit, turn_rad):
@@ -219,7 +220,7 @@ def _views():
     for quarter in range(4):
         off = {1: "-90", 2: "180", 3: "90"}.get(quarter)
         by = f", headings off by {off} degrees" if off else ""
-        turn, rare = quarter * np.pi / 2.0, bool(off)
+        turn, rare = (quarter if quarter < 3 else -1) * np.pi / 2.0, bool(off)
         if off:
             yield "heading_offset", f"headings off by {off} degrees", View(offset_rad=turn), False
         yield "heading_sign", f"headings of the other sense{by}", View(scale=-1.0, offset_rad=turn), rare
