@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dense import Dense
-from linear import Linear, Made, made, noise, pattern
+from linear import Linear, Made, made, noise, pattern, streams
 
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Likelihood, covariance_of, fit
@@ -92,6 +92,24 @@ def test_a_size_that_changes_nothing_stays():
     found = likelihood(noise() + 0.7 * SHAPES["tilt"], SHAPES | {"drag": 1e-7 * pattern(5)})
     best = fit(found, {TILT: [0.0], DRAG: [0.2]})
     assert best.point[TILT][0] == pytest.approx(0.7, abs=0.1) and best.point[DRAG] == [0.2]
+
+
+class Clipped(Linear):
+    """A limit of `tilt` that changes something below 2 only."""
+
+    def residuals(self, values):
+        size = values.get("tilt", {"size": np.inf})["size"]
+        return streams(self.measured - max(2.0 - size, 0.0) * self.shapes["tilt"])
+
+
+def test_a_limit_that_no_run_reaches_finds_back():
+    effect = Made("tilt", 0.0)
+    effect.parameters = (replace(effect.parameters[0], neutral=np.inf, high=np.inf, reciprocal=True),)
+    limit = Candidate(effect, (), effect.parameters)
+    prediction = Clipped(noise() + 0.7 * SHAPES["tilt"], SHAPES)
+    found = replace(likelihood(noise()), prediction=prediction, sizes={limit: [0.2]})
+    assert 1.0 / fit(found, {limit: [0.0]}).point[limit][0] == pytest.approx(1.3, abs=0.1)
+    assert fit(replace(found, prediction=replace(prediction, measured=noise())), {limit: [0.0]}).point[limit][0] < 0.55
 
 
 @pytest.mark.parametrize("low, high, at", [(0.0, 0.3, 0.3), (0.9, 5.0, 0.9)])

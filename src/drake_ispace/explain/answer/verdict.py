@@ -167,8 +167,8 @@ def add_runs_apart(answer: Explanation, found: Sequence[OfOneRun]) -> None:
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
         answer.drifts.append(
-            f"{one.run} by itself shows {one.candidate.label} ({sizes}; {p_in_words(one.p_value)}){alike}, and "
-            "other runs contradict it: explain it by itself"
+            f"{one.run} by itself is explained best by {one.candidate.label} ({sizes}; {p_in_words(one.p_value)})"
+            f"{alike}, and other runs contradict it: explain it by itself"
         )
     if found:
         answer.verdict = "incomplete" if answer.effects else "unknown"

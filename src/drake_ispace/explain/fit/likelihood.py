@@ -9,6 +9,7 @@ which the removal would hide.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,7 @@ Point = dict[Candidate, list[float]]  # effects and their coordinates
 STEP = 0.05  # for slopes, as a share of a coordinate's distance from neutral, or of its natural size if larger
 _LEVEL = 1e-10  # share of the largest curvature of the deviance, below which it is level
 _SHORTENINGS = 6  # of a step that leads to a worse point, or of a start at which the model runs away
+TIMES = (1.0, 3.0, 10.0, 30.0)  # how many times as narrow as its natural size a limit is tried
 
 
 def merged(point: Mapping[Candidate, Sequence[float]]) -> dict[str, dict[str, float]]:
@@ -171,6 +173,8 @@ def fit(
 ) -> Fit:
     """Minimise the deviance from `start`, within bounds, by the method of Levenberg and Marquardt.
 
+    A limit that no run reaches changes nothing, so that nothing leads back to one that does: others are tried.
+
     Args:
         iterations: at most. tolerance: drop in deviance below which an iteration is the last.
         held: a coordinate that stays as it is in `start`.
@@ -183,9 +187,26 @@ def fit(
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
-    deviance, damping = likelihood.deviance(w), 1e-3
+    best = Fit(point, likelihood.deviance(w), order, w)
     if not order:
-        return Fit(point, deviance, order, w)
+        return best
+    best, idle = _descended(likelihood, best, iterations, tolerance)
+    for candidate, i in idle:
+        z, size = best.point[candidate], likelihood.sizes[candidate][i]
+        options = [
+            {**best.point, candidate: candidate.within([*z[:i], times * size, *z[i + 1 :]])} for times in TIMES
+        ]
+        deviances = each(partial(deviance_at, likelihood), options)
+        if min(deviances) < best.deviance - tolerance:
+            point = options[int(np.argmin(deviances))]
+            reached = Fit(point, min(deviances), order, likelihood.whitened(point))
+            best = _descended(likelihood, reached, iterations, tolerance)[0]
+    return best
+
+
+def _descended(likelihood, start, iterations, tolerance) -> tuple[Fit, list[tuple[Candidate, int]]]:
+    """The best Fit downhill from a Fit, and those of its coordinates that are limits and change nothing there."""
+    point, deviance, order, w, damping, idle = start.point, start.deviance, start.order, start.w, 1e-3, []
     for _ in range(iterations):
         products = likelihood.products(np.vstack([likelihood.slopes(point, order, w), w]))
         normal, gradient = products[:-1, :-1], products[:-1, -1]
@@ -202,9 +223,10 @@ def fit(
                 drop, point, w, deviance, damping = deviance - new, moved, w_new, new, max(damping / 5.0, 1e-7)
                 break
             damping *= 8.0
+        idle = [c for c, level in zip(order, _level(normal), strict=True) if level and c[0].parameters[c[1]].reciprocal]
         if drop < tolerance:
             break
-    return Fit(point, deviance, order, w)
+    return Fit(point, deviance, order, w), idle
 
 
 def covariance_of(likelihood: Likelihood, best: Fit) -> np.ndarray:
@@ -223,11 +245,17 @@ def root_of(normal: np.ndarray) -> np.ndarray:
     return vectors / np.sqrt(np.maximum(values, _LEVEL * max(values[-1], 1.0)))
 
 
+def _level(normal):
+    """(k,) which coordinates change nothing, such as the limit of a motion that no run has."""
+    curvatures = np.diag(normal)
+    return curvatures <= _LEVEL * max(curvatures.max(), 1.0)
+
+
 def _free(point, order, normal, gradient):
     """Numbers of the coordinates, less those that change nothing, or that the gradient pushes beyond a bound."""
-    free, curvatures = [], np.diag(normal)
+    free, level = [], _level(normal)
     for at, (candidate, i) in enumerate(order):
-        if curvatures[at] <= _LEVEL * max(curvatures.max(), 1.0):  # such as of a motion that no run has
+        if level[at]:
             continue
         low, high = candidate.bounds[i]
         z = point[candidate][i]

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Likelihood, Point, deviance_at
+from drake_ispace.explain.fit.likelihood import TIMES, Likelihood, Point, deviance_at
 from drake_ispace.explain.threads import each
-
-_TIMES = (0.0, 1.0, 3.0, 10.0, 30.0)  # how many times as narrow as its widest probe a limit is tried
 
 
 def has_several_limits(candidate: Candidate) -> bool:
@@ -26,6 +24,6 @@ def with_best_limits(
         are tried with those of each of the others, beside the point.
     """
     widest = [min(z for z in column if z > 0.0) for column in zip(*probes, strict=True)]
-    multiples = itertools.product(*([times * z for times in _TIMES] for z in widest))
+    multiples = itertools.product(*([times * z for times in (0.0, *TIMES)] for z in widest))
     options = [point, *({**point, candidate: list(z)} for z in multiples)]
     return options[int(np.argmin(each(lambda option: deviance_at(likelihood, option), options)))]
