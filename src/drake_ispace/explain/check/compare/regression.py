@@ -99,8 +99,10 @@ def _likelihood(residual, scale, y, groups, noise):
     size = np.empty_like(noise)
     for group in groups:
         motion = y[:, group]
-        all_in_all = SLACK * np.sqrt((motion**2).mean(axis=-1))  # of a command that is zero but in a few windows
-        size[:, group] = (np.maximum(scale_of(motion), all_in_all) ** 2).sum(axis=-1, keepdims=True)
+        spread = scale_of(motion)
+        if len(groups) > 1:  # what is zero but in a few windows, as the turns of a command, outweighs no other motion
+            spread = np.maximum(spread, SLACK * np.sqrt((motion**2).mean(axis=-1)))
+        size[:, group] = (spread**2).sum(axis=-1, keepdims=True)
     size = np.sqrt(size + noise**2 + 1e-24)
     ratio = np.clip(np.sqrt(scale**2 + noise**2) / size, SLACK, 1.0)
     # Student's density; what is far out counts, but as its logarithm only. What is below the noise counts as noise: a
