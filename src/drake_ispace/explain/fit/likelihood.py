@@ -150,6 +150,13 @@ def deviance_at(likelihood: Likelihood, point: Point) -> float:
     return likelihood.deviance(w) if np.isfinite(w).all() else np.inf
 
 
+def least_of(likelihood: Likelihood, points: Sequence[Point]) -> tuple[Point, float]:
+    """The point at which the deviance is least, the first of equals, and that deviance."""
+    deviances = each(partial(deviance_at, likelihood), points)
+    best = int(np.argmin(deviances))
+    return points[best], deviances[best]
+
+
 @dataclass(frozen=True)
 class Fit:
     """The best point.
@@ -193,13 +200,11 @@ def fit(
     best, idle = _descended(likelihood, best, iterations, tolerance)
     for candidate, i in idle:
         z, size = best.point[candidate], likelihood.sizes[candidate][i]
-        options = [
+        point, deviance = least_of(likelihood, [
             {**best.point, candidate: candidate.within([*z[:i], times * size, *z[i + 1 :]])} for times in TIMES
-        ]
-        deviances = each(partial(deviance_at, likelihood), options)
-        if min(deviances) < best.deviance - tolerance:
-            point = options[int(np.argmin(deviances))]
-            reached = Fit(point, min(deviances), order, likelihood.whitened(point))
+        ])
+        if deviance < best.deviance - tolerance:
+            reached = Fit(point, deviance, order, likelihood.whitened(point))
             best = _descended(likelihood, reached, iterations, tolerance)[0]
     return best
 

@@ -3,11 +3,8 @@
 import itertools
 from collections.abc import Sequence
 
-import numpy as np
-
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import TIMES, Likelihood, Point, deviance_at
-from drake_ispace.explain.threads import each
+from drake_ispace.explain.fit.likelihood import TIMES, Likelihood, Point, least_of
 
 
 def has_several_limits(candidate: Candidate) -> bool:
@@ -26,4 +23,4 @@ def with_best_limits(
     widest = [min(z for z in column if z > 0.0) for column in zip(*probes, strict=True)]
     multiples = itertools.product(*([times * z for times in (0.0, *TIMES)] for z in widest))
     options = [point, *({**point, candidate: list(z)} for z in multiples)]
-    return options[int(np.argmin(each(lambda option: deviance_at(likelihood, option), options)))]
+    return least_of(likelihood, options)[0]

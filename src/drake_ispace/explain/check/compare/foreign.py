@@ -83,8 +83,9 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
             found.append(another_robot((number,), 2.0 * free.gain, ("wheel_order", "gear")))
             continue
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
-        wheels_are_another = not friends and whose("encoder") is not None and not any(map(whose, strangers))
-        for name in ["encoder"] if wheels_are_another or not (friends or len(doubted) == 1) else strangers:
+        # without a friend it is the stranger if nothing else is doubted, and the wheels are not another run's
+        is_it = friends or (len(doubted) == 1 and (whose("encoder") is None or any(map(whose, strangers))))
+        for name in strangers if is_it else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
                 "channel_of_another_run", whose(name) or "does not move with the robot", "", (number,), name,
