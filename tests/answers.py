@@ -11,8 +11,8 @@ from drake_ispace.explain.answer.explanation import (
     Unknown,
     Untestable,
 )
-from drake_ispace.explain.prove.gap import GapRow
-from drake_ispace.explain.prove.remainder import Remainder
+from drake_ispace.explain.prove.errors.gap import GapRow
+from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.scenario import Scenario, difference
 
 FOUND = DetectionResult(1e-9, 3.0, 0.01, 9.0)

@@ -30,13 +30,13 @@ LONGEST_S = 300.0  # of the tests of a room; a mutant that takes longer is kille
 #: Room -> folders of its code, and its tests, the quick ones first.
 ROOMS = {
     "fit": (["explain/fit"], [
-        "tests/explain/test_candidates.py", "tests/explain/test_detect.py", "tests/explain/test_profile.py",
-        "tests/explain/test_directions.py", "tests/explain/test_whitening.py", "tests/explain/test_likelihood.py",
-        "tests/explain/test_decide.py", "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
+        "tests/explain/fit", "tests/explain/decide/test_detect.py", "tests/explain/decide/test_decide.py",
+        "tests/explain/test_own_model.py", "tests/explain/prove/test_free_run.py",
     ]),
     "decide": (["explain/decide"], [
-        "tests/explain/test_detect.py", "tests/explain/test_survey.py", "tests/explain/test_decide.py",
-        "tests/explain/test_localize.py", "tests/explain/test_own_model.py", "tests/explain/test_free_run.py",
+        "tests/explain/decide/test_detect.py", "tests/explain/decide/test_survey.py",
+        "tests/explain/decide/test_decide.py", "tests/explain/answer/test_localize.py",
+        "tests/explain/test_own_model.py", "tests/explain/prove/test_free_run.py",
     ]),
     "rollout": (["rollout"], [
         "tests/rollout/test_engine.py", "tests/rollout/test_compile.py", "tests/rollout/test_lanes.py",
@@ -71,7 +71,7 @@ def survives(mutation, tests: list[str], tree: Path) -> str | None:
     """The difference that a mutant makes if no test notices it, else None."""
     path = tree / mutation.module_path
     before = path.read_text(encoding="utf-8")
-    own = [test for test in tests if Path(test).stem.removeprefix("test_") == path.stem]
+    own = [str(test.relative_to(tree)) for test in (tree / "tests").rglob(f"test_{path.stem}.py")]
     operator = get_operator(mutation.operator_name)(**mutation.operator_args)
     after = mutate_code(before, operator, mutation.occurrence)
     try:

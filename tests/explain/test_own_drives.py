@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from one_wheel import angle, rate
 from scipy.signal import lfilter
 
 import drake_ispace as di
@@ -17,6 +16,7 @@ from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_replay import own_track
 from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Channel, Recording
+from stand_ins.one_wheel import angle, rate
 
 STEP_S = 1e-3
 

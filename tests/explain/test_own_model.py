@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from one_wheel import angle, rate
 
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
@@ -14,6 +13,7 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import predict
 from drake_ispace.files.recording import Channel, Recording
+from stand_ins.one_wheel import angle, rate
 
 INERTIA = 0.02
 

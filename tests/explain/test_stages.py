@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from tried import OMNI, candidate
 
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
@@ -14,6 +13,7 @@ from drake_ispace.explain.decide.decision import LEAST_FURTHER, least_further
 from drake_ispace.explain.decide.detect import detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
+from stand_ins.tried import OMNI, candidate
 
 ROOM = Path(__file__).parents[2] / "src" / "drake_ispace" / "explain"
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.prove.free_run import ATE, PREDICTION, STEP, errors, rms, windows_of
+from drake_ispace.explain.prove.errors.free_run import ATE, PREDICTION, STEP, errors, rms, windows_of
 from drake_ispace.explain.prove.prove import prove
 from hidden.generator import FOREIGN, OWN, RobotLost, generate
 from hidden.motions import MOTIONS

@@ -13,7 +13,7 @@ import numpy as np
 from drake_ispace.explain.answer.explanation import plain
 from drake_ispace.explain.check.compare.links import Base, base_of
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.paths import chained
+from drake_ispace.explain.prove.errors.paths import chained
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import CutOut
 from drake_ispace.files.places import fresh_folder

@@ -7,8 +7,8 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.free_run import Simulation, windows_of
-from drake_ispace.explain.prove.paths import compose, relative
+from drake_ispace.explain.prove.errors.free_run import Simulation, windows_of
+from drake_ispace.explain.prove.errors.paths import compose, relative
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import Scenario
 

@@ -12,8 +12,8 @@ from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over, p_in_words
-from drake_ispace.explain.prove.free_run import RUN, STEP
-from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, GapRow
+from drake_ispace.explain.prove.errors.free_run import RUN, STEP
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.faults.repair import from_zero
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from drake_ispace.explain.answer.sentences import amount
-from drake_ispace.explain.prove.free_run import PREDICTION, STEP
-from drake_ispace.explain.prove.gap import GapRow, seconds
+from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP
+from drake_ispace.explain.prove.errors.gap import GapRow, seconds
 from drake_ispace.files.recording import Channel
 from drake_ispace.report.plots import plt, save
 

@@ -35,7 +35,7 @@ from drake_ispace.explain.fit.profile import profile_intervals
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
-from drake_ispace.explain.prove.repeats import are_one_motion
+from drake_ispace.explain.prove.errors.repeats import are_one_motion
 
 
 def describe(case: Case, decision: Decision | Choice) -> Explanation:

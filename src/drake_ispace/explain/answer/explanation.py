@@ -7,9 +7,9 @@ from pathlib import Path
 
 from drake_ispace.explain.answer.sentences import gap_sentence, is_place, p_in_words, sentence_of, short
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.prove.gap import HELD_OUT, GapRow, headline
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow, headline
+from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.explain.prove.proof import PlantParameter
-from drake_ispace.explain.prove.remainder import Remainder
 from drake_ispace.files.places import whole_file
 from drake_ispace.scenario import Scenario
 

@@ -9,8 +9,8 @@ from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.prediction import Prediction, Residuals
-from drake_ispace.explain.prove.drivers import drivers_of
-from drake_ispace.explain.prove.remainder import since
+from drake_ispace.explain.prove.left.drivers import drivers_of
+from drake_ispace.explain.prove.left.remainder import since
 
 _LEAST_DRIVEN = 0.3  # share that a variable must explain
 

@@ -4,8 +4,8 @@ import math
 import sys
 from pathlib import Path
 
-from drake_ispace.explain.prove.gap import PREDICTION, RUN, GapRow
-from drake_ispace.explain.prove.remainder import NOTHING, Remainder
+from drake_ispace.explain.prove.errors.gap import PREDICTION, RUN, GapRow
+from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
 
 _OVER = {RUN: "over whole runs", "step": "at the next sample"}
 _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",

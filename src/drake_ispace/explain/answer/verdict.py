@@ -11,9 +11,9 @@ from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.prove.adequacy import TOO_LARGE
-from drake_ispace.explain.prove.free_run import ATE, RPE
-from drake_ispace.explain.prove.gap import HELD_OUT, GapRow
+from drake_ispace.explain.prove.errors.free_run import ATE, RPE
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow
+from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
 

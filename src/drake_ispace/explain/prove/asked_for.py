@@ -10,9 +10,9 @@ from functools import partial
 from drake_ispace.explain.decide.decision import Asked, Decision
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.free_run import Measure, Windows
-from drake_ispace.explain.prove.least_squares import plain_fit, squared_error_left_out
-from drake_ispace.explain.prove.predicted import PREDICTED
+from drake_ispace.explain.prove.errors.free_run import Measure, Windows
+from drake_ispace.explain.prove.errors.least_squares import plain_fit, squared_error_left_out
+from drake_ispace.explain.prove.left.predicted import PREDICTED
 from drake_ispace.robots.robot import COMMAND
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from drake_ispace.explain.decide.decision import Asked, Rival
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
-from drake_ispace.explain.prove.gap import GapRow
-from drake_ispace.explain.prove.noise import ProcessNoise
-from drake_ispace.explain.prove.remainder import Remainder
+from drake_ispace.explain.prove.errors.gap import GapRow
+from drake_ispace.explain.prove.left.remainder import Remainder
+from drake_ispace.explain.prove.noise.noise import ProcessNoise
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,14 @@ from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
-from drake_ispace.explain.prove.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.asked_for import asked_for
-from drake_ispace.explain.prove.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
-from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.least_squares import PlainFit, plain_fit
-from drake_ispace.explain.prove.left_out import blocks_in, in_parts
-from drake_ispace.explain.prove.noise import (
+from drake_ispace.explain.prove.errors.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.errors.least_squares import PlainFit, plain_fit
+from drake_ispace.explain.prove.errors.left_out import blocks_in, in_parts
+from drake_ispace.explain.prove.left.adequacy import TOO_LARGE, remainders
+from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
+from drake_ispace.explain.prove.noise.noise import (
     ProcessNoise,
     SensorNoise,
     Spread,
@@ -28,7 +29,6 @@ from drake_ispace.explain.prove.noise import (
     sensor_noise,
 )
 from drake_ispace.explain.prove.proof import Proof
-from drake_ispace.explain.prove.remainder import NOTHING, Remainder
 from drake_ispace.explain.prove.sizes import (
     SizesByRun,
     filtered_sizes,

@@ -14,9 +14,9 @@ import numpy as np
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.free_run import Measure, Windows, changes, errors, rms
-from drake_ispace.explain.prove.least_squares import squared_error_left_out
-from drake_ispace.explain.prove.left_out import groups_of, sizes_without
+from drake_ispace.explain.prove.errors.free_run import Measure, Windows, changes, errors, rms
+from drake_ispace.explain.prove.errors.least_squares import squared_error_left_out
+from drake_ispace.explain.prove.errors.left_out import groups_of, sizes_without
 from drake_ispace.robots.robot import COMMAND
 
 

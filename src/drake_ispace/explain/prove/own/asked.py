@@ -21,7 +21,7 @@ from drake_ispace.explain.fit.likelihood import deviance_at
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.left_out import in_parts
+from drake_ispace.explain.prove.errors.left_out import in_parts
 from drake_ispace.explain.threads import each
 
 _SHARES = (1.0, 0.25, 0.0625)  # of its largest usual size, from the best of which a fit of an effect begins

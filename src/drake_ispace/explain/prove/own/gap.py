@@ -16,10 +16,10 @@ from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted,
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.adequacy import too_large
-from drake_ispace.explain.prove.free_run import ATE, RUN, Errors, Measure, rms
-from drake_ispace.explain.prove.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.noise import DRAWS
+from drake_ispace.explain.prove.errors.free_run import ATE, RUN, Errors, Measure, rms
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
+from drake_ispace.explain.prove.left.adequacy import too_large
+from drake_ispace.explain.prove.noise.noise import DRAWS
 from drake_ispace.explain.prove.own.asked import asked_for_own
 from drake_ispace.explain.prove.own.sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof

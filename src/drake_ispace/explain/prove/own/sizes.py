@@ -22,7 +22,7 @@ from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.left_out import groups_of, sizes_without
+from drake_ispace.explain.prove.errors.left_out import groups_of, sizes_without
 
 
 def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, plain: Sizes, seed: int) -> bool:

@@ -1,0 +1,1 @@
+"""Errors of the model along recorded runs, and plain least squares of them."""

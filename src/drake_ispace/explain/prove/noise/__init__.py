@@ -1,0 +1,1 @@
+"""What noise may leave of the gap: of the sensors, of the process, and of what no log holds."""

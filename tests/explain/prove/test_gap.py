@@ -1,0 +1,65 @@
+"""The gap: which row is the headline, what closed means, and when no percentage is given."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import answers
+from drake_ispace.explain.answer.verdict import made_worse
+from drake_ispace.explain.prove.errors.free_run import Measure
+from drake_ispace.explain.prove.errors.gap import Columns, headline, rows_of
+
+POSITION = Measure("RPE", "5s", "position", "m", "torque")
+ROW = answers.GAP[0]
+
+
+def rows(before, after, sensors=0.01, chance=0.02, runs=6):
+    """The row of a position whose error is `before` and `after` in each of some runs."""
+    errors = [[{POSITION: np.full((20, 2), size / np.sqrt(2.0))} for _ in range(runs)] for size in (before, after)]
+    return rows_of(Columns(*errors, None, {POSITION: sensors}, {POSITION: chance}), "held_out", "", 0)
+
+
+def test_closed_is_the_share_of_the_squared_error_above_what_noise_leaves():
+    (row,) = rows(0.3, 0.1)
+    noise = 0.01**2 + 0.02**2
+    assert row.before == pytest.approx(0.3) and row.after == pytest.approx(0.1)
+    assert row.closed == pytest.approx(1.0 - (0.1**2 - noise) / (0.3**2 - noise)) and row.ci90[0] <= row.closed
+
+
+@pytest.mark.parametrize("after", [0.005, 0.02])
+def test_an_error_below_what_noise_leaves_is_wholly_closed(after):
+    assert rows(0.3, after)[0].closed == 1.0
+
+
+@pytest.mark.parametrize("sensors, chance", [(0.11, 0.01), (0.01, 0.11)])
+def test_no_percentage_where_the_error_is_not_three_times_both(sensors, chance):
+    (row,) = rows(0.3, 0.1, sensors, chance)
+    assert row.closed is None and headline([row]) is None
+
+
+def test_the_headline_is_the_longest_horizon_at_which_the_gap_is_clear():
+    run, short = replace(ROW, metric="ATE", horizon="run", closed=None), replace(ROW, horizon="1s", before=3.0)
+    assert headline([short, run, ROW]) == ROW and headline([run, short]) == short
+    assert headline([replace(ROW, metric="ATE", horizon="run"), ROW]).horizon == "run"
+
+
+@pytest.mark.parametrize("other", [
+    {"runs": "training"}, {"channel": "heading", "unit": "rad"}, {"metric": "prediction", "channel": "imu: wy"},
+])
+def test_the_headline_is_of_a_place_on_unseen_runs(other):
+    assert headline([replace(ROW, **other)]) is None
+
+
+@pytest.mark.parametrize("after, is_worse", [(0.052, False), (0.08, True), (0.03, False)])
+def test_a_channel_is_made_worse_only_beyond_what_noise_leaves(after, is_worse):
+    (row,) = rows(0.05, after)
+    assert row.worse is is_worse and (made_worse([row]) == [row]) is is_worse
+    assert made_worse([replace(row, runs="training")]) == []
+
+
+def test_a_simulation_that_may_be_anywhere_proves_nothing():
+    errors = [[{POSITION: np.full((20, 2), size)} for _ in range(6)] for size in (9.0, 1.5)]
+    noise = {POSITION: 0.1}, {POSITION: 2.5}
+    assert rows_of(Columns(*errors, None, *noise, size_m=0.6), "held_out", "", 0)[0].closed is None
+    assert rows_of(Columns(*errors, None, *noise, size_m=6.0), "held_out", "", 0)[0].closed == 1.0

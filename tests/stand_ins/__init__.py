@@ -1,0 +1,1 @@
+"""Small models, runs and choices of effects that stand in for whole ones in tests of `explain`."""
