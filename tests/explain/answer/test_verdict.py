@@ -116,6 +116,16 @@ def test_what_makes_no_sense_and_leads_further_away_is_nonsense(change, rows, le
     assert nonsense(judged(change(answers.named(MODEL)), rows)) == left_out
 
 
+@pytest.mark.parametrize("second, remainders, left_out", [
+    (True, [answers.LEFT], {"coulomb_friction", "soft_floor"}), (False, [answers.LEFT], set()), (True, [], set()),
+], ids=["all", "one of two", "nothing left"])
+def test_several_that_all_make_no_sense_stand_in_for_something_else(second, remainders, left_out):
+    answer = on_bound(answers.named(MODEL))
+    size = replace(answer.effects[0].parameters["torque_n_m"], on_bound=second)
+    answer.effects = [*answer.effects, replace(answer.effects[0], name="soft_floor", parameters={"force_n": size})]
+    assert nonsense(judged(answer, remainders=remainders)) == left_out
+
+
 def test_it_is_said_what_nonsense_is_not_named():
     answer = judged(answers.nothing(), remainders=[answers.LEFT])
     add_nonsense(answer, on_bound(answers.named(MODEL)))

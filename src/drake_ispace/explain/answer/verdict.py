@@ -116,15 +116,16 @@ def nonsense(answer: Explanation) -> set[str]:
     """Named effects that unseen runs speak against.
 
     All of them if places or headings are clearly further off with them, and nothing that was clearly off is nearer.
-    Else those at sizes that make no sense, if with the answer the robot ends a run clearly further from where it was.
+    Else those at sizes that make no sense, if with the answer the robot ends a run clearly further from where it was,
+    or if these are all of several, and more than noise is left. One alone may be larger than was thought possible.
     """
     worse = {row.metric for row in made_worse(answer.gap)}
     was_off = [row for row in answer.gap if row.runs == HELD_OUT and row.closed is not None]
     if worse & {ATE, RPE} and not any(row.after < row.before for row in was_off):
         return {effect.name for effect in answer.effects}
-    if ATE not in worse:
-        return set()
-    return {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
+    senseless = {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
+    patched = answer.remainders and len(senseless) == len(answer.effects) > 1
+    return senseless if ATE in worse or patched else set()
 
 
 def lacks_little(answer: Explanation, decision: Decision) -> bool:
@@ -145,9 +146,9 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
 
 def add_nonsense(answer: Explanation, without_sense: Explanation) -> None:
     """Say in an answer which effects explain most, but make no sense; without_sense: the answer that named them."""
+    why = "unseen runs are led further away by it" if made_worse(without_sense.gap) else "no size of it is plausible"
     answer.warnings.append(
-        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: unseen "
-        "runs are led further away by it"
+        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: {why}"
     )
 
 

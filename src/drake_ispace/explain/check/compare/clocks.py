@@ -167,9 +167,7 @@ class _Trial:
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jump(self) -> Path | None:
-        """The best path with a clock that jumps once by more than a latency; None beside motions of any share."""
-        if self.link.any_share:
-            return None
+        """The best path with a clock that jumps once by more than a latency."""
         known = np.nan_to_num(self.loss)
         before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
         ends = np.arange(FEWEST // 2, known.shape[1] - FEWEST // 2)
@@ -186,11 +184,11 @@ class _Trial:
     def gaps(self) -> list[Path]:
         """Paths with a clock that jumps where its stamps leave out more than a latency, by as much.
 
-        Steady motion does not say when a clock jumps. None beside motions of any share, as for `jump`.
+        Steady motion does not say when a clock jumps.
         """
         steps = np.diff(self.link.t)
         left_out = steps - np.median(steps)
-        at = () if self.link.any_share else np.flatnonzero(left_out > LATENCY_S)
+        at = np.flatnonzero(left_out > LATENCY_S)
         lag = float(_LAGS_S[self.usual][np.argmin(self.total[self.usual])])
         return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
 
