@@ -235,7 +235,7 @@ for channel in ("kinect", "imu", "torque", "encoder"):
 for channel, rate in (("kinect", 0.04), ("kinect", -0.05), ("imu", 0.05)):
     add(f"clock of {channel} {100 * rate:g} % fast", channel, {"clock_drift"},
         stamps(channel, lambda t, r=rate: t * (1 + r)))
-for channel in ("kinect", "imu"):
+for channel in ("kinect", "imu", "torque"):
     add(f"clock of {channel} jumps", channel, {"clock_jump"},
         stamps(channel, lambda t: np.where(t > 0.5 * t[-1], t + 1.5, t)), every=False)
 for unit, factor in {"ms": 1e3, "us": 1e6}.items():

@@ -1,4 +1,4 @@
-"""Faults of the IMU: axes and gravity."""
+"""Faults of the IMU: axes, gravity, zero and scale."""
 
 from drake_ispace.faults.card import Fault
 
@@ -12,5 +12,11 @@ FAULTS = (
         "gravity_missing", "an accelerometer without gravity",
         "az is 9.81 m/s^2 too small", "a driver subtracts gravity to be helpful",
         "az is near zero while the robot stands upright", "add gravity",
+    ),
+    Fault(
+        "gyro_off", "a gyro with another zero or scale",
+        "wz is off by a constant, or by a share of the turn", "a gyro that was not calibrated, or has warmed up",
+        "the camera sees the robot turn by more or less, or not at all", "take the rate at rest off, and scale wz",
+        harmless=True,
     ),
 )

@@ -312,6 +312,19 @@ def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_j
 
 
 @pytest.mark.parametrize("robot", MODEL)
+def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_that_jumps(sound, robot):
+    first, second = sound[robot]
+    torque, lost_s = first.channels["torque"], 0.5
+    kept = (torque.t < 4.0) | (torque.t >= 4.0 + lost_s)
+    moved = replace(torque, t=(torque.t - lost_s * (torque.t >= 4.0))[kept], values=torque.values[kept])
+    (finding,) = found([replace(first, channels=first.channels | {"torque": moved}), second], robot)
+    assert (finding.fault, finding.channel, finding.runs) == ("clock_jump", "torque", (0,))
+    (repair,) = finding.repairs
+    assert repair.offset_s == pytest.approx(lost_s, abs=0.1)
+    assert 1.5 < repair.since_s < 5.0  # on a straight line at one speed a torque does not say when
+
+
+@pytest.mark.parametrize("robot", MODEL)
 def test_a_clock_that_leaves_out_some_time_jumps_there(sound, robot):
     first, second = sound[robot]
     kinect = first.channels["kinect"]

@@ -23,6 +23,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.fixes import course_findings, outlier_findings, turned_findings
+from drake_ispace.explain.check.gyro import gyro_findings
 from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
@@ -164,6 +165,7 @@ class _Search:
         self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
+        self._each(lambda run, i: gyro_findings(run, self._bases()[i], i))
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
         follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
@@ -345,9 +347,12 @@ class _Search:
         ]
 
     def _echo(self, finding):
-        """Whether its stretches are only what earlier findings on the same stretches leave in the windows around."""
-        known = self._spoilt(finding.runs)
-        return finding.limited and all(
+        """Whether its stretches are only what earlier findings on the same stretches leave in the windows around.
+
+        A clock that jumps there is off from then on.
+        """
+        known, goes_on = self._spoilt(finding.runs), any(isinstance(one, Clock) for one in finding.repairs)
+        return finding.limited and not goes_on and all(
             any(begin - WINDOW_S <= since and until <= end + WINDOW_S for begin, end in known)
             for since, until in finding.stretches
         )

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from drake_ispace.faults.library import FAULTS
-from drake_ispace.faults.repair import OfStretch, Repair, Turned
+from drake_ispace.faults.repair import Clock, OfStretch, Repair, Turned
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,12 @@ class Finding:
     def stretches(self) -> list[tuple[float, float]]:
         """Begin and end [s] of every stretch that is repaired, or else that is at fault; of a limited finding.
 
-        Headings that are turned are sound again but at the ends of their stretch.
+        Headings that are turned are sound again but at the ends of their stretch, and stamps but where a clock jumps.
         """
         repaired = [(one.from_s, one.to_s) for one in self.repairs if isinstance(one, OfStretch)]
-        ends = [(end, end) for one in self.repairs if isinstance(one, Turned) for end in (one.from_s, one.to_s)]
-        return repaired + ends or [(self.from_s, self.to_s)]
+        ends = [end for one in self.repairs if isinstance(one, Turned) for end in (one.from_s, one.to_s)]
+        ends += [one.since_s for one in self.repairs if isinstance(one, Clock)]
+        return repaired + [(end, end) for end in ends] or [(self.from_s, self.to_s)]
 
     @property
     def repair(self) -> str:

@@ -133,7 +133,7 @@ class _Trial:
 
     def best(self) -> tuple[Path, float]:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
-        rough = [path for path in (self.offset(), self.drift(), self.jump(), *self.gaps) if path is not None]
+        rough = [path for path in (self.offset(), self.drift(), *self.jumps(), *self.gaps) if path is not None]
         least = float(self.total[self.usual].min()) - 0.5 * SAID
         paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
         paths = [path for path in paths if not path.rate or _is_drift(path.rate, self.lasts_s)]
@@ -166,19 +166,22 @@ class _Trial:
         paths = [self.along(rate) for rate in _rates(self.lasts_s) if _is_drift(rate, self.lasts_s)]
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
-    def jump(self) -> Path | None:
-        """The best path with a clock that jumps once by more than a latency."""
+    def jumps(self) -> list[Path]:
+        """The best paths with a clock that jumps once by more than a latency: one that is right until then, and any."""
         known = np.nan_to_num(self.loss)
         before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
         ends = np.arange(FEWEST // 2, known.shape[1] - FEWEST // 2)
         if not len(ends):
-            return None
-        total = before[:, ends - 1].min(axis=0) + after[:, ends].min(axis=0)
-        end = int(ends[np.argmin(total)])
-        first, second = _LAGS_S[np.argmin(before[:, end - 1])], _LAGS_S[np.argmin(after[:, end])]
-        if abs(first - second) <= LATENCY_S:
-            return None
-        return Path(float(first), 0.0, 0.0, float(second - first), float(self.link.since_s[end]))
+            return []
+        second, found = _LAGS_S[np.argmin(after[:, ends], axis=0)], []
+        for first_s, until in ((_LAGS_S[self.usual], before[self.usual]), (_LAGS_S, before)):
+            until = until[:, ends - 1]
+            end = int(np.argmin(until.min(axis=0) + after[:, ends].min(axis=0)))
+            first = float(first_s[np.argmin(until[:, end])])
+            if abs(first - second[end]) > LATENCY_S:
+                at_s = float(self.link.since_s[ends[end]])
+                found.append(Path(first, 0.0, 0.0, float(second[end]) - first, at_s))
+        return found
 
     @cached_property
     def gaps(self) -> list[Path]:

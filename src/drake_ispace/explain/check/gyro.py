@@ -1,0 +1,61 @@
+"""The gyro beside the camera's headings, where no model of the robot says what a gyro shows: its zero and its scale.
+
+A model with an IMU has effects for both, which a diagnosis tries.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, integral
+from drake_ispace.explain.check.compare.motion import windows
+from drake_ispace.explain.check.compare.regression import scale_of
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.levels import CERTAIN
+from drake_ispace.faults.repair import Mixed
+from drake_ispace.files.recording import Recording
+
+_SOUND = np.array([0.01, 0.012])  # share of a turn, and rate [rad/s], by which a sound gyro may be off
+_FREEDOM = 4.0  # of Student's distribution, of which errors are taken to be
+_ROUNDS = 20
+
+
+def gyro_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+    """A gyro whose turns about the vertical are larger or smaller than the camera's, or go on at rest."""
+    if base is None or base.robot.has_imu or not base.robot.in_room or not {"imu", "kinect"} <= run.channels.keys():
+        return
+    kinect, imu = run.channels["kinect"], run.channels["imu"]
+    seen = windows(kinect)
+    inner = (seen.since_s - LATENCY_S >= imu.t[0]) & (seen.until_s + LATENCY_S <= imu.t[-1])
+    if inner.sum() < 2 * FEWEST:
+        return
+    since, until = seen.since_s[inner], seen.until_s[inner]
+    headings = np.unwrap(kinect.column("phi"))
+    turns = headings[seen.last[inner]] - headings[seen.first[inner]]
+    later = [integral(imu, ("wz",), at - LATENCY_S, at + LATENCY_S)[:, 0] for at in (since, until)]
+    late = later[1] - later[0]  # what a camera that is late adds is in proportion to this
+    known = np.column_stack([turns, until - since, late])
+    (share, rate, _), std = _fitted(known, integral(imu, ("wz",), since, until)[:, 0] - turns)
+    off = np.array([share, rate])
+    wrong = np.abs(off) - CERTAIN * std[:2] > _SOUND
+    if not wrong.any():
+        return
+    texts = f"{1.0 + share:.3g} times the camera's rate", f"off by {rate:.2g} rad/s at rest"
+    said = [text for text, which in zip(texts, wrong, strict=True) if which]
+    share, rate = np.where(wrong, off, 0.0).tolist()
+    repair = Mixed("imu", ("wz",), ((1.0 / (1.0 + share),),), (-rate / (1.0 + share),))
+    yield Finding("gyro_off", f"wz is {' and '.join(said)}", "", (number,), "imu", repairs=(repair,))
+
+
+def _fitted(x, y):
+    """(k,) factors of x (n, k) that make y (n,), and their standard deviations; what is far out hardly counts."""
+    size = np.sqrt((x**2).mean(axis=0)) + 1e-12
+    x, weight = x / size, np.ones(len(y))
+    steady = 1e-12 * np.eye(x.shape[1])
+    for _ in range(_ROUNDS):
+        covariance = np.linalg.inv((x * weight[:, None]).T @ x + steady)
+        factors = covariance @ (x * weight[:, None]).T @ y
+        left = y - x @ factors
+        scale = float(scale_of(left)) + 1e-12
+        weight = (_FREEDOM + 1.0) / (_FREEDOM + (left / scale) ** 2)
+    return factors / size, scale * np.sqrt(np.diag(covariance)) / size
