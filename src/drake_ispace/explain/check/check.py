@@ -178,7 +178,7 @@ class _Search:
         if not another and not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
+        spoilt = [self._spoilt([i]) + self._apart(i) for i in range(len(self.runs))]
         known = coarse | {(i, TORQUE) for i in unknown_arms}
         strangers = [
             finding for finding in foreign(self.runs, self._bases(), spoilt)
@@ -292,9 +292,18 @@ class _Search:
         self.findings = [finding for finding in kept if finding.runs]
 
     def _clocks(self, channel):
-        """The mistakes of a channel's clock, in the runs as they are now."""
+        """The mistakes of a channel's clock, in the runs as they are now.
+
+        A clock that runs at another rate is off in the whole run, and not by a few stretches in which wheels slip.
+        """
         if channel not in self._times:
-            self._times[channel] = clocks(self._links(channel))
+            links = self._links(channel)
+            found = clocks(links)
+            if any(finding.fault == "clock_drift" for finding in found):
+                again = clocks([(i, link.outside(self._apart(i)), base) for i, link, base in links])
+                kept = {(finding.fault, i) for finding in again for i in finding.runs}
+                found = [finding for finding in found if kept >= {(finding.fault, i) for i in finding.runs}]
+            self._times[channel] = found
         return self._times[channel]
 
     def _links(self, channel):
@@ -345,6 +354,12 @@ class _Search:
             stretch for finding in self.findings if finding.limited and set(finding.runs) & set(runs)
             for stretch in finding.stretches
         ]
+
+    def _apart(self, i):
+        """Stretches [s] in which wheels and camera of a run tell of different motions; none if these are most of it."""
+        found = [stretch for one in step_findings(self.runs[i], self._bases()[i], i) for stretch in one.stretches]
+        lasts_s = np.ptp(self.runs[i].channels["kinect"].t) if found else 0.0
+        return found if sum(until - since for since, until in found) < 0.5 * lasts_s else []
 
     def _echo(self, finding):
         """Whether its stretches are only what earlier findings on the same stretches leave in the windows around.

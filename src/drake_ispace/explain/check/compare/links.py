@@ -144,6 +144,13 @@ class Link:
         """The Link with these of its windows (n,)."""
         return replace(self, since_s=self.since_s[kept], until_s=self.until_s[kept], measured=self.measured[kept])
 
+    def outside(self, stretches: Iterable[tuple[float, float]]) -> "Link":
+        """The Link with its windows outside of stretches [s]."""
+        kept = np.ones(len(self.since_s), bool)
+        for begin, end in stretches:
+            kept &= (self.until_s < begin) | (self.since_s > end)
+        return self.only(kept)
+
 
 def base_of(run: Recording, robot: Robot, settings: Any, spoilt: Iterable[tuple[float, float]] = ()) -> Base | None:
     """The wheels of a run; None without an encoder that can be compared. spoilt: as of Base."""
