@@ -35,6 +35,12 @@ def test_a_path_that_goes_astray_is_no_error_of_the_fixes(off):
     assert np.all(error_of_each_fix([(driven(**off), driven())]) < [6e-4, 6e-4, 6e-4])
 
 
+def test_a_few_steps_of_the_place_are_no_error_of_every_fix():
+    fixes = seen(driven(), 0.1 * STD)
+    fixes[::400, 0] += 0.5
+    assert error_of_each_fix([(driven(), fixes)]) == pytest.approx(0.1 * STD, rel=0.3)
+
+
 def test_it_makes_the_relative_errors_of_a_noisy_camera():
     fixes, t = seen(driven(), STD), STEP_S * np.arange(ROWS)
     left = left_by_fixes(STD, [(t, fixes)])

@@ -178,10 +178,10 @@ class _Search:
         if not another and not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        spoilt = [self._spoilt([i]) + self._apart(i) for i in range(len(self.runs))]
+        spoilt, apart = zip(*((self._spoilt([i]), self._apart(i)) for i in range(len(self.runs))), strict=True)
         known = coarse | {(i, TORQUE) for i in unknown_arms}
         strangers = [
-            finding for finding in foreign(self.runs, self._bases(), spoilt)
+            finding for finding in foreign(self.runs, self._bases(), spoilt, apart)
             if finding.runs[0] not in another and (finding.runs[0], finding.channel) not in known
         ]
         self._add(strangers)

@@ -55,13 +55,16 @@ def _varies_alike(x, y):
     return bool(np.sum((y - factor * x) ** 2) < (1.0 - RELATED) * np.sum(y**2))
 
 
-def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches]) -> list[Finding]:
+def foreign(
+    runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Sequence[Stretches], apart: Sequence[Stretches],
+) -> list[Finding]:
     """Channels that do not move with the wheels in any reading; the wheels themselves if none moves with them.
 
     Where camera and wheels go together by other dimensions than the model's, the model is wrong. Of these only a gyro
     can say otherwise: a command is carried out by the model's own, and torques are compared for their direction.
 
-    spoilt: stretches [s] of each run at which something else is at fault.
+    spoilt: stretches [s] of each run at which something else is at fault. apart: in which wheels and camera tell of
+        different motions: a camera that follows the wheels but there is no other run's, unless it follows these, too.
     """
     found = []
     for number, (run, base) in enumerate(zip(runs, bases, strict=True)):
@@ -75,6 +78,10 @@ def foreign(runs: Sequence[Recording], bases: Sequence[Base | None], spoilt: Seq
             name for name, link in linked.items()
             if _is_stranger(link, relation.get(name)) or _is_of_another(name, relation.get(name), whose)
         ]
+        if "kinect" in strangers and apart[number] and not (whose("kinect") or whose("encoder")):
+            link = linked["kinect"]
+            if not _is_stranger(link, _relation(link, base, [*spoilt[number], *apart[number]])):
+                strangers.remove("kinect")
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue

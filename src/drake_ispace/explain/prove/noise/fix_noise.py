@@ -14,6 +14,7 @@ from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, RUN
 from drake_ispace.explain.prove.errors.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
+_MEDIAN = 0.3289  # of the products of successive motions between fixes with Gaussian errors, over their variance
 _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 
 
@@ -109,16 +110,18 @@ def _apart(poses, way_m, turn_rad):
 
 
 def error_of_each_fix(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """(3,) root mean squares [m, m, rad] of the error that every fix has by itself.
+    """(3,) standard deviations [m, m, rad] of the error that every fix has by itself.
+
+    A few fixes that are far off hardly count.
 
     runs: poses of the model's dead reckoning and of the camera, (k, 3) each, at the fixes of a run.
     """
     products = _of_successive_motions(runs)
-    return np.sqrt(np.maximum(products.mean(axis=0), 0.0)) if len(products) else np.zeros(3)
+    return np.sqrt(np.maximum(np.median(products, axis=0), 0.0) / _MEDIAN) if len(products) else np.zeros(3)
 
 
 def _of_successive_motions(runs):
-    """(n, 3) numbers whose mean is the variance of what is wrong with each fix by itself; as `error_of_each_fix`.
+    """(n, 3) numbers whose mean is the variance of what is wrong with each fix by itself; runs: as `error_of_each_fix`.
 
     It stands in the motions before and after the fix, once with either sign. What goes on from fix to fix, such as a
     wrong scale or slip, stands in successive motions with the same sign, or in only one of them.
