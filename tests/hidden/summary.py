@@ -98,7 +98,7 @@ def rows(records: Sequence[dict]) -> list[tuple[str, str, str]]:
     return table + [
         ("median parameter error", _percent(np.median(errors) if errors else None), "<= 3 %"),
         ("90 % intervals that cover", rate(sum(covered), len(covered)), "85 to 95 %"),
-        ("gap too small to show in metres", f"{len(found) - len(gaps)} of {len(found)}", ""),
+        ("gap in metres small beside noise", f"{len(found) - len(gaps)} of {len(found)}", ""),
         ("held-out gap closed, median", _percent(np.median(gaps) if gaps else None), ">= 95 %"),
         ("held-out gap closed, 10th percentile", _percent(np.quantile(gaps, 0.1) if gaps else None), ">= 85 %"),
         ("unknown effect: found", rate(len(unknown), len(judged(records, "unknown"))), ""),

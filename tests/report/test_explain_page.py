@@ -104,7 +104,7 @@ def test_an_incomplete_answer_says_what_is_left_and_marks_its_model(written):
 def test_no_percentage_where_the_gap_is_too_small(model, tmp_path, runs):
     small = answers.named(model, gap=answers.GAP[1:2])
     write_explanation(small, model, runs[:1], runs[1:], tmp_path / "page")
-    assert "too small to show in metres" in text_of(tmp_path / "page") and "% of the gap" not in str(small)
+    assert "small beside what noise may leave" in text_of(tmp_path / "page") and "% of the gap" not in str(small)
 
 
 def test_a_model_whose_own_path_its_wheels_refuse_has_a_page_all_the_same(tmp_path):

@@ -4,6 +4,7 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.fit.candidates import Candidate
@@ -31,6 +32,11 @@ def test_two_limits_that_help_only_together_are_found():
 
 def test_a_start_that_is_better_than_what_is_tried_stays():
     assert best(lambda a, b: abs(a - 0.7) + b, [0.7, 0.0]) == [0.7, 0.0]
+
+
+def test_between_what_is_tried_first_the_best_is_come_near_to():
+    first, second = best(lambda a, b: abs(np.log(a / 0.17)) + abs(np.log(b / 3.3)) if a * b else 9.0, [0.0, 0.0])
+    assert first == pytest.approx(0.17, rel=0.06) and second == pytest.approx(3.3, rel=0.06)
 
 
 def test_where_the_model_runs_away_no_fit_begins():

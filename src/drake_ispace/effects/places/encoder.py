@@ -84,9 +84,9 @@ class EncoderEccentricity(WheelAngleEffect):
     kinematic = False
     choices = ("wheel",)
     card = Card(
-        name="encoder_eccentricity", title="Eccentric encoder", home="encoder",
+        name="encoder_eccentricity", title="Eccentric encoder or wheel", home="encoder",
         equation="theta_measured_i = theta_i + s sin(theta_i) + c (cos(theta_i) - 1) for i = wheel",
-        source="a code disc or magnet that sits beside the axle",
+        source="a code disc or magnet that sits beside the axle; a wheel that does, or is no circle, looks the same",
         signature="one wheel seems to speed up and slow down once a turn; no error is left after whole turns",
         look_alikes=("encoder_lost_counts", "single_wheel_friction", "transmission_backlash"),
         excitation="many whole turns at several speeds: the error goes with the wheel's angle, friction and lost "

@@ -200,13 +200,13 @@ class Explanation:
     def headline(self) -> GapRow | None:
         """The row of the gap that says most: the place on unseen runs, over the longest horizon at which it is clear.
 
-        None where the gap is too small to show in metres.
+        None where the gap in metres is small beside what noise may leave.
         """
         return headline(self.gap)
 
     @property
     def closed(self) -> float | None:
-        """The share of the gap that is closed, of the headline; None where the gap is too small."""
+        """The share of the gap that is closed, of the headline; None where there is none."""
         return None if self.headline is None or not self.effects else self.headline.closed
 
     def to_data(self) -> dict:

@@ -15,11 +15,11 @@ _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", 
 def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     """The headline: errors before and after on unseen runs, and the share closed; empty where there is nothing to say.
 
-    row: None where the gap is too small.
+    row: None where the gap is small beside what noise may leave.
     """
     if row is None:
-        too_small = "the gap is too small to show in metres" if proof else "no run was held out to prove it on"
-        return too_small if has_effects else ""
+        small = "the gap in metres is small beside what noise may leave"
+        return (small if proof else "no run was held out to prove it on") if has_effects else ""
     where = f"{proof or 'unseen runs'}{f', {row.kind}' if row.kind else ''}"
     by = "" if row.channel.startswith("simulated") else _BY.get(row.driven_by, "")
     what = f"{row.channel} {by} {over(row.horizon)}".replace("  ", " ")

@@ -5,13 +5,14 @@ from operator import attrgetter
 
 from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import p_in_words
+from drake_ispace.explain.answer.sentences import amount, over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.prove.errors.free_run import ATE, RPE
+from drake_ispace.explain.prove.errors.free_run import ATE, RPE, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.proof import Proof
@@ -36,6 +37,21 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
         answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
         answer.verdict, answer.unknown = "none", None
+    if answer.verdict == "none":
+        answer.warnings += _passes_as_chance(answer.gap)
+
+
+def _passes_as_chance(rows: Sequence[GapRow]) -> list[str]:
+    """A sentence where dead-reckoned places over some seconds are off by several times what sensors leave, or none."""
+    off = [row for row in rows if (row.metric, row.channel, row.driven_by) == (RPE, "position", WHEELS) and row.sensors]
+    off = [row for row in off if row.before > CERTAIN * row.sensors]
+    if not off:
+        return []
+    worst = max(off, key=lambda row: row.before / row.sensors)
+    return [
+        f"{worst.channel} ({worst.driven_by}) is off by {amount(worst.before, worst.unit)} {over(worst.horizon)}, and "
+        f"sensors leave {amount(worst.sensors, worst.unit)}: the rest passes as chance, such as slip at random"
+    ]
 
 
 def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> bool:

@@ -45,7 +45,8 @@ def proposals_of(survey: Survey) -> list[Proposal]:
     """The effects that could explain most, the clearest score test first; without those that have become another."""
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
-    clearest = clearest_effects(survey)[:SHORTLIST]
+    every = clearest_effects(survey)
+    clearest = every[:SHORTLIST] + [one for one in every[SHORTLIST:] if _is_a_limit_like(one[0], every[0][0])]
     best = fits_beside(survey.point, [candidate for candidate, _ in clearest], survey, likelihood)
     proposals = []
     for (candidate, minus_log10_p), fitted in zip(clearest, best, strict=True):
@@ -60,6 +61,11 @@ def proposals_of(survey: Survey) -> list[Proposal]:
             drop = min(drop, screen.joint_drop(candidate, survey.products))
         proposals.append(Proposal(candidate, fitted, gain, drop - penalty(candidate), clear))
     return proposals
+
+
+def _is_a_limit_like(candidate, clearest) -> bool:
+    """Whether an effect is a limit that looks like the clearest one; it looks otherwise at every size."""
+    return candidate.name in clearest.effect.card.look_alikes and any(p.reciprocal for p in candidate.parameters)
 
 
 def clearest_effects(survey: Survey) -> list[tuple[Candidate, float]]:

@@ -149,10 +149,11 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         ]
     ways = [m.angles.mean(axis=1) for m in motions]
     if body.robot.in_room:
-        yield Generic("spring_in_the_room", "force", "place", 3), [
-            [push(m, *_in_body_frame(m, force)) for m in motions]
-            for force in (lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2])
-        ]
+        of_room = lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2]
+        forces = [[push(m, *_in_body_frame(m, force)) for m in motions] for force in of_room]
+        yield Generic("spring_in_the_room", "force", "place", 3), forces
+        if body.robot.driven == COMMAND:  # a torque may meet a tilted floor, which is in the library
+            yield Generic("constant_force_in_the_room", "force", "heading", 2), forces[:2]
     else:
         longest = max(np.abs(way).max() for way in ways) or 1.0
         yield Generic("spring_along_the_way", "force", "wheel angle", 1), [
