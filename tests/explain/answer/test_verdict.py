@@ -53,6 +53,13 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
 
 
+@pytest.mark.parametrize("before, said", [(0.03, True), (0.01, False)])
+def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, said):
+    row = replace(answers.GAP[1], before=before, after=before, chance=before)
+    warnings = judged(answers.nothing(), [row]).warnings
+    assert ["passes as chance" in warning for warning in warnings] == [True] * said
+
+
 def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():
     shows = DetectionResult(0.001, 3.0, 0.01, 2.0)
     assert Explanation("none", [], shows, [], []).title.startswith("Something is detectable")

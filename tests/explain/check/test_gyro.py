@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.predict.case import prepare
 from drake_ispace.files.recording import Channel
 from hidden import two_wheels
 
@@ -39,3 +40,8 @@ def test_its_scale_and_its_zero_are_told_and_repaired(share, rate):
 @pytest.mark.parametrize("share, rate, late_s", [(0.0, 0.0, 0.0), (0.004, 0.006, 0.0), (0.0, 0.0, 0.08)])
 def test_a_sound_gyro_may_be_late_and_off_by_a_little(share, rate, late_s):
     assert check(two_wheels.model(), [with_gyro(share, rate, late_s)]).findings == []
+
+
+def test_explain_says_that_it_uses_no_gyro():
+    assert "the IMU is not used" in prepare(two_wheels.model(), [with_gyro(0.0, 0.0)]).warning
+    assert "IMU" not in prepare(two_wheels.model(), [two_wheels.drive(7, 16.0, 0.0, 0.0, 0.0, in_step=True)]).warning

@@ -42,9 +42,11 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
 
 
 def _passes_as_chance(rows: Sequence[GapRow]) -> list[str]:
-    """A sentence where dead-reckoned places over some seconds are off by several times what sensors leave, or none."""
-    off = [row for row in rows if (row.metric, row.channel, row.driven_by) == (RPE, "position", WHEELS) and row.sensors]
-    off = [row for row in off if row.before > CERTAIN * row.sensors]
+    """A sentence where dead-reckoned places are off by several times what sensors leave, or none."""
+    off = [
+        row for row in rows if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by == WHEELS
+        and row.sensors and row.before > CERTAIN * row.sensors
+    ]
     if not off:
         return []
     worst = max(off, key=lambda row: row.before / row.sensors)

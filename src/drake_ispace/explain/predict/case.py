@@ -33,8 +33,8 @@ class Case:
         scenario: the model; None for a plant of the user's own. robot: its name. runs: the training runs as recorded.
         replay: the compiled prediction Diagram. prediction: of the training runs. held_out: of the held-out runs, None
             without any. kinds: kind of held-out runs -> which of them are of that kind, in the order of `held_out`.
-        warning: a sentence where the begin of a run is not used, or where runs stand for more than was recorded:
-            stretches for long ones, or torques that are held between rare samples; else "".
+        warning: a sentence where the begin of a run or its IMU is not used, or where runs stand for more than was
+            recorded: stretches for long ones, or torques that are held between rare samples; else "".
     """
 
     scenario: Scenario | None
@@ -114,7 +114,7 @@ def prepare(
     cut = _cut_begins(tracks)
     if scenario is not None and known.driven == TORQUE:
         tracks, n, others, warning = _shortened(tracks, n, others, most_s, replay)
-    warning = "; ".join(said for said in (cut, warning) if said)
+    warning = "; ".join(said for said in (cut, warning, _not_predicted(replay, loaded)) if said)
     case = Case(
         scenario, robot, [recording for _, recording in loaded[: len(training)]], replay, predict(replay, tracks[:n]),
         predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), warning,
@@ -122,6 +122,12 @@ def prepare(
     if scenario is not None:
         _check_comparable(case)
     return case
+
+
+def _not_predicted(replay, loaded) -> str:
+    """A sentence where runs have an IMU that the model says nothing of, else nothing."""
+    has_imu = any("imu" in recording.channels for _, recording in loaded)
+    return "the IMU is not used: this robot's model predicts none" if has_imu and not replay.body.robot.has_imu else ""
 
 
 def _shortened(tracks, n, kinds, most_s, replay):
