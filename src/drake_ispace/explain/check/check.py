@@ -5,11 +5,12 @@ copy before the next comparison, so that one mistake is not found twice.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks, late_since
 from drake_ispace.explain.check.compare.command.drive import drive_of
@@ -18,7 +19,7 @@ from drake_ispace.explain.check.compare.command.setpoints import setpoint_findin
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import another_robot, foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of
+from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, lags, link_of
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -34,7 +35,7 @@ from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_
 from drake_ispace.explain.check.undersampled import tick_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
-from drake_ispace.faults.repair import Clock, CutOut, parts
+from drake_ispace.faults.repair import Clock, CutOut
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -42,55 +43,6 @@ from drake_ispace.scenario import Scenario, as_scenario
 
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
 _LEAP = "counter_reset"  # of angles, by themselves
-_SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
-
-
-@dataclass(frozen=True)
-class Checked:
-    """What was found.
-
-    Attributes:
-        names: of the runs. findings: on whole runs, then on stretches of time; of each those that one channel shows
-            by itself, then the surest first. repaired: the runs after all repairs but cuts.
-    """
-
-    names: list[str]
-    findings: list[Finding]
-    repaired: list[Recording] = field(repr=False)
-
-    def __str__(self) -> str:
-        title = "What is wrong with the recordings" if self.findings else "The recordings agree with each other"
-        return "\n".join([title, *(f"  {finding}" for finding in self.findings)])
-
-    @property
-    def serious(self) -> list[Finding]:
-        """Findings on whole runs in spite of which no model can be judged."""
-        return [finding for finding in self.findings if not finding.limited and not FAULTS[finding.fault].harmless]
-
-    @property
-    def limited(self) -> list[Finding]:
-        """Findings on stretches of time."""
-        return [finding for finding in self.findings if finding.limited]
-
-    def masked(self, runs: Sequence[Recording]) -> list[list[Recording]]:
-        """The runs after the repairs of all that is not serious, each as the parts that remain of it."""
-        bearable = [finding for finding in self.findings if finding not in self.serious]
-        return [self._parts(i, self._repaired(i, run, bearable), self.limited) for i, run in enumerate(runs)]
-
-    def repaired_parts(self) -> list[list[Recording]]:
-        """The runs after all repairs, each as the parts that remain of it."""
-        return [self._parts(i, run, self.findings) for i, run in enumerate(self.repaired)]
-
-    def _repaired(self, i, run, findings):
-        for finding in findings:
-            for repair in finding.repairs if i in finding.runs else ():
-                if not isinstance(repair, CutOut):
-                    run = repair.apply(run)
-        return run
-
-    def _parts(self, i, run, findings):
-        cuts = [r for f in findings if i in f.runs for r in f.repairs if isinstance(r, CutOut)]
-        return parts(run, cuts, _SHORTEST_S) if cuts else [run]
 
 
 def check(
@@ -178,7 +130,9 @@ class _Search:
         if not another and not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
             self._each(lambda run, i: quantised_findings(run, i, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        spoilt, apart = zip(*((self._spoilt([i]), self._apart(i)) for i in range(len(self.runs))), strict=True)
+        steps = [self._steps(i) for i in range(len(self.runs))]
+        spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
+        apart = [_apart(run, found) for run, found in zip(self.runs, steps, strict=True)]
         known = coarse | {(i, TORQUE) for i in unknown_arms}
         strangers = [
             finding for finding in foreign(self.runs, self._bases(), spoilt, apart)
@@ -186,7 +140,7 @@ class _Search:
         ]
         self._add(strangers)
         odd = another | {i for finding in strangers for i in finding.runs}
-        self._each(lambda run, i: () if i in odd else step_findings(run, self._bases()[i], i))
+        self._each(lambda run, i: () if i in odd else steps[i])
         findings = sorted(self.findings, key=lambda finding: (
             finding.limited, FAULTS[finding.fault].harmless,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
@@ -300,7 +254,9 @@ class _Search:
             links = self._links(channel)
             found = clocks(links)
             if any(finding.fault == "clock_drift" for finding in found):
-                again = clocks([(i, link.outside(self._apart(i)), base) for i, link, base in links])
+                again = clocks([
+                    (i, link.outside(_apart(self.runs[i], self._steps(i))), base) for i, link, base in links
+                ])
                 kept = {(finding.fault, i) for finding in again for i in finding.runs}
                 found = [finding for finding in found if kept >= {(finding.fault, i) for i in finding.runs}]
             self._times[channel] = found
@@ -355,11 +311,9 @@ class _Search:
             for stretch in finding.stretches
         ]
 
-    def _apart(self, i):
-        """Stretches [s] in which wheels and camera of a run tell of different motions; none if these are most of it."""
-        found = [stretch for one in step_findings(self.runs[i], self._bases()[i], i) for stretch in one.stretches]
-        lasts_s = np.ptp(self.runs[i].channels["kinect"].t) if found else 0.0
-        return found if sum(until - since for since, until in found) < 0.5 * lasts_s else []
+    def _steps(self, i):
+        """Faults of a run that are limited in time, as camera and wheels tell them."""
+        return list(step_findings(self.runs[i], self._bases()[i], i))
 
     def _echo(self, finding):
         """Whether its stretches are only what earlier findings on the same stretches leave in the windows around.
@@ -371,6 +325,13 @@ class _Search:
             any(begin - WINDOW_S <= since and until <= end + WINDOW_S for begin, end in known)
             for since, until in finding.stretches
         )
+
+
+def _apart(run, steps):
+    """Stretches [s] in which wheels and camera of a run tell of different motions; none if these are most of it."""
+    found = [stretch for finding in steps for stretch in finding.stretches]
+    lasts_s = np.ptp(run.channels["kinect"].t) if found else 0.0
+    return found if sum(until - since for since, until in found) < 0.5 * lasts_s else []
 
 
 def _not_compared(*runs) -> Agreement:

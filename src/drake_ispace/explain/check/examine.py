@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drake_ispace.explain.check.check import Checked, check
+from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.runs import UNNAMED, Runs, listed
 from drake_ispace.explain.own_model import OwnModel

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.explain.check.check import Checked
+from drake_ispace.explain.check.checked import Checked
 from drake_ispace.files.recording import Recording, check_place
 
 

@@ -14,7 +14,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import amounts_of
 from drake_ispace.explain.fit.likelihood import fit
 
-_RELATIVE_MARGIN = 0.03  # of what the best effect explains
+_RELATIVE_MARGIN = 0.03  # of what the best effect, or disagreement, explains
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,12 @@ class Doubt:
 def better_than(
     proposals: Sequence[Proposal], disagreements: Sequence[GenericProposal]
 ) -> GenericProposal | None:
-    """The first generic disagreement that explains more than every proposed effect; None if none does."""
+    """The first generic disagreement that explains more than every proposed effect; None if none does.
+
+    One with fewer amplitudes that explains nearly as much stands in its place.
+    """
     best = max([proposal.penalised_drop for proposal in proposals], default=0.0)
     least = best + max(MARGIN, _RELATIVE_MARGIN * best)
-    return next((other for other in disagreements if other.penalised_drop > least), None)
+    clear = [other for other in disagreements if other.penalised_drop > least]
+    near = [other for other in clear if other.gain >= (1.0 - _RELATIVE_MARGIN) * clear[0].gain]
+    return min(near, key=lambda other: other.generic.columns, default=None)

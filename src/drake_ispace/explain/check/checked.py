@@ -1,0 +1,61 @@
+"""What a check found, and what the runs are without it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from drake_ispace.explain.check.compare.links import FEWEST
+from drake_ispace.explain.check.compare.motion import WINDOW_S
+from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.library import FAULTS
+from drake_ispace.faults.repair import CutOut, parts
+from drake_ispace.files.recording import Recording
+
+_SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was found.
+
+    Attributes:
+        names: of the runs. findings: on whole runs, then on stretches of time; of each those that one channel shows
+            by itself, then the surest first. repaired: the runs after all repairs but cuts.
+    """
+
+    names: list[str]
+    findings: list[Finding]
+    repaired: list[Recording] = field(repr=False)
+
+    def __str__(self) -> str:
+        title = "What is wrong with the recordings" if self.findings else "The recordings agree with each other"
+        return "\n".join([title, *(f"  {finding}" for finding in self.findings)])
+
+    @property
+    def serious(self) -> list[Finding]:
+        """Findings on whole runs in spite of which no model can be judged."""
+        return [finding for finding in self.findings if not finding.limited and not FAULTS[finding.fault].harmless]
+
+    @property
+    def limited(self) -> list[Finding]:
+        """Findings on stretches of time."""
+        return [finding for finding in self.findings if finding.limited]
+
+    def masked(self, runs: Sequence[Recording]) -> list[list[Recording]]:
+        """The runs after the repairs of all that is not serious, each as the parts that remain of it."""
+        bearable = [finding for finding in self.findings if finding not in self.serious]
+        return [self._parts(i, self._repaired(i, run, bearable), self.limited) for i, run in enumerate(runs)]
+
+    def repaired_parts(self) -> list[list[Recording]]:
+        """The runs after all repairs, each as the parts that remain of it."""
+        return [self._parts(i, run, self.findings) for i, run in enumerate(self.repaired)]
+
+    def _repaired(self, i, run, findings):
+        for finding in findings:
+            for repair in finding.repairs if i in finding.runs else ():
+                if not isinstance(repair, CutOut):
+                    run = repair.apply(run)
+        return run
+
+    def _parts(self, i, run, findings):
+        cuts = [r for f in findings if i in f.runs for r in f.repairs if isinstance(r, CutOut)]
+        return parts(run, cuts, _SHORTEST_S) if cuts else [run]
