@@ -61,7 +61,7 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
 def test_nonsense_is_not_named(monkeypatch, left_out, left):
     def answered(decision):
         effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
-        return SimpleNamespace(verdict="incomplete", effects=effects, warnings=[])
+        return SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[])
 
     monkeypatch.setattr(explained, "nonsense", lambda answer: left_out)
     both = decided(["slip", "lag"])

@@ -167,7 +167,12 @@ class _Trial:
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jumps(self) -> list[Path]:
-        """The best paths with a clock that jumps once by more than a latency: one that is right until then, and any."""
+        """The best paths with a clock that jumps once by more than a latency: one that is right until then, and any.
+
+        None of a plant of one's own, whose friction and weight nobody knows and whose runs may last for a second.
+        """
+        if not self.base.robot.in_room:
+            return []
         known = np.nan_to_num(self.loss)
         before, after = np.cumsum(known, axis=1), np.cumsum(known[:, ::-1], axis=1)[:, ::-1]
         ends = np.arange(FEWEST // 2, known.shape[1] - FEWEST // 2)
@@ -187,11 +192,11 @@ class _Trial:
     def gaps(self) -> list[Path]:
         """Paths with a clock that jumps where its stamps leave out more than a latency, by as much.
 
-        Steady motion does not say when a clock jumps.
+        Steady motion does not say when a clock jumps. None where none is looked for, as for `jumps`.
         """
         steps = np.diff(self.link.t)
         left_out = steps - np.median(steps)
-        at = np.flatnonzero(left_out > LATENCY_S)
+        at = np.flatnonzero(left_out > LATENCY_S) if self.base.robot.in_room else ()
         lag = float(_LAGS_S[self.usual][np.argmin(self.total[self.usual])])
         return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
 
