@@ -39,6 +39,7 @@ from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import (
+    add_chance,
     add_nonsense,
     add_proof,
     add_runs_apart,
@@ -120,6 +121,7 @@ def explain(
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
             add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
+    add_chance(answer)
     answer.warnings += [said for said in (*examined.repeated, case.warning) if said]
     add_findings(answer, examined)
     if case.scenario is not None:
@@ -199,7 +201,7 @@ def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
 
 
 def _without_nonsense(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision without effects that make no sense and lead unseen runs further away, and its answer."""
+    """The decision without effects that make no sense, as of `nonsense`, and its answer."""
     if not (names := nonsense(answer)):
         return decision, answer
     kept = {c: z for c, z in decision.named.point.items() if c.name not in names}

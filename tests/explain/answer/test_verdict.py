@@ -9,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_nonsense, add_proof, lacks_little, nonsense
+from drake_ispace.explain.answer.verdict import add_chance, add_nonsense, add_proof, lacks_little, nonsense
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
@@ -56,8 +56,9 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
 @pytest.mark.parametrize("before, said", [(0.03, True), (0.01, False)])
 def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, said):
     row = replace(answers.GAP[1], before=before, after=before, chance=before)
-    warnings = judged(answers.nothing(), [row]).warnings
-    assert ["passes as chance" in warning for warning in warnings] == [True] * said
+    answer = judged(answers.nothing(), [row])
+    add_chance(answer)
+    assert ["passes as chance" in warning for warning in answer.warnings] == [True] * said
 
 
 def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():
@@ -137,6 +138,9 @@ def test_it_is_said_what_nonsense_is_not_named():
     answer = judged(answers.nothing(), remainders=[answers.LEFT])
     add_nonsense(answer, on_bound(answers.named(MODEL)))
     assert answer.verdict == "unknown" and "coulomb_friction (torque_n_m 0.01 N*m) explains most" in str(answer)
+    assert "no size of it is plausible" in answer.warnings[-1]
+    add_nonsense(answer, answers.named(MODEL, gap=[WORSE]))
+    assert "led further away" in answer.warnings[-1]
 
 
 def test_nothing_detected_but_more_than_noise_left_is_unknown():

@@ -86,3 +86,18 @@ def test_a_torque_or_an_imu_of_another_run_is_found_by_whose_wheels_it_follows(r
     (finding,) = check(f"{robot}_multirate", [mixed, other]).findings
     assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", channel, (0,))
     assert finding.what == "moves with the wheels of run 2 of these"
+
+
+def test_the_camera_of_a_robot_that_is_pushed_twice_is_no_other_runs():
+    """Both pushes take it aside and turn it, faster than it ever drives."""
+    run = two_wheels.drive(5, 24.0, 0.0, 0.0, 0.0, in_step=True)
+    kinect = run.channels["kinect"]
+    pushed = np.clip((kinect.t - 5.0) / 2.0, 0.0, 1.0) + np.clip((kinect.t - 15.0) / 2.0, 0.0, 1.0)
+    turn, poses = 2.5 * pushed, kinect.values[:, :3].copy()
+    steps, c, s = np.diff(poses[:, :2], axis=0), np.cos(turn[:-1]), np.sin(turn[:-1])
+    turned = np.column_stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]])
+    poses[1:, :2] = poses[0, :2] + np.cumsum(turned + 1.5 * np.diff(pushed)[:, None], axis=0)
+    poses[:, 2] += turn
+    moved = replace(kinect, values=poses, columns=kinect.columns[:3])
+    found = check(two_wheels.model(), [replace(run, channels=run.channels | {"kinect": moved})]).findings
+    assert {finding.fault for finding in found} == {"robot_carried"} and len(found) == 2

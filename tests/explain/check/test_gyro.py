@@ -13,9 +13,9 @@ from hidden import two_wheels
 COLUMNS = ("ax", "ay", "az", "wx", "wy", "wz")
 
 
-def with_gyro(share, rate, late_s=0.0):
+def with_gyro(share, rate, late_s=0.0, seed=7, **how):
     """A sound run whose gyro turns by (1 + share) times the wheels' rate and `rate` [rad/s], and stamps late."""
-    run = two_wheels.drive(7, 16.0, 0.0, 0.0, 0.0, in_step=True)
+    run = two_wheels.drive(seed, 16.0, 0.0, 0.0, 0.0, in_step=True, **how)
     encoder, forward = run.channels["encoder"], two_wheels.model().rover.plant.geometry.forward
     speed, turning = np.gradient(encoder.values @ forward[[0, 2]].T, encoder.t, axis=0).T
     values = 0.01 * np.random.default_rng(3).standard_normal((len(turning), 6))
@@ -40,6 +40,19 @@ def test_its_scale_and_its_zero_are_told_and_repaired(share, rate):
 @pytest.mark.parametrize("share, rate, late_s", [(0.0, 0.0, 0.0), (0.004, 0.006, 0.0), (0.0, 0.0, 0.08)])
 def test_a_sound_gyro_may_be_late_and_off_by_a_little(share, rate, late_s):
     assert check(two_wheels.model(), [with_gyro(share, rate, late_s)]).findings == []
+
+
+@pytest.mark.parametrize("most_rad_s", [0.0, 0.02])
+def test_a_gyro_is_not_off_where_the_robot_hardly_turns(most_rad_s):
+    run = with_gyro(0.0, 0.0, rates_rad_s=(-most_rad_s, most_rad_s))
+    assert "gyro_off" not in {finding.fault for finding in check(two_wheels.model(), [run]).findings}
+
+
+def test_a_gyro_is_not_off_beside_a_camera_of_another_run():
+    run, other = with_gyro(0.0, 0.0), with_gyro(0.0, 0.0, seed=8)
+    swapped = replace(run, channels=run.channels | {"kinect": other.channels["kinect"]})
+    found = {(finding.fault, finding.channel) for finding in check(two_wheels.model(), [swapped]).findings}
+    assert ("channel_of_another_run", "kinect") in found and ("gyro_off", "imu") not in found
 
 
 def test_explain_says_that_it_uses_no_gyro():

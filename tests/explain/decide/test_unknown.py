@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_ispace.explain.decide.unknown import Doubt
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.unknown import Doubt, better_than
 from drake_ispace.explain.fit.likelihood import Likelihood, fit
 from stand_ins.dense import Dense
 from stand_ins.linear import ROWS, Linear, generics_of, made, noise, pattern
@@ -36,3 +37,12 @@ def test_what_counts_is_the_mean_under_the_noise_without_and_with_the_effects(ne
 def test_no_effect_resolves_nothing():
     start = SimpleNamespace(point={})
     assert not Doubt(None, start, None, None).is_resolved_by(SimpleNamespace(named=None))
+
+
+@pytest.mark.parametrize("gain, said", [(990.0, "heading"), (900.0, "place")])
+def test_a_simpler_disagreement_that_explains_nearly_as_much_is_said(gain, said):
+    disagreements = [
+        SimpleNamespace(generic=Generic(driver, "force", driver, columns), gain=drop, penalised_drop=drop)
+        for driver, columns, drop in (("place", 3, 1000.0), ("heading", 2, gain))
+    ]
+    assert better_than([], disagreements).generic.driver == said

@@ -10,13 +10,14 @@ from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
-from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.errors.free_run import ATE, RPE, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
+
+_SEVERAL = 3.0  # times what sensors leave, as for a gap that is closed
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -37,23 +38,6 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
         answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
         answer.verdict, answer.unknown = "none", None
-    if answer.verdict == "none":
-        answer.warnings += _passes_as_chance(answer.gap)
-
-
-def _passes_as_chance(rows: Sequence[GapRow]) -> list[str]:
-    """A sentence where dead-reckoned places are off by several times what sensors leave, or none."""
-    off = [
-        row for row in rows if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by == WHEELS
-        and row.sensors and row.before > CERTAIN * row.sensors
-    ]
-    if not off:
-        return []
-    worst = max(off, key=lambda row: row.before / row.sensors)
-    return [
-        f"{worst.channel} ({worst.driven_by}) is off by {amount(worst.before, worst.unit)} {over(worst.horizon)}, and "
-        f"sensors leave {amount(worst.sensors, worst.unit)}: the rest passes as chance, such as slip at random"
-    ]
 
 
 def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> bool:
@@ -154,6 +138,20 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
+def add_chance(answer: Explanation) -> None:
+    """Say of a model that lacks nothing where dead-reckoned places are off by several times what sensors leave."""
+    off = [
+        row for row in answer.gap if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by == WHEELS
+        and row.sensors and row.before > _SEVERAL * row.sensors
+    ]
+    if answer.verdict == "none" and off:
+        worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.before / row.sensors))
+        answer.warnings.append(
+            f"{worst.channel} ({worst.driven_by}) is off by {amount(worst.before, worst.unit)} {over(worst.horizon)}, "
+            f"and sensors leave {amount(worst.sensors, worst.unit)}: the rest passes as chance, such as slip at random"
+        )
+
+
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
     """Say in an answer which effects it does not name were barely detectable; doubted: the answer that named them."""
     answer.warnings.append(
@@ -164,7 +162,8 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
 
 def add_nonsense(answer: Explanation, without_sense: Explanation) -> None:
     """Say in an answer which effects explain most, but make no sense; without_sense: the answer that named them."""
-    why = "unseen runs are led further away by it" if made_worse(without_sense.gap) else "no size of it is plausible"
+    astray = {ATE, RPE} & {row.metric for row in made_worse(without_sense.gap)}
+    why = "unseen runs are led further away by it" if astray else "no size of it is plausible"
     answer.warnings.append(
         f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: {why}"
     )

@@ -117,7 +117,6 @@ class _Search:
         self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
-        self._each(lambda run, i: gyro_findings(run, self._bases()[i], i))
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
         follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
@@ -141,6 +140,7 @@ class _Search:
         self._add(strangers)
         odd = another | {i for finding in strangers for i in finding.runs}
         self._each(lambda run, i: () if i in odd else steps[i])
+        self._each(lambda run, i: () if i in odd else gyro_findings(run, self.robot, i))
         findings = sorted(self.findings, key=lambda finding: (
             finding.limited, FAULTS[finding.fault].harmless,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
@@ -248,17 +248,19 @@ class _Search:
     def _clocks(self, channel):
         """The mistakes of a channel's clock, in the runs as they are now.
 
-        A clock that runs at another rate is off in the whole run, and not by a few stretches in which wheels slip.
+        A camera's clock that runs at another rate does so in the whole run, and not in a few stretches in which wheels
+        slip: the rate is that of the rest.
         """
         if channel not in self._times:
             links = self._links(channel)
             found = clocks(links)
-            if any(finding.fault == "clock_drift" for finding in found):
-                again = clocks([
-                    (i, link.outside(_apart(self.runs[i], self._steps(i))), base) for i, link, base in links
-                ])
-                kept = {(finding.fault, i) for finding in again for i in finding.runs}
-                found = [finding for finding in found if kept >= {(finding.fault, i) for i in finding.runs}]
+            drifting = {i for finding in found if finding.fault == "clock_drift" for i in finding.runs}
+            apart = {i: _apart(self.runs[i], self._steps(i)) for i in drifting if channel == "kinect"}
+            if any(apart.values()):
+                again = clocks([(i, link.outside(apart.get(i, ())), base) for i, link, base in links])
+                found = [finding for finding in found if finding.fault != "clock_drift"] + [
+                    finding for finding in again if finding.fault == "clock_drift" and drifting >= set(finding.runs)
+                ]
             self._times[channel] = found
         return self._times[channel]
 

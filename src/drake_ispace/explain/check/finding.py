@@ -15,7 +15,7 @@ class Finding:
             it. channel: that is at fault, "model" for the model's dimensions. from_s, to_s: stretch of time [s], on the
             recorded clock; None: the whole run.
         drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
-            plausible size included, -2 log likelihood ratio; None: the channel shows it without the others.
+            plausible size included, -2 log likelihood ratio; None: it shows without comparing readings.
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
         repairs: what undoes it, in this order; empty: nothing can. advice: what to do instead, in words, where not the
             data should be changed.

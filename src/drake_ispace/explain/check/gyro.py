@@ -7,22 +7,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, integral
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, integral
 from drake_ispace.explain.check.compare.motion import windows
-from drake_ispace.explain.check.compare.regression import scale_of
+from drake_ispace.explain.check.compare.regression import MOST_SLACK, scale_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import Robot
 
-_SOUND = np.array([0.01, 0.012])  # share of a turn, and rate [rad/s], by which a sound gyro may be off
+_SOUND = np.array([0.01, 0.012])  # by which a sound gyro's scale, and its rate at rest [rad/s], are off at most
 _FREEDOM = 4.0  # of Student's distribution, of which errors are taken to be
 _ROUNDS = 20
 
 
-def gyro_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def gyro_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding]:
     """A gyro whose turns about the vertical are larger or smaller than the camera's, or go on at rest."""
-    if base is None or base.robot.has_imu or not base.robot.in_room or not {"imu", "kinect"} <= run.channels.keys():
+    if robot.has_imu or not robot.in_room or not {"imu", "kinect"} <= run.channels.keys():
         return
     kinect, imu = run.channels["kinect"], run.channels["imu"]
     seen = windows(kinect)
@@ -34,16 +35,15 @@ def gyro_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     turns = headings[seen.last[inner]] - headings[seen.first[inner]]
     later = [integral(imu, ("wz",), at - LATENCY_S, at + LATENCY_S)[:, 0] for at in (since, until)]
     late = later[1] - later[0]  # what a camera that is late adds is in proportion to this
-    known = np.column_stack([turns, until - since, late])
-    (share, rate, _), std = _fitted(known, integral(imu, ("wz",), since, until)[:, 0] - turns)
-    off = np.array([share, rate])
-    wrong = np.abs(off) - CERTAIN * std[:2] > _SOUND
-    if not wrong.any():
+    known = np.column_stack([integral(imu, ("wz",), since, until)[:, 0], until - since, late])
+    (factor, offset, _), std = _fitted(known, turns)
+    wrong = np.abs([factor - 1.0, offset]) - CERTAIN * std[:2] > _SOUND
+    if not wrong.any() or abs(factor - 1.0) > MOST_SLACK:
         return
-    texts = f"{1.0 + share:.3g} times the camera's rate", f"off by {rate:.2g} rad/s at rest"
+    texts = f"{1.0 / factor:.3g} times the camera's rate", f"off by {-offset / factor:.2g} rad/s at rest"
     said = [text for text, which in zip(texts, wrong, strict=True) if which]
-    share, rate = np.where(wrong, off, 0.0).tolist()
-    repair = Mixed("imu", ("wz",), ((1.0 / (1.0 + share),),), (-rate / (1.0 + share),))
+    factor, offset = np.where(wrong, [factor, offset], [1.0, 0.0]).tolist()
+    repair = Mixed("imu", ("wz",), ((factor,),), (offset,))
     yield Finding("gyro_off", f"wz is {' and '.join(said)}", "", (number,), "imu", repairs=(repair,))
 
 

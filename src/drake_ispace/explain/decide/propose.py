@@ -15,7 +15,7 @@ from drake_ispace.explain.fit.limits import has_several_limits, with_best_limits
 from drake_ispace.explain.fit.shift import with_best_shift
 from drake_ispace.explain.threads import each
 
-SHORTLIST = 6  # effects that are fitted
+SHORTLIST = 6  # effects that are fitted, besides limits like the clearest
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,10 @@ class Proposal:
 
 
 def proposals_of(survey: Survey) -> list[Proposal]:
-    """The effects that could explain most, the clearest score test first; without those that have become another."""
+    """The effects that could explain most, the clearest score test first; without those that have become another.
+
+    A limit that looks like the clearest effect is one of them, whatever its score: it looks otherwise at every size.
+    """
     screen, likelihood = survey.screen, survey.likelihood
     base = likelihood.deviance(survey.w)
     every = clearest_effects(survey)
@@ -64,7 +67,7 @@ def proposals_of(survey: Survey) -> list[Proposal]:
 
 
 def _is_a_limit_like(candidate, clearest) -> bool:
-    """Whether an effect is a limit that looks like the clearest one; it looks otherwise at every size."""
+    """Whether an effect is a limit, and a look-alike of the clearest one."""
     return candidate.name in clearest.effect.card.look_alikes and any(p.reciprocal for p in candidate.parameters)
 
 

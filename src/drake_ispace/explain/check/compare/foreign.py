@@ -79,9 +79,10 @@ def foreign(
             if _is_stranger(link, relation.get(name)) or _is_of_another(name, relation.get(name), whose)
         ]
         if "kinect" in strangers and apart[number] and not (whose("kinect") or whose("encoder")):
-            link = linked["kinect"]
-            if not _is_stranger(link, _relation(link, base, [*spoilt[number], *apart[number]])):
+            beside = _relation(linked["kinect"], base, [*spoilt[number], *apart[number]])
+            if beside is not None and not _is_stranger(linked["kinect"], beside):
                 strangers.remove("kinect")
+                relation["kinect"] = beside
         friends = [name for name, one in relation.items() if one.share > RELATED]
         if not strangers:
             continue

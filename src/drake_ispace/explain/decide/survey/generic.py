@@ -152,7 +152,8 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         of_room = lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2]
         forces = [[push(m, *_in_body_frame(m, force)) for m in motions] for force in of_room]
         yield Generic("spring_in_the_room", "force", "place", 3), forces
-        if body.robot.driven == COMMAND:  # a torque may meet a tilted floor, which is in the library
+        knows_places = any(len(track.fix_t) > 1 for track in prediction.tracks)
+        if knows_places and body.robot.driven == COMMAND:  # a torque may meet a tilted floor, which is in the library
             yield Generic("constant_force_in_the_room", "force", "heading", 2), forces[:2]
     else:
         longest = max(np.abs(way).max() for way in ways) or 1.0
