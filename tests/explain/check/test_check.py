@@ -299,13 +299,19 @@ def test_one_wheel_that_stops_or_starts_anew_is_told(sound, robot, column, value
     assert finding.to_s - finding.from_s == pytest.approx(lasts_s, abs=0.1)
 
 
+def with_lost_rows(run, channel, at_s, lost_s):
+    """A copy of a run without some time of a channel, whose later stamps are moved up."""
+    old = run.channels[channel]
+    late, kept = old.t >= at_s, (old.t < at_s) | (old.t >= at_s + lost_s)
+    moved = replace(old, t=(old.t - lost_s * late)[kept], values=old.values[kept])
+    return replace(run, channels=run.channels | {channel: moved})
+
+
 @pytest.mark.parametrize("robot", MODEL)
 def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]
-    encoder, lost_s = first.channels["encoder"], 0.5
-    kept = (encoder.t < 4.0) | (encoder.t >= 4.0 + lost_s)
-    moved = replace(encoder, t=(encoder.t - lost_s * (encoder.t >= 4.0))[kept], values=encoder.values[kept])
-    (finding,) = found([replace(first, channels=first.channels | {"encoder": moved}), second], robot)
+    lost_s = 0.5
+    (finding,) = found([with_lost_rows(first, "encoder", 4.0, lost_s), second], robot)
     assert (finding.fault, finding.channel, finding.runs) == ("clock_jump", "encoder", (0,))
     (repair,) = finding.repairs
     assert repair.since_s == pytest.approx(4.0, abs=0.01) and repair.offset_s == pytest.approx(lost_s, abs=0.05)
@@ -314,10 +320,8 @@ def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_j
 @pytest.mark.parametrize("robot", MODEL)
 def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]
-    torque, lost_s = first.channels["torque"], 0.5
-    kept = (torque.t < 4.0) | (torque.t >= 4.0 + lost_s)
-    moved = replace(torque, t=(torque.t - lost_s * (torque.t >= 4.0))[kept], values=torque.values[kept])
-    (finding,) = found([replace(first, channels=first.channels | {"torque": moved}), second], robot)
+    lost_s = 0.5
+    (finding,) = found([with_lost_rows(first, "torque", 4.0, lost_s), second], robot)
     assert (finding.fault, finding.channel, finding.runs) == ("clock_jump", "torque", (0,))
     (repair,) = finding.repairs
     assert repair.offset_s == pytest.approx(lost_s, abs=0.1)

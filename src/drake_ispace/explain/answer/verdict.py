@@ -17,7 +17,7 @@ from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
 
-_SEVERAL = 3.0  # times what sensors leave, as for a gap that is closed
+_SEVERAL = 3.0  # times what sensors leave
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:

@@ -257,7 +257,7 @@ class _Search:
             drifting = {i for finding in found if finding.fault == "clock_drift" for i in finding.runs}
             apart = {i: _apart(self.runs[i], self._steps(i)) for i in drifting if channel == "kinect"}
             if any(apart.values()):
-                again = clocks([(i, link.outside(apart.get(i, ())), base) for i, link, base in links])
+                again = clocks([(i, link.only(link.outside(apart.get(i, ()))), base) for i, link, base in links])
                 found = [finding for finding in found if finding.fault != "clock_drift"] + [
                     finding for finding in again if finding.fault == "clock_drift" and drifting >= set(finding.runs)
                 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, integral
 from drake_ispace.explain.check.compare.motion import windows
-from drake_ispace.explain.check.compare.regression import MOST_SLACK, scale_of
+from drake_ispace.explain.check.compare.regression import MOST_SLACK, scale_of, weights
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.faults.repair import Mixed
@@ -17,7 +17,6 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import Robot
 
 _SOUND = np.array([0.01, 0.012])  # by which a sound gyro's scale, and its rate at rest [rad/s], are off at most
-_FREEDOM = 4.0  # of Student's distribution, of which errors are taken to be
 _ROUNDS = 20
 
 
@@ -50,12 +49,12 @@ def gyro_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding
 def _fitted(x, y):
     """(k,) factors of x (n, k) that make y (n,), and their standard deviations; what is far out hardly counts."""
     size = np.sqrt((x**2).mean(axis=0)) + 1e-12
-    x, weight = x / size, np.ones(len(y))
+    x, weight = x / size, np.ones(len(y))  # errors are taken to be of Student's distribution
     steady = 1e-12 * np.eye(x.shape[1])
     for _ in range(_ROUNDS):
         covariance = np.linalg.inv((x * weight[:, None]).T @ x + steady)
         factors = covariance @ (x * weight[:, None]).T @ y
         left = y - x @ factors
         scale = float(scale_of(left)) + 1e-12
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + (left / scale) ** 2)
+        weight = weights(left / scale)
     return factors / size, scale * np.sqrt(np.diag(covariance)) / size

@@ -32,7 +32,8 @@ def with_best_limits(
     options = [point, *({**point, candidate: list(z)} for z in multiples)]
     best, least = least_of(likelihood, options)
     for step in _STEPS:
-        factors = np.array(list(itertools.product((1.0 / step, 1.0, step), repeat=len(widest))))
+        factors = [np.array(each) for each in itertools.product((1.0 / step, 1.0, step), repeat=len(widest))]
+        del factors[len(factors) // 2]  # the point itself
         while True:
             z = np.array(best[candidate])
             low, high = np.minimum(z, TIMES[0] * widest), np.maximum(z, TIMES[-1] * widest)

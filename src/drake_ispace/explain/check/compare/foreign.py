@@ -174,9 +174,7 @@ def _at_lag(link, base, lag_s, spoilt):
 
     Of wheels that differ a little, a share of the way looks like a turn.
     """
-    kept = inside(base, link.since_s, link.until_s, lag_s)
-    for begin, end in spoilt:
-        kept &= (link.until_s + lag_s < begin) | (link.since_s > end)
+    kept = inside(base, link.since_s, link.until_s, lag_s) & link.outside(spoilt, lag_s)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept] + lag_s, link.until_s[kept] + lag_s

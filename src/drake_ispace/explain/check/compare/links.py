@@ -144,12 +144,12 @@ class Link:
         """The Link with these of its windows (n,)."""
         return replace(self, since_s=self.since_s[kept], until_s=self.until_s[kept], measured=self.measured[kept])
 
-    def outside(self, stretches: Iterable[tuple[float, float]]) -> "Link":
-        """The Link with its windows outside of stretches [s]."""
+    def outside(self, stretches: Iterable[tuple[float, float]], lag_s: float = 0.0) -> np.ndarray:
+        """(n,) whether a window, and the same one lag_s later, lies outside of all stretches [s]."""
         kept = np.ones(len(self.since_s), bool)
         for begin, end in stretches:
-            kept &= (self.until_s < begin) | (self.since_s > end)
-        return self.only(kept)
+            kept &= (self.until_s + lag_s < begin) | (self.since_s > end)
+        return kept
 
 
 def base_of(run: Recording, robot: Robot, settings: Any, spoilt: Iterable[tuple[float, float]] = ()) -> Base | None:

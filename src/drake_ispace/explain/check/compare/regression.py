@@ -150,13 +150,18 @@ def _fitted(x, y, z, slack):
     for _ in range(_ROUNDS):
         scale = scale_of(residual, scale)
         near = np.maximum(scale, least)[..., None]
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + (residual / near) ** 2) / near**2 * (min(n, MOST_ROWS) / n)
+        weight = weights(residual / near) / near**2 * (min(n, MOST_ROWS) / n)
         weighted = design * weight[:, :, None]
         normal = weighted @ np.swapaxes(design, 2, 3) + prior + steady * weight.sum(axis=-1)[..., None, None]
         shares = np.linalg.solve(normal, weighted @ apart[..., None])[..., 0]
         shares[..., :d] = slack.bounded(shares[..., :d])
         residual = apart - (shares[:, :, None] @ design)[:, :, 0]
     return shares[..., :d], residual, scale, (certain * shares[..., d:] ** 2).sum(axis=(1, 2)) / 2.0
+
+
+def weights(residual: np.ndarray) -> np.ndarray:
+    """Weights of residuals over their scale, by which weighted least squares finds what is likeliest."""
+    return (_FREEDOM + 1.0) / (_FREEDOM + residual**2)
 
 
 def scale_of(values: np.ndarray, near: np.ndarray | None = None) -> np.ndarray:
