@@ -47,9 +47,8 @@ def explain(
     from drake_ispace.scenario import load_scenario
 
     scenario = load_scenario(model, set_ or [])
-    robots = _robots(scenario, model)
+    _robots(scenario, model)  # a model that cannot be built is refused before the runs are read
     recordings, held_out = [load(run) for run in runs], [load(run) for run in held_out]
-    _check_robots([*recordings, *held_out], robots, model)
     with stages("reading the library of effects") as tell:
         from drake_ispace.explain.explain import explain as explain_runs
 
@@ -131,23 +130,6 @@ def _check_runs(runs, held_out):
             expected = "runs that the effects are not fitted to" if option == "--held-out" else "different runs"
             raise InputError(f"{option} {run}: is named twice, expected {expected}")
         seen.add(place)
-
-
-def _check_robots(recordings, names, model):
-    """Refuse runs of different robots, and of a robot that the model does not describe."""
-    from drake_ispace.robots.library import robots
-
-    for recording in recordings:
-        if not any(robots()[name].answers_to(recording.robot) for name in names):
-            raise InputError(
-                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected {' or '.join(names)}, "
-                f"which {model} describes"
-            )
-        if recording.robot != recordings[0].robot:
-            raise InputError(
-                f"{recording.path}: the run is of robot {shown(recording.robot)}, expected "
-                f"{shown(recordings[0].robot)} as {recordings[0].path}"
-            )
 
 
 def _robots(scenario, name):

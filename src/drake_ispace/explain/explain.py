@@ -122,7 +122,7 @@ def explain(
             tell("looking at each run by itself")
             add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
     add_chance(answer)
-    answer.warnings += [said for said in (*examined.repeated, case.warning) if said]
+    answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
     add_findings(answer, examined)
     if case.scenario is not None:
         tell("checking the controller")

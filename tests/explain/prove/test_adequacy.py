@@ -28,7 +28,7 @@ def needed(robot, level):
     prediction = case.prediction
     windows = [windows_of(prediction, i, {}) for i in range(2)]
     simulated = [simulate(prediction, i, w, {}) for i, w in enumerate(windows)]
-    spreads = Spreads(prediction, windows, [{}, {}], simulated, sensor_noise(case.scenario, prediction), 0)
+    spreads = Spreads(prediction, windows, [{}, {}], simulated, sensor_noise(case.scenario, prediction, 0), 0)
     return process_noise(prediction, windows[0].shortest, spreads.errors, spreads.of_sensors(), spreads.of_process())
 
 
@@ -114,7 +114,7 @@ def test_a_wheel_is_unlike_the_others_by_more_than_sensors_and_process_noise_lea
     errors = RANDOM.standard_normal((2000, 4)) * [1.0, 1.8, 1.0, 1.0]
     run = {m: SimpleNamespace(errors=errors[:, [i]]) for i, m in enumerate(WHEEL)}
     floors = {m: float(np.broadcast_to(chance, 4)[i]) for i, m in enumerate(WHEEL)}
-    found = _unlike([run], ["run"], dict.fromkeys(WHEEL, sensors), floors)
+    found = _unlike([run], dict.fromkeys(WHEEL, sensors), floors)
     assert [remainder.channel for remainder in found] == (["encoder: wheel 2"] if said else [])
 
 
@@ -140,7 +140,7 @@ def fixes_of(noise_std_pixels):
     """(errors of fixes of a robot at rest, of one that moves); the camera has whole pixels."""
     scenario = load_scenario("omni_multirate", [f"space.localizer.noise_std_pixels={noise_std_pixels}"])
     prediction = prepare(scenario, [generate("omni", "square", {}, 3.0, 1)]).prediction
-    of_fixes = sensor_noise(scenario, prediction).of_fixes
+    of_fixes = sensor_noise(scenario, prediction, 0).of_fixes
     moving = np.column_stack([np.linspace(0.0, 3.0, 400), np.linspace(0.0, 2.0, 400), np.linspace(0.0, 6.0, 400)])
     return of_fixes(np.zeros((400, 3)), np.random.default_rng(1)), of_fixes(moving, np.random.default_rng(1))
 

@@ -33,7 +33,7 @@ def drawn(track, number=200):
 
 
 def test_the_counts_are_those_that_the_runs_show(case):
-    assert sensor_noise(case.scenario, case.prediction).count_rad == pytest.approx(COUNT)
+    assert sensor_noise(case.scenario, case.prediction, 0).count_rad == pytest.approx(COUNT)
 
 
 def test_what_is_shown_changes_by_as_much_as_rounding(track):

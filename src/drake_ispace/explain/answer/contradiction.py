@@ -12,7 +12,7 @@ def contradiction(examined: Examined, seconds: float) -> Explanation:
     repair = "repair the recordings (`drake-ispace check RUN... --repair FOLDER`) and ask again"
     return Explanation(
         "data", [], None, [], [], data=examined.findings, runs=examined.names[: examined.trained],
-        held_out=examined.names[examined.trained :], seconds=seconds, warnings=examined.repeated,
+        held_out=examined.names[examined.trained :], seconds=seconds, warnings=examined.warnings,
         next_experiment=repair if examined.runs else "record the runs again: without what is wrong nothing is left",
     )
 

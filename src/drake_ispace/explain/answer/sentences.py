@@ -53,12 +53,12 @@ def is_place(row: GapRow) -> bool:
 
 def sentence_of(remainder: Remainder) -> str:
     """A sentence on a Remainder: channel, size, what it goes with, since when, and in which runs."""
+    since = f", {remainder.since}" if remainder.since else ""
     runs = f"; most in {most_in(remainder)}" if remainder.runs else ""
     goes = "with nothing measured" if remainder.driver == NOTHING else f"with {remainder.driver}"
     size = amount(remainder.size, remainder.unit)
     return (
-        f"{remainder.channel}: {size} {over(remainder.horizon)}, goes {goes}, {remainder.since} ({remainder.because})"
-        f"{runs}"
+        f"{remainder.channel}: {size} {over(remainder.horizon)}, goes {goes}{since} ({remainder.because}){runs}"
     ).replace(" ,", ",")
 
 

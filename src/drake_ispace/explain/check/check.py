@@ -356,7 +356,7 @@ def _joined(findings: list[Finding]) -> list[Finding]:
     """Findings of different runs that are the same, as one."""
     joined: dict[tuple, Finding] = {}
     for finding in findings:
-        key = (finding.fault, finding.channel, finding.from_s, finding.repairs)
+        key = (finding.fault, finding.channel, finding.what, finding.from_s, finding.repairs)
         same = joined.get(key)
         joined[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
     return list(joined.values())

@@ -1,14 +1,15 @@
 """Training and held-out runs, checked together, and without what is limited in time."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.runs import UNNAMED, Runs, listed
+from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.recordings import load
@@ -22,7 +23,7 @@ class Examined:
     Attributes:
         names: of the runs, those to train on first. trained: how many these are. findings: on all of them. serious:
             those in spite of which no model can be judged, or that leave nothing of the runs. runs: to train on.
-        held_out: by kind. repeated: in words, each run that is an earlier one again.
+        held_out: by kind. warnings: in words, each run that is an earlier one again, and what is not left to prove on.
     """
 
     names: list[str]
@@ -31,7 +32,7 @@ class Examined:
     serious: list[Finding]
     runs: list[Recording]
     held_out: Mapping[str, list[Recording]]
-    repeated: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
 
 def examine(
@@ -49,18 +50,25 @@ def examine(
     kinds = held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
     given = {None: listed(runs), **{kind: listed(some) for kind, some in kinds.items()}}
     loaded = {kind: [run if isinstance(run, Recording) else load(run) for run in some] for kind, some in given.items()}
-    everything = [run for some in loaded.values() for run in some]
+    everything = [_named(run, i) for i, run in enumerate(run for some in loaded.values() for run in some)]
     found = check(model, everything, tell) if everything else Checked([], [], [])
     masked = iter([[run] for run in everything] if trust_data else found.masked(everything))
     kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
-    nothing_left = loaded[None] and not kept[None]
-    serious = found.limited if nothing_left else found.serious
-    trained, repeated = len(loaded[None]), _repeated(everything, found.names)
-    return Examined(found.names, trained, found.findings, serious, kept.pop(None), kept, repeated)
+    trained, training = len(loaded[None]), kept.pop(None)
+    serious = found.limited if trained and not training else found.serious
+    warnings = _repeated(everything, found.names)
+    if len(everything) > trained and not any(kept.values()):
+        warnings.append("nothing is left of the held-out runs: the answer is proved without them")
+    return Examined(found.names, trained, found.findings, serious, training, kept, warnings)
+
+
+def _named(run, number):
+    """The run under the name that all messages give it, also where parts of other runs come before it."""
+    return run if run.path is not None else replace(run, path=Path(name_of(run, number)))
 
 
 def _repeated(runs, names):
-    """As of Examined."""
+    """A sentence on each run that is an earlier one again."""
     pairs = ((i, next((j for j in range(i) if _same(runs[i], runs[j])), None)) for i in range(len(runs)))
     return [
         f"{names[i]} is {names[j]} again: it proves nothing, and counts as if it were another one"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.recording import Recording, check_finite
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.robot import Robot
@@ -39,15 +39,19 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
     """The robot of a scenario that all runs are of; names: of the runs, for messages.
 
     Raises:
-        InputError: a run of another robot.
+        InputError: a run of another robot, by what the model describes or by the first run.
     """
     known = [robots()[name] for name in entry_of(scenario).robots]
     own = next((robot for robot in known if robot.answers_to(runs[0].robot)), None)
     for name, run in zip(names, runs, strict=True):
         if own is None or not own.answers_to(run.robot):
             raise InputError(
-                f"{name}: the run is of robot {run.robot or 'unknown'}, expected "
+                f"{name}: the run is of robot {shown(run.robot)}, expected "
                 f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"
+            )
+        if run.robot != runs[0].robot:
+            raise InputError(
+                f"{name}: the run is of robot {shown(run.robot)}, expected {shown(runs[0].robot)} as {names[0]}"
             )
     return own
 

@@ -268,8 +268,7 @@ def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             if at.sum() - next_to_it > CERTAIN * np.sqrt(at.sum() + next_to_it) and at[1:][at[:-1]].any():
                 found.append(f"{column} at {extreme:.4g}")
     if found:
-        rivals = ("torque_limit",) if name == "torque" else ()
-        yield Finding("channel_clipped", ", ".join(found), "", (number,), name, rivals=rivals)
+        yield Finding("channel_clipped", ", ".join(found), "", (number,), name)
 
 
 def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:

@@ -43,7 +43,10 @@ class Filter:
 
     @property
     def settling_ticks(self) -> int:
-        """Ticks after which a thousandth is left of an error of the model's state, however it began."""
+        """Ticks after which a thousandth is left of an error of the model's state, however it began.
+
+        0 where no gain is used and the state has no error that could settle, or where it never does.
+        """
         own = slice(len(self.a) - self.slips)
         loops = (self.a - self.b @ self.feedback)[own, own], self.a - self.a @ self.gain @ self.c  # model, estimate
         slowest = max(np.abs(np.linalg.eigvals(loop)).max() for loop in loops)

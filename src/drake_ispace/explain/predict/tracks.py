@@ -136,7 +136,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     """
     driven, wheels = robot.driven, robot.wheel_count(plant)
     channels = dict(recording.channels)
-    for channel in {TORQUE, "encoder"} & channels.keys() & {driven, "encoder"}:
+    for channel in (c for c in (TORQUE, "encoder") if c in channels and c in (driven, "encoder")):
         channels[channel] = robot.by_wheel(channels[channel], plant, f"{name}: channel {channel}")
     recording = replace(recording, channels=channels)
     wanted = ["encoder", "kinect"] + (["imu"] if robot.has_imu else [])

@@ -89,7 +89,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     seed: of the draws of noise and of the bootstrap.
     """
     training, n = case.prediction, len(case.prediction.tracks)
-    sensors = sensor_noise(case.scenario, training)
+    sensors = sensor_noise(case.scenario, training, seed)
     blocks, by = blocks_in(training), "leave-one-run-out"
     left_out = in_parts(training)
     parts = len(left_out.tracks)

@@ -14,7 +14,7 @@ from drake_ispace.explain.fit.likelihood import Likelihood, Point, merged
 from drake_ispace.explain.fit.offsets import Stack, members, offsets_of, stacks_of, stacks_of_runs
 from drake_ispace.explain.fit.whitening import Whitening, is_bounded
 from drake_ispace.explain.predict.case import part_of
-from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds
+from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, wheel_speeds
 from drake_ispace.explain.threads import each
 
 FORM_SHARE = 0.025  # standard deviation of an effect's form, as a share of the effect: no model has the exact one
@@ -155,8 +155,7 @@ def scales_of(prediction: Prediction) -> dict[str, float]:
     """The scales of effects' parameters: of the RMS over all runs of torque [N m] and wheel speed [rad/s]."""
     wheels = prediction.replay.body.wheels
     commands = np.concatenate([track.command[: track.ticks] for track in prediction.tracks])
-    turned = [track.measured[: track.ticks, :wheels] for track in prediction.tracks]
-    speeds = np.concatenate([(angle[20::20] - angle[:-20:20]) / 0.1 for angle in turned])
+    speeds = np.concatenate([wheel_speeds(track.measured[: track.ticks, :wheels]) for track in prediction.tracks])
     torque, speed = (float(np.sqrt(np.mean(numbers**2))) or 1.0 for numbers in (commands, speeds))
     return {"torque": torque, "1/torque": 1.0 / torque, "speed": speed, "torque/speed": torque / speed}
 

@@ -5,7 +5,7 @@ command (torque, or velocity of the body) drives the model and nothing corrects 
 measured motion up to the start of a window, and lets go there. Windows begin at measured poses.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -55,6 +55,11 @@ class Measure:
 
 #: Measure -> (k, d) errors of one run, the model as seen from the measurement; d is 2 for positions, else 1.
 Errors = dict[Measure, np.ndarray]
+
+
+def measures_of(runs: Sequence[Errors]) -> list[Measure]:
+    """Every measure of some runs, once, in their order."""
+    return list(dict.fromkeys(m for run in runs for m in run))
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.explain.levels import CERTAIN, CHANCE
-from drake_ispace.explain.prove.errors.free_run import ATE, PREDICTION, RPE, RUN, STEP, Errors, Measure, rms
+from drake_ispace.explain.prove.errors.free_run import (
+    ATE,
+    PREDICTION,
+    RPE,
+    RUN,
+    STEP,
+    Errors,
+    Measure,
+    measures_of,
+    rms,
+)
 from drake_ispace.explain.prove.errors.repeats import BLOCKS
 
 TRAINING, HELD_OUT = "training", "held_out"
@@ -75,7 +85,7 @@ class Columns:
 
 def rows_of(columns: Columns, runs: str, kind: str, seed: int) -> list[GapRow]:
     """A row for every measure, places first and long horizons first. seed: of the bootstrap."""
-    measures = sorted({m for run in columns.before for m in run}, key=_order)
+    measures = sorted(measures_of(columns.before), key=_order)
     return [_row(columns, m, runs, kind, np.random.default_rng([seed, k])) for k, m in enumerate(measures)]
 
 

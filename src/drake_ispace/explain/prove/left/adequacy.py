@@ -32,6 +32,7 @@ from drake_ispace.explain.prove.errors.free_run import (
     Measure,
     Simulation,
     Windows,
+    measures_of,
     rms,
 )
 from drake_ispace.explain.prove.errors.gap import seconds
@@ -78,11 +79,11 @@ def remainders(
     names = [track.name for track in prediction.tracks]
     judged = [{m: _without_offset(m, e) for m, e in run.items() if _is_judged(m)} for run in after]
     by_chance = dict(chance)
-    for m in {m for run in judged for m in run}:
+    for m in measures_of(judged):
         by_chance[m] = float(np.hypot(chance.get(m, 0.0), _by_command_times(prediction, m)))
-    found = [*_too_noisy(noise, names), *too_large(judged, sensors, by_chance, names, of_fixes)]
+    found = [*_too_noisy(noise), *too_large(judged, sensors, by_chance, names, of_fixes)]
     for series in (motion, rooms):
-        for m in {m: None for run in series for m in run}:
+        for m in measures_of(series):
             own = [(name, run[m]) for name, run in zip(names, series, strict=True) if m in run]
             pooled = _as_pooled(m)
             usual = float(np.hypot(sensors.get(pooled, 0.0), assumed.get(pooled, 0.0)))
@@ -90,7 +91,7 @@ def remainders(
             found += [r for r in (predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     if prediction.replay.body.robot.driven == COMMAND:
         found += by_command(prediction, windows, motion, sensors)
-    found += _unlike(motion, names, sensors, chance)
+    found += _unlike(motion, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 
 
@@ -109,11 +110,11 @@ def _is_judged(m: Measure) -> bool:
     return m.driven_by == WHEELS or m.metric == PREDICTION or (m.driven_by == COMMAND and m.metric == RPE)
 
 
-def _too_noisy(noise, names):
+def _too_noisy(noise):
     return [
         Remainder(
-            source, NOTHING, strength, "times the assumed force", "", strength / noise.limits[source],
-            "from the start of a run", names, "no plausible noise is as strong",
+            source, NOTHING, strength, "times the assumed force", "", strength / noise.limits[source], "", [],
+            "no plausible noise is as strong",
         ) for source, strength in noise.needed.items() if source not in WALKS and strength > noise.limits[source]
     ]
 
@@ -129,7 +130,7 @@ def too_large(
         `left_by_fixes`. most: measure -> size that noise hardly ever exceeds, where it is known.
     """
     found = []
-    for m in sorted({m for run in after for m in run}):
+    for m in sorted(measures_of(after)):
         if (m.metric == PREDICTION) != (m.horizon == STEP):
             continue
         errors = [run[m] for run in after if m in run]
@@ -140,8 +141,7 @@ def too_large(
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"
             found.append(Remainder(
-                m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "from the start of a run",
-                worst_runs(sizes, names), because,
+                m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "", worst_runs(sizes, names), because,
             ))
     return found
 
@@ -185,7 +185,7 @@ def _as_pooled(m):
     return Measure(m.metric, m.horizon, "heading" if m.unit == "rad" else "position", m.unit, m.driven_by)
 
 
-def _unlike(motion, names, sensors, chance):
+def _unlike(motion, sensors, chance):
     """Wheels whose errors, beyond what sensors leave, are larger than those of the wheels that are like them.
 
     They must be, both as they are and over what noise leaves of each wheel, which depends on the motion and on how the
@@ -207,9 +207,8 @@ def _unlike(motion, names, sensors, chance):
         times = min(_times_others(blocks, k, sensed[k]), _times_others(blocks / noise, k, sensed[k] / noise[k]))
         if times > _UNLIKE:
             found.append(Remainder(
-                m.channel, "this wheel", float(np.sqrt(blocks[:, k].mean())), m.unit, m.horizon, times / _UNLIKE,
-                "from the start of a run", names,
-                f"the error is {times:.2f} times that of the wheels that are like it",
+                m.channel, "this wheel", float(np.sqrt(blocks[:, k].mean())), m.unit, m.horizon, times / _UNLIKE, "",
+                [], f"the error is {times:.2f} times that of the wheels that are like it",
             ))
     return found
 

@@ -18,7 +18,8 @@ class Remainder:
         channel: sensor and quantity, "position" or "heading", or "force" and its coordinate.
         driver: measured variable that it goes with, or "nothing measured".
         size, unit: root mean square over the horizon. horizon: such as "0.2s". ratio: how many times as large as it
-            may be. since: in words. runs: those in which it is largest. because: the test that it fails, in words.
+            may be. since: in words. runs: those in which it is largest. Either may be empty, where it is no part of the
+            test. because: the test that it fails, in words.
     """
 
     channel: str

@@ -40,6 +40,7 @@ from drake_ispace.explain.prove.errors.free_run import (
     changes,
     compare,
     errors,
+    measures_of,
     rms,
     start_of,
 )
@@ -101,8 +102,8 @@ class ProcessNoise:
         return {name: max(size, 1.0) if name in WALKS else size for name, size in self.plausible.items()}
 
 
-def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
-    """The noise of the camera, the encoders and the IMU."""
+def sensor_noise(scenario: Scenario, prediction: Prediction, seed: int) -> SensorNoise:
+    """The noise of the camera, the encoders and the IMU; seed: of the draws by which a camera's pixels are judged."""
     settings, localizer = getattr(scenario, prediction.replay.body.name), scenario.space.localizer
     said = 2.0 * np.pi / settings.encoder.counts_per_turn if settings.encoder.counts_per_turn else 0.0
     count = max(said, coarsest_count(prediction.tracks))
@@ -110,16 +111,16 @@ def sensor_noise(scenario: Scenario, prediction: Prediction) -> SensorNoise:
     if prediction.replay.body.robot.has_imu:
         imu = settings.imu
         outputs += [d / np.sqrt(TICK_S) for d in [imu.accelerometer_noise_density] * 3 + [imu.gyro_noise_density] * 3]
-    return SensorNoise(_noise_of_fixes(localizer, prediction), np.array(outputs), count)
+    return SensorNoise(_noise_of_fixes(localizer, prediction, seed), np.array(outputs), count)
 
 
-def _noise_of_fixes(localizer, prediction):
+def _noise_of_fixes(localizer, prediction, seed):
     """`of_fixes` of a SensorNoise: as stated, unless fixes at rest show otherwise, or those on the move less."""
     body, tracks, stated = prediction.replay.body, prediction.tracks, partial(_pixels, localizer)
     if not any(len(track.seen) for track in tracks):
         return stated
     poses = np.vstack([track.poses for track in tracks])
-    by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(0)) ** 2, axis=0))
+    by_pixels = np.sqrt(np.mean(stated(poses, np.random.default_rng(seed)) ** 2, axis=0))
     resting, most = at_rest(tracks, body.wheels), on_the_move(tracks, body.plant.geometry, by_pixels)
     shown = np.minimum(by_pixels, most)
     if resting is not None:
@@ -314,7 +315,7 @@ def process_noise(
 
 def pooled_of(runs: Sequence[Errors]) -> Errors:
     """Measure -> (k, d) errors of all runs."""
-    return {m: np.vstack([run[m] for run in runs if m in run]) for m in {m for run in runs for m in run}}
+    return {m: np.vstack([run[m] for run in runs if m in run]) for m in measures_of(runs)}
 
 
 def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
