@@ -3,7 +3,6 @@
 import copy
 
 from drake_ispace.explain.answer.explanation import (
-    DetectionResult,
     Estimate,
     Explanation,
     NamedEffect,
@@ -11,11 +10,12 @@ from drake_ispace.explain.answer.explanation import (
     Unknown,
     Untestable,
 )
+from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.prove.errors.gap import GapRow
 from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.scenario import Scenario, difference
 
-FOUND = DetectionResult(1e-9, 3.0, 0.01, 9.0)
+FOUND = Detection(1e-9, 9.0, 3.0)
 GAP = [
     GapRow("held_out", "RPE", "5s", "position", "m", "torque", 0.3, 0.04, 0.015, 0.03, 0.039, 0.98, (0.95, 1.0)),
     GapRow("held_out", "ATE", "run", "position", "m", "wheels", 0.006, 0.006, 0.005, 0.002, 0.006, None, None),
@@ -63,7 +63,7 @@ def incomplete(model: Scenario) -> Explanation:
 def nothing() -> Explanation:
     """The runs are as the model says."""
     return Explanation(
-        "none", [], DetectionResult(0.4, 3.0, 0.01, 0.4), [], [Untestable("gyro_bias", "an IMU")], runs=["a"],
+        "none", [], Detection(0.4, 0.4, 3.0), [], [Untestable("gyro_bias", "an IMU")], runs=["a"],
         next_experiment="drive faster",
     )
 

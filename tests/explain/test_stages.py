@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import chi2
 
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.explanation import DetectionResult, Explanation
+from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, least_further
-from drake_ispace.explain.decide.detect import detect
+from drake_ispace.explain.decide.detect import Detection, detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
 from stand_ins.tried import OMNI, candidate
@@ -72,7 +72,7 @@ def test_minus_log10_p_is_that_of_chi_square_and_goes_on_below_the_smallest_floa
 
 
 def test_an_explanation_without_effects_says_so_and_is_plain_data():
-    answer = Explanation("none", [], DetectionResult(0.4, 3.1, 0.01, np.float64(1.2)), [], [])
+    answer = Explanation("none", [], Detection(0.4, np.float64(1.2), 3.1), [], [])
     data = answer.to_data()
     assert data["verdict"] == "none" and data["gap"] == [] and data["closed"] is None
     assert type(data["detection"]["minus_log10_p"]) is float and "lacks nothing that these runs" in str(answer)

@@ -1,4 +1,5 @@
 """Where simulation and measurement disagree, which effect is missing, and whether adding it closes the gap.
 
-`explain.py` is the list of the four stages: 1 predict, 2 fit, 3 decide, 4 answer. Each is a folder of that name.
+`explain.py` lists the six stages: 0 check, 1 predict, 2 fit, 3 decide, 4 prove, 5 answer. Each is a
+folder of that name.
 """

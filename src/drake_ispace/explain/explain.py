@@ -38,21 +38,12 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import (
-    add_chance,
-    add_nonsense,
-    add_proof,
-    add_runs_apart,
-    add_trace,
-    doubtful,
-    lacks_little,
-    nonsense,
-)
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, add_runs_apart
+from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.clocks_set import with_clocks_set
-from drake_ispace.explain.decide.decide import MOST_EFFECTS, decide
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
@@ -62,7 +53,6 @@ from drake_ispace.explain.predict.stretches import MOST_S
 from drake_ispace.explain.prove.own.gap import prove_own
 from drake_ispace.explain.prove.prove import prove
 from drake_ispace.explain.threads import side_by_side
-from drake_ispace.robots.robot import COMMAND
 from drake_ispace.scenario import Scenario, as_scenario
 
 
@@ -115,12 +105,15 @@ def explain(
         else:
             decision = validated_choice(case.prediction, tried, tell)
 
-        decision, answer = _best_answered(case, decision, lambda one: _answered(case, one, seed, tell))
-        if case.is_filtered and decision.may_stand is not None:
-            rule_out_rivals(answer, decision)
+        best = _answered(case, decision, seed, tell)
+        if case.is_filtered:
+            best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
+        answer = best.answer
+        if case.is_filtered and best.proof.may_stand is not None:
+            rule_out_rivals(answer, best.decision, best.proof.may_stand)
         if case.is_filtered and answer.verdict != "incomplete":
             tell("looking at each run by itself")
-            add_runs_apart(answer, _runs_apart(case, decision, tried, seed))
+            add_runs_apart(answer, _runs_apart(case, best.decision, tried, seed))
     add_chance(answer)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
     add_findings(answer, examined)
@@ -141,103 +134,11 @@ def _runs_apart(case, decision, tried, seed) -> list[OfOneRun]:
     return shown_by_one(every, point, tried, seed, known)
 
 
-def _best_answered(case, decision, answered) -> tuple[Decision, Explanation]:
-    """A decision, or another one that unseen runs prefer, and what it comes to.
-
-    answered: gives what a decision comes to.
-    """
-    answer = answered(decision)
-    if not case.is_filtered:
-        return decision, answer
-    decision, answer = _with_asked(decision, answer, answered)
-    if answer.verdict == "incomplete" or (answer.verdict == "unknown" and case.replay.body.robot.driven == COMMAND):
-        decision, answer = _with_further(decision, answer, answered)
-    doubted = answer.verdict == "incomplete" and decision.otherwise is not None
-    if doubted and not lacks_little(answer, decision):
-        decision = decision.otherwise
-        answer = answered(decision)
-    decision, answer = _without_nonsense(decision, answer, answered)
-    needed = _needed(case, decision, answer) if answer.effects else decision
-    if needed is not decision and _suffices(without := answered(needed)):
-        add_trace(without, answer)
-        return needed, without
-    return decision, answer
-
-
-def _with_asked(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision with what training runs ask for as long as the answer gets no worse, and the answer.
-
-    Where it is known that something is missing, but not what, all that they ask for must suffice.
-    """
-    further, left = decision, answer
-    while further.asked is not None and (asked := further.asked()) is not None:
-        kept = {**further.kept, asked.effect: asked.rivals}
-        other = further.renamed(replace(further, kept=kept), asked.point)
-        answer_with_it = answered(other)
-        spoilt = _suffices(left) and not _suffices(answer_with_it)
-        if spoilt or _too_large(answer_with_it) > _too_large(left):
-            break
-        further, left = other, answer_with_it
-    return (decision, answer) if answer.verdict == "unknown" and not _suffices(left) else (further, left)
-
-
-def _with_further(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision with traces without which the others do not suffice, and its answer; unchanged if none do.
-
-    Each is the clearest one, so that the next ones explain less. What is left is divided by the number of effects that
-    may still be named: one that takes less than this share is the last that is tried.
-    """
-    further, left = decision, answer
-    while further.further and left.proof and left.remainders:
-        clearest = further.further[0]
-        may_follow = MOST_EFFECTS - len(clearest)
-        further, before = further.renamed(further, clearest), _too_large(left)
-        left = answered(further)
-        if _suffices(left):
-            return further, left
-        if not before - _too_large(left) >= before / (1 + may_follow):
-            break
-    return decision, answer
-
-
-def _without_nonsense(decision, answer, answered) -> tuple[Decision, Explanation]:
-    """The decision without effects that make no sense, as of `nonsense`, and its answer."""
-    if not (names := nonsense(answer)):
-        return decision, answer
-    kept = {c: z for c, z in decision.named.point.items() if c.name not in names}
-    other = decision.renamed(decision, kept) if kept else decision.without_effects()
-    without = answered(other)
-    add_nonsense(without, answer)
-    return other, without
-
-
-def _too_large(answer) -> float:
-    """How much unseen runs leave in the channels that have too much left."""
-    return sum(remainder.ratio**2 for remainder in answer.remainders)
-
-
-def _suffices(answer) -> bool:
-    """Whether unseen runs show nothing that the answer lacks."""
-    return answer.verdict in (("named", "set") if answer.effects else ("none",))
-
-
-def _needed(case, decision, answer) -> Decision:
-    """The decision without doubtful effects, or without any where it is in doubt and nothing was asked for."""
-    why = doubtful(answer, case)
-    kept = {c: z for c, z in decision.named.point.items() if c.name not in why}
-    if why and kept:
-        return decision.renamed(decision, kept)
-    in_doubt = decision.detection.in_doubt and not decision.kept
-    return decision.without_effects() if why or in_doubt else decision
-
-
-def _answered(case, decision, seed, tell) -> Explanation:
+def _answered(case, decision, seed, tell) -> Answered:
     """What a decision comes to."""
     # 4 prove: free runs of the model with the effects, on runs that the sizes were not fitted to
     tell("measuring the gap")
     proof = prove_own(case, decision, seed) if case.scenario is None else prove(case, decision, seed)
-    if case.is_filtered:
-        decision.asked, decision.may_stand = proof.asked, proof.may_stand
 
     # 5 answer
     tell("finding the channels that show it")
@@ -245,4 +146,4 @@ def _answered(case, decision, seed, tell) -> Explanation:
     add_proof(answer, case, proof)
     if answer.effects and case.scenario is not None:
         add_effects(answer, case, proof.sizes)
-    return answer
+    return Answered(decision, proof, answer)

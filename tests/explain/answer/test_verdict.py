@@ -8,9 +8,10 @@ import pytest
 
 import answers
 from drake_ispace.effects.library import library
-from drake_ispace.explain.answer.explanation import DetectionResult, Estimate, Explanation, Unknown
+from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
 from drake_ispace.explain.answer.verdict import add_chance, add_nonsense, add_proof, lacks_little, nonsense
 from drake_ispace.explain.decide import detect
+from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare
@@ -47,7 +48,7 @@ def test_a_disagreement_smaller_than_every_effect_takes_no_name_away(left, chang
 
 
 def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
-    shows, hidden = (DetectionResult(p_value, 3.0, 0.01, 2.0) for p_value in (0.001, 0.2))
+    shows, hidden = (Detection(p_value, 2.0, 3.0) for p_value in (0.001, 0.2))
     assert "lacks something" in Explanation("unknown", [], shows, [], []).title
     assert "No effect shows" in Explanation("unknown", [], hidden, [], []).title
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
@@ -62,7 +63,7 @@ def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, s
 
 
 def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():
-    shows = DetectionResult(0.001, 3.0, 0.01, 2.0)
+    shows = Detection(0.001, 2.0, 3.0)
     assert Explanation("none", [], shows, [], []).title.startswith("Something is detectable")
 
 

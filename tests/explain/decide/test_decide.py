@@ -77,7 +77,7 @@ def test_a_further_effect_is_named_although_the_first_one_looks_alike():
 def test_what_is_left_over_can_be_named_too():
     decision = decided(noise() + 0.8 * SHAPES["tilt"] + 0.14 * SHAPES["lag"])
     assert set(sizes(decision)) == {"tilt"} and decision.left_over.candidate.name == "lag"
-    further = decision.renamed(decision, decision.further[0])
+    further = decision.with_effects(decision.further[0])
     assert sizes(further) == {"tilt": pytest.approx(0.8, abs=0.1), "lag": pytest.approx(0.14, abs=0.1)}
     assert 0.0 < gains(further)["lag"] < LEAST_FURTHER and further.left_over is None
 
@@ -240,7 +240,7 @@ def test_a_generic_disagreement_that_explains_more_makes_the_verdict_unknown():
     decision = decided(noise() + 0.8 * pattern(21), SHAPES | {"near": nearest}, generics=generics)
     assert decision.named is None and decision.unknown[0].driver == "time" and decision.unknown[1] > 100.0
     assert decision.nearest[0].name == "near" and decision.nearest[1] < decision.unknown[1]
-    instead = decision.renamed(decision, decision.further[0])  # as if the disagreement did not matter
+    instead = decision.with_effects(decision.further[0])  # as if the disagreement did not matter
     assert list(sizes(instead)) == ["near"] and instead.unknown is None and instead.left_over.is_more
 
 

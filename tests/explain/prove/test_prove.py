@@ -107,7 +107,7 @@ def test_a_look_alike_that_leaves_more_than_noise_where_the_answer_does_not_is_n
     assert [may_stand(rival) for rival in (*alike, unlike)] == [True, True, False]
     answer = describe(case, replace(decision, rivals={radius: [*alike, unlike]}))
     assert answer.verdict == "set"
-    rule_out_rivals(answer, replace(decision, rivals={radius: [unlike]}, may_stand=may_stand))
+    rule_out_rivals(answer, replace(decision, rivals={radius: [unlike]}), may_stand)
     assert answer.verdict == "named" and answer.effects[0].equivalents == []
 
 

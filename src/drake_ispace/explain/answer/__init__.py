@@ -1,1 +1,1 @@
-"""Stage 4: the answer: sizes and channels in words, the scenario with the effects in it, proof on held-out runs."""
+"""Stage 5: the answer: verdict, sizes and channels in words, and the scenario with the effects in it."""

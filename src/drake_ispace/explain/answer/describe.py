@@ -1,9 +1,9 @@
-"""Stage 4: a decision as an Explanation.
+"""A decision as an Explanation.
 
 Names, sizes with intervals, the channels that show the disagreement, and the effects that these runs cannot show.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,19 +11,11 @@ from scipy.stats import t as student_t
 
 from drake_ispace.explain.answer.cancel import cancelling
 from drake_ispace.explain.answer.drift import drift
-from drake_ispace.explain.answer.explanation import (
-    DetectionResult,
-    Estimate,
-    Explanation,
-    NamedEffect,
-    Unknown,
-    Untestable,
-    Validated,
-)
+from drake_ispace.explain.answer.explanation import Estimate, Explanation, NamedEffect, Unknown, Untestable, Validated
 from drake_ispace.explain.answer.localize import localize, onset
 from drake_ispace.explain.answer.next_experiment import needs, next_experiment
 from drake_ispace.explain.answer.sentences import p_in_words
-from drake_ispace.explain.decide.decision import Decision, LeftOver
+from drake_ispace.explain.decide.decision import Decision, LeftOver, Rival
 from drake_ispace.explain.decide.survey.generic import Generic, motion_of
 from drake_ispace.explain.decide.survey.view import FORM_SHARE
 from drake_ispace.explain.decide.validate import Choice
@@ -69,8 +61,7 @@ def _described(case, decision: Decision) -> Explanation:
             warnings.append("all runs repeat one motion: what explains it may be wrong for another")
     return Explanation(
         verdict, effects,
-        DetectionResult(detection.p_value, detection.threshold, detection.false_alarm_rate, detection.minus_log10_p),
-        places, untestable, unknown=unknown, warnings=warnings,
+        detection, places, untestable, unknown=unknown, warnings=warnings,
         drifts=[] if named is None else drift(decision) + cancelling(decision),
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
@@ -94,13 +85,16 @@ def named_or_set(effects: Sequence[NamedEffect]) -> str:
     return "set" if any(effect.equivalents for effect in effects) else "named"
 
 
-def rule_out_rivals(answer: Explanation, decision: Decision) -> None:
-    """Take look-alikes out of the answer that do not suffice on unseen runs where the named effects do."""
+def rule_out_rivals(answer: Explanation, decision: Decision, may_stand: Callable[[Rival], bool]) -> None:
+    """Take look-alikes out of the answer that do not suffice on unseen runs where the named effects do.
+
+    may_stand: tells whether one does suffice.
+    """
     named = {candidate.name: candidate for candidate in decision.named.point}
     effects = []
     for effect in answer.effects:
         rivals = decision.rivals.get(named[effect.name], [])
-        stand = {rival.candidate.name for rival in rivals if decision.may_stand(rival)}
+        stand = {rival.candidate.name for rival in rivals if may_stand(rival)}
         effects.append(replace(effect, equivalents=[name for name in effect.equivalents if name in stand]))
     if effects != answer.effects:
         answer.effects, answer.next_experiment = effects, next_experiment(effects, answer.unknown, [])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drake_ispace.explain.answer.sentences import gap_sentence, is_place, p_in_words, sentence_of, short
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow, headline
 from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.explain.prove.proof import PlantParameter
@@ -40,8 +41,9 @@ class NamedEffect:
     Attributes:
         name, enters_at: of the effect's card. equivalents: look-alikes that these runs cannot tell from the effect.
         parameters: name -> Estimate; a choice of wheel has no interval. share: drop in deviance that is lost without
-            this effect, as a share of the drop by all named effects (free_run: of squared errors). excitation: motion
-            that would separate the effect from its look-alikes. faults: of the data that do the same.
+            this effect, as a share of the drop by all named effects; of squared errors, where effects were chosen by
+            cross-validation. excitation: motion that would separate the effect from its look-alikes. faults: of the
+            data that do the same.
     """
 
     name: str
@@ -51,23 +53,6 @@ class NamedEffect:
     share: float
     excitation: str = ""
     faults: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class DetectionResult:
-    """Whether anything is missing at all.
-
-    Attributes:
-        p_value: chance that residuals without any effect would show as much as these do, all effects having been
-            tried. false_alarm_rate: below which a p-value counts as a detection. minus_log10_p: of the effect that
-            stands out most, before correction for trying many. threshold: minus_log10_p at which the p-value is the
-            false-alarm rate.
-    """
-
-    p_value: float
-    threshold: float
-    false_alarm_rate: float
-    minus_log10_p: float
 
 
 @dataclass(frozen=True)
@@ -174,7 +159,7 @@ class Explanation:
 
     verdict: str
     effects: list[NamedEffect]
-    detection: DetectionResult | None
+    detection: Detection | None
     localization: list[Place]
     untestable: list[Untestable]
     data: list[Finding] = field(default_factory=list)
@@ -232,7 +217,7 @@ class Explanation:
     @property
     def title(self) -> str:
         """The verdict in a sentence."""
-        shows = self.detection is None or self.detection.p_value < self.detection.false_alarm_rate
+        shows = self.detection is None or self.detection.found
         if self.verdict == "unknown" and self.unknown is None and self.drifts:
             return _RUNS_APART
         if self.verdict == "unknown" and self.unknown is None and not shows:

@@ -1,4 +1,4 @@
-"""Stage 4: which channels show the disagreement, with which variable it goes, and since when."""
+"""Which channels show the disagreement, with which variable it goes, and since when."""
 
 import numpy as np
 from scipy.stats import chi2

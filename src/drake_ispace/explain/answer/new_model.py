@@ -1,4 +1,4 @@
-"""Stage 4: the scenario with the named effects in it, each of them a block of its Diagram or a number of the plant."""
+"""The scenario with the named effects in it, each of them a block of its Diagram or a number of the plant."""
 
 import copy
 

@@ -113,7 +113,7 @@ def _settled(near_best, doubt, proposals, tell) -> Decision | None:
 
 def _finished(decision, survey_at, seed, shown=None) -> Decision:
     """The Decision with no more effects than needed, their rivals, and what is left; shown: at its end, if known."""
-    decision.renamed = partial(_renamed, survey_at, seed)
+    decision.naming = partial(_naming, survey_at, seed)
     if decision.named is None:
         return _with_further(decision, shown)
     end, decision = decision.end, pruned(survey_at, decision)
@@ -143,9 +143,9 @@ def _with_further(decision, shown) -> Decision:
     return decision
 
 
-def _renamed(survey_at, seed, decision, point) -> Decision:
+def _naming(survey_at, seed, decision, point) -> Decision:
     """The Decision that names the effects of `point` instead, whatever each explains."""
-    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=[], asked=None)
+    other = replace(refitted(survey_at, decision, point), unknown=None, rivals={}, further=[])
     rests = without_each(other.end, other.named)
     other.gains = {effect: rest.deviance - other.named.deviance for effect, rest in rests.items()}
     return _with_what_is_left(with_rivals(other), seed)

@@ -85,11 +85,8 @@ class Decision:
             effect that explains most, and its gain. left_over: what is still detectable beside the named effects.
         total_gain: drop in deviance by the named effects under the noise of `end`. otherwise: the Decision to fall
             back on should the named effects not suffice on unseen runs. further: the named effects and one more beside
-            them, the clearest one first. asked: computes an effect that the proof asks for, besides the named ones or
-            instead of a rival, or None; None where the proof asks for nothing. may_stand: tells whether a rival
-            suffices on unseen runs as the named effects do; None where these do not, or where the proof cannot tell.
-            kept: effect that was asked for -> its rivals by what asked for it, None if that does not say. renamed:
-            turns a Decision into one that names the effects of a point.
+            them, the clearest one first. kept: effect that a proof asked for -> its rivals by what asked for it, None
+            if that does not say. naming: computes the Decision that names the effects of a point instead.
     """
 
     detection: Detection
@@ -104,14 +101,16 @@ class Decision:
     total_gain: float = 0.0
     otherwise: "Decision | None" = None
     further: list[Point] = field(default_factory=list)
-    asked: Callable[[], Asked | None] | None = None
-    may_stand: Callable[[Rival], bool] | None = None
     kept: Mapping[Candidate, list[Rival] | None] = field(default_factory=dict)
-    renamed: "Callable[[Decision, Point], Decision] | None" = None
+    naming: "Callable[[Decision, Point], Decision] | None" = None
 
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
         return replace(self, end=end, named=named, total_gain=end.gain_of(named.point))
+
+    def with_effects(self, point: Point) -> "Decision":
+        """The Decision that names the effects of `point` instead."""
+        return self.naming(self, point)
 
     def light(self) -> "Decision":
         """The Decision with surveys that only say what was found."""
@@ -119,4 +118,4 @@ class Decision:
 
     def without_effects(self) -> "Decision":
         """The Decision that nothing is named."""
-        return Decision(self.detection, self.start, self.start, renamed=self.renamed)
+        return Decision(self.detection, self.start, self.start, naming=self.naming)

@@ -31,9 +31,11 @@ class Proof:
         noise: process noise that the unseen runs need; None: not computed. sizes: of the named effects.
             least_squares: those that free-run least squares finds, None for each that free runs cannot show; None where
             no effect is named. without: where these are the answer's, the same without each training run in turn.
-            plant: free parameters of a plant of the user's own. asked: as of Decision. alone: names of training runs
-            that alone tell some of the sizes, and are therefore judged by sizes that were fitted to them, too; empty
-            where other runs were held out. may_stand: as of Decision.
+            plant: free parameters of a plant of the user's own. asked: computes an effect that training runs ask for,
+            besides the named ones or instead of a rival, or None; None where they ask for nothing. alone: names of
+            training runs that alone tell some of the sizes, and are therefore judged by sizes that were fitted to
+            them, too; empty where other runs were held out. may_stand: tells whether a rival suffices on unseen runs
+            as the named effects do; None where these do not, or where that cannot be told.
     """
 
     by: str

@@ -3,16 +3,15 @@
 Further ones are named where it does not suffice without them either.
 """
 
-import importlib
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import pytest
 
+from drake_ispace.explain import best_answer
+from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.decide.decision import Asked
 
-explained = importlib.import_module("drake_ispace.explain.explain")
 BODY = SimpleNamespace(robot=SimpleNamespace(driven="torque"))
 CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(body=BODY))
 
@@ -20,16 +19,20 @@ CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(
 @pytest.fixture(autouse=True)
 def all_makes_sense(monkeypatch):
     """Answers here have no sizes and no gap."""
-    monkeypatch.setattr(explained, "nonsense", lambda answer: set())
+    monkeypatch.setattr(best_answer, "nonsense", lambda answer: set())
 
 
 def decided(names, in_doubt=False):
     """A Decision that names these effects, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
     return SimpleNamespace(
-        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), asked=None, kept={},
-        renamed=lambda decision, kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
+        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), kept={},
+        with_effects=lambda kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
     )
+
+
+def proved(decision, answer, asked=None):
+    return Answered(decision, SimpleNamespace(by="leave-one-run-out", asked=asked), answer)
 
 
 class Named:
@@ -49,56 +52,55 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
         names = {candidate.name for candidate in decision.named.point}
         effects = [SimpleNamespace(name=name, parameters={}) for name in sorted(names)]
         verdict = "incomplete" if not enough <= names else "named" if names else "none"
-        return SimpleNamespace(verdict=verdict, effects=effects, warnings=[])
+        return proved(decision, SimpleNamespace(verdict=verdict, effects=effects, warnings=[]))
 
-    monkeypatch.setattr(explained, "doubtful", lambda answer, case: dict.fromkeys(small, "why"))
-    decision, answer = explained._best_answered(CASE, decided(["slip", "lag"], in_doubt), answered)
-    assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
-    assert any("trace" in warning for warning in answer.warnings) == (left != {"slip", "lag"})
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case: dict.fromkeys(small, "why"))
+    best = best_answered(CASE, answered(decided(["slip", "lag"], in_doubt)), answered)
+    assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
+    assert any("trace" in warning for warning in best.answer.warnings) == (left != {"slip", "lag"})
 
 
 @pytest.mark.parametrize("left_out, left", [(set(), {"slip", "lag"}), ({"lag"}, {"slip"}), ({"slip", "lag"}, set())])
 def test_nonsense_is_not_named(monkeypatch, left_out, left):
     def answered(decision):
         effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
-        return SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[])
+        return proved(decision, SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[]))
 
-    monkeypatch.setattr(explained, "nonsense", lambda answer: left_out)
-    both = decided(["slip", "lag"])
-    decision, answer = explained._without_nonsense(both, answered(both), answered)
-    assert {effect.name for effect in answer.effects} == {c.name for c in decision.named.point} == left
-    assert any("no sense" in warning for warning in answer.warnings) == bool(left_out)
+    monkeypatch.setattr(best_answer, "nonsense", lambda answer: left_out)
+    best = best_answer._without_nonsense(answered(decided(["slip", "lag"])), answered)
+    assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
+    assert any("no sense" in warning for warning in best.answer.warnings) == bool(left_out)
 
 
 @dataclass
-class Asking:
-    """A Decision whose proof asks for `asked`."""
+class Keeping:
+    """A Decision that names the effects of a point."""
 
     point: dict
-    asked: Callable | None = None
     kept: dict = field(default_factory=dict)
     otherwise: None = None
 
-    def renamed(self, decision, point):
-        return Asking(point, kept=decision.kept)
+    def with_effects(self, point):
+        return Keeping(point, self.kept)
 
 
 @pytest.mark.parametrize(("verdict", "after", "names"), [
     ("incomplete", 1.5, {"lag", "radii"}), ("incomplete", 2.5, {"radius"}), ("named", 1.5, {"radius"}),
 ])
 def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_worse(monkeypatch, verdict, after, names):
-    monkeypatch.setattr(explained, "_needed", lambda case, decision, answer: decision)
-    monkeypatch.setattr(explained, "_with_further", lambda decision, answer, answered: (decision, answer))
-    radii = Named("radii")
-    first = Asking({"radius": [0.1]}, asked=lambda: Asked(radii, {"radii": [0.1], "lag": [0.2]}))
+    monkeypatch.setattr(best_answer, "_needed", lambda case, best: best.decision)
+    monkeypatch.setattr(best_answer, "_with_further", lambda first, answered: first)
+    radii, first = Named("radii"), Keeping({"radius": [0.1]})
 
     def answered(one):
         remainders = [SimpleNamespace(ratio=2.0 if one is first else after)]
         said = verdict if one is first else "incomplete"
-        return SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders)
+        asked = (lambda: Asked(radii, {"radii": [0.1], "lag": [0.2]})) if one is first else None
+        return proved(one, SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders), asked)
 
-    decision, answer = explained._best_answered(CASE, first, answered)
-    assert set(decision.point) == set(answer.effects) == names and (radii in decision.kept) == (decision is not first)
+    best = best_answered(CASE, answered(first), answered)
+    assert set(best.decision.point) == set(best.answer.effects) == names
+    assert (radii in best.decision.kept) == (best.decision is not first)
 
 
 def with_further(ratios, enough_at=None):
@@ -106,16 +108,16 @@ def with_further(ratios, enough_at=None):
     chain = SimpleNamespace(further=[], number=len(ratios) - 1)
     for number in range(len(ratios) - 1)[::-1]:
         named = range(number + 2)
-        chain = SimpleNamespace(further=[named], number=number, renamed=lambda decision, point, one=chain: one)
+        chain = SimpleNamespace(further=[named], number=number, with_effects=lambda point, one=chain: one)
 
     def answered(decision):
         remainders = [SimpleNamespace(ratio=ratio) for ratio in ratios[decision.number]]
         verdict = "set" if decision.number == enough_at else "incomplete"
-        return SimpleNamespace(verdict=verdict, effects=["one"], remainders=remainders, proof="by unseen runs")
+        return proved(decision, SimpleNamespace(verdict=verdict, effects=["one"], remainders=remainders))
 
-    decision, answer = explained._with_further(chain, answered(chain), answered)
-    assert (decision.number == enough_at) == (answer.verdict == "set")
-    return decision.number
+    best = best_answer._with_further(answered(chain), answered)
+    assert (best.decision.number == enough_at) == (best.answer.verdict == "set")
+    return best.decision.number
 
 
 def test_effects_are_added_until_they_suffice():

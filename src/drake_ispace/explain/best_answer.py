@@ -1,0 +1,108 @@
+"""Which of several decisions becomes the answer: the one that unseen runs prefer."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.verdict import add_nonsense, add_trace, doubtful, lacks_little, nonsense
+from drake_ispace.explain.decide.decide import MOST_EFFECTS
+from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.robots.robot import COMMAND
+
+
+@dataclass(frozen=True)
+class Answered:
+    """A decision and what it comes to.
+
+    Attributes:
+        decision: which effects are named. proof: how far they go on unseen runs. answer: what is said of both.
+    """
+
+    decision: Decision
+    proof: Proof
+    answer: Explanation
+
+    @property
+    def suffices(self) -> bool:
+        """Whether unseen runs show nothing that the answer lacks."""
+        return self.answer.verdict in (("named", "set") if self.answer.effects else ("none",))
+
+    @property
+    def too_large(self) -> float:
+        """How much unseen runs leave in the channels that have too much left."""
+        return sum(remainder.ratio**2 for remainder in self.answer.remainders)
+
+
+def best_answered(case: Case, first: Answered, answered: Callable[[Decision], Answered]) -> Answered:
+    """A first answer, or another one that unseen runs prefer.
+
+    answered: computes what a decision comes to.
+    """
+    best = _with_asked(first, answered)
+    is_driven_by_command = case.replay.body.robot.driven == COMMAND
+    if best.answer.verdict == "incomplete" or (best.answer.verdict == "unknown" and is_driven_by_command):
+        best = _with_further(best, answered)
+    doubted = best.answer.verdict == "incomplete" and best.decision.otherwise is not None
+    if doubted and not lacks_little(best.answer, best.decision):
+        best = answered(best.decision.otherwise)
+    best = _without_nonsense(best, answered)
+    needed = _needed(case, best) if best.answer.effects else best.decision
+    if needed is not best.decision and (without := answered(needed)).suffices:
+        add_trace(without.answer, best.answer)
+        return without
+    return best
+
+
+def _with_asked(first, answered) -> Answered:
+    """With what training runs ask for besides, as long as the answer gets no worse.
+
+    Where it is known that something is missing, but not what, all that they ask for must suffice.
+    """
+    best = first
+    while best.proof.asked is not None and (asked := best.proof.asked()) is not None:
+        kept = {**best.decision.kept, asked.effect: asked.rivals}
+        other = answered(replace(best.decision, kept=kept).with_effects(asked.point))
+        if (best.suffices and not other.suffices) or other.too_large > best.too_large:
+            break
+        best = other
+    return first if first.answer.verdict == "unknown" and not best.suffices else best
+
+
+def _with_further(first, answered) -> Answered:
+    """With traces without which the others do not suffice; unchanged if none do.
+
+    Each is the clearest one, so that the next ones explain less. What is left is divided by the number of effects that
+    may still be named: one that takes less than this share is the last that is tried.
+    """
+    last = first
+    while last.decision.further and last.proof.by and last.answer.remainders:
+        clearest = last.decision.further[0]
+        may_follow = MOST_EFFECTS - len(clearest)
+        before, last = last.too_large, answered(last.decision.with_effects(clearest))
+        if last.suffices:
+            return last
+        if not before - last.too_large >= before / (1 + may_follow):
+            break
+    return first
+
+
+def _without_nonsense(first, answered) -> Answered:
+    """Without effects that make no sense, as of `nonsense`."""
+    if not (names := nonsense(first.answer)):
+        return first
+    kept = {c: z for c, z in first.decision.named.point.items() if c.name not in names}
+    without = answered(first.decision.with_effects(kept) if kept else first.decision.without_effects())
+    add_nonsense(without.answer, first.answer)
+    return without
+
+
+def _needed(case, best) -> Decision:
+    """The decision without doubtful effects, or without any where it is in doubt and nothing was asked for."""
+    decision, why = best.decision, doubtful(best.answer, case)
+    kept = {c: z for c, z in decision.named.point.items() if c.name not in why}
+    if why and kept:
+        return decision.with_effects(kept)
+    in_doubt = decision.detection.in_doubt and not decision.kept
+    return decision.without_effects() if why or in_doubt else decision
