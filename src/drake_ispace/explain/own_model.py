@@ -108,9 +108,6 @@ class OwnRobot(Robot):
     def turning(self, rates):
         return np.zeros_like(rates)
 
-    def mobility(self, plant):
-        return plant.mobility
-
     def friction(self, plant):
         return Friction()
 

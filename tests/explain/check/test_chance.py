@@ -37,8 +37,8 @@ def test_the_largest_of_many_distances_is_hardly_ever_larger_by_chance(component
 def test_values_pile_up_at_an_extreme_that_is_clipped_and_at_no_other():
     t = 0.005 * np.arange(4000)
     noise = np.round(20.0 * np.random.default_rng(0).standard_normal(4000))
-    assert faults(sample_findings(recording(imu=(t, noise)), 0)) == []
-    assert faults(sample_findings(recording(imu=(t, np.clip(noise, -40.0, 40.0))), 0)) == ["channel_clipped"]
+    assert faults(sample_findings(recording(imu=(t, noise)))) == []
+    assert faults(sample_findings(recording(imu=(t, np.clip(noise, -40.0, 40.0))))) == ["channel_clipped"]
 
 
 def test_a_channel_that_often_holds_its_value_is_not_stuck_where_it_holds_it_by_chance():
@@ -46,10 +46,10 @@ def test_a_channel_that_often_holds_its_value_is_not_stuck_where_it_holds_it_by_
     noise = random.standard_normal(4000)
     frozen = noise.copy()
     frozen[2000:2200] = frozen[2000]
-    assert faults(sample_findings(recording(torque=(t, frozen)), 0)) == ["channel_frozen"]
+    assert faults(sample_findings(recording(torque=(t, frozen)))) == ["channel_frozen"]
     held = noise[np.maximum.accumulate(np.where(random.random(4000) < 0.02, np.arange(4000), 0))]
     held[[10, 20]] = 9.0, -9.0
-    assert faults(sample_findings(recording(torque=(t, held)), 0)) == []
+    assert faults(sample_findings(recording(torque=(t, held)))) == []
 
 
 @pytest.mark.parametrize("rests", [True, False])
@@ -62,7 +62,7 @@ def test_a_column_may_hold_its_value_while_a_wheel_rests(rests):
     torques[(t > 5.0) & (t < 8.0), 1] = 0.31
     wheels = Channel(t, COLUMNS["encoder"], np.column_stack([turning, resting]))
     run = Recording("mine", channels={"encoder": wheels, "torque": Channel(t, COLUMNS["torque"], torques)})
-    assert faults(sample_findings(run, 0)) == ([] if rests else ["channel_frozen"])
+    assert faults(sample_findings(run)) == ([] if rests else ["channel_frozen"])
 
 
 @pytest.mark.parametrize(("every_s", "factor", "fault"), [
@@ -71,7 +71,7 @@ def test_a_column_may_hold_its_value_while_a_wheel_rests(rests):
 def test_a_camera_lasts_as_long_as_the_wheels_in_the_right_unit_of_time(every_s, factor, fault):
     t, seen = 0.005 * np.arange(8000), np.arange(0.0, 40.0, every_s)
     run = recording(encoder=(t, np.sin(t)), kinect=(factor * seen, np.sin(seen)))
-    findings = list(stamp_findings(run, 0))
+    findings = list(stamp_findings(run))
     assert faults(findings) == fault
     assert all(np.isclose(finding.repairs[0].rate * factor, 1.0) for finding in findings)
 
@@ -79,7 +79,7 @@ def test_a_camera_lasts_as_long_as_the_wheels_in_the_right_unit_of_time(every_s,
 @pytest.mark.parametrize(("range_rad", "fault"), [(50.0, ["counter_wrap"]), (190.0, [])])
 def test_a_counter_of_unknown_range_starts_anew_more_than_once(range_rad, fault):
     t = 0.005 * np.arange(4000)
-    assert faults(wrap_findings(recording(encoder=(t, (10.0 * t) % range_rad)), 0, 2000.0)) == fault
+    assert faults(wrap_findings(recording(encoder=(t, (10.0 * t) % range_rad)), 2000.0)) == fault
 
 
 def test_a_relation_that_is_known_up_to_a_factor_is_as_wrong_either_way():

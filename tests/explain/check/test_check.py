@@ -198,7 +198,7 @@ def test_an_odd_leap_of_one_wheel_hides_no_wraps(begin, end):
     angles = (t[:, None] * [3.0, 2.0, 2.5, 1.5]) % (2.0 * np.pi)
     angles[begin:end, 3] += 3.0
     wheels = Channel(t, ("theta_1", "theta_2", "theta_3", "theta_4"), angles)
-    (finding,) = wrap_findings(Recording("omni", channels={"encoder": wheels}), 0, 2000.0)
+    (finding,) = wrap_findings(Recording("omni", channels={"encoder": wheels}), 2000.0)
     assert finding.fault == "angle_wrap"
 
 
@@ -210,7 +210,7 @@ def test_wheels_that_start_anew_often_or_at_rest_are_continued(moved):
     t = 0.04 * np.arange(1500)
     angles = moved(t)
     run = Recording("omni", channels={"encoder": Channel(t, ("theta_1",), angles[:, None] % (2.0 * np.pi))})
-    (finding,) = wrap_findings(run, 0, 2000.0)
+    (finding,) = wrap_findings(run, 2000.0)
     turned = finding.repairs[0].apply(run).channels["encoder"].values[:, 0] - angles
     assert np.allclose(turned, turned[0])
 

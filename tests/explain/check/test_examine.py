@@ -27,7 +27,7 @@ def with_cut(monkeypatch, number, since, until):
     """Let the check find that a stretch of one run has to be cut out."""
     def found(model, runs, tell=None):
         cut = Finding(
-            "robot_carried", "it was", f"run {number + 1}", (number,), "encoder", since, until,
+            "robot_carried", "it was", "encoder", since, until, runs=(number,),
             repairs=(CutOut(since, until),),
         )
         return Checked([f"run {i + 1}" for i in range(len(runs))], [cut], list(runs))

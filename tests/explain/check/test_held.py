@@ -60,7 +60,7 @@ def test_a_wheel_that_turns_slowly_between_counts_is_sound():
     t = 0.005 * np.arange(4000)
     slow = np.floor(np.cumsum(0.3 + 0.2 * np.sin(t)))  # 0.1 to 0.5 counts from row to row
     encoder = Channel(t, ("theta_1", "theta_2"), np.column_stack([slow, slow]))
-    assert list(held_samples(Recording("mine", channels={"encoder": encoder}), 0)) == []
+    assert list(held_samples(Recording("mine", channels={"encoder": encoder}))) == []
 
 
 @pytest.mark.parametrize("read_hz", [60.0, 40.0, 12.0])
@@ -69,7 +69,7 @@ def test_an_encoder_in_a_table_of_any_other_rate_loses_what_is_old(read_hz):
     read_s = np.floor(t * read_hz + 1e-9) / read_hz
     angle = np.floor(3000.0 * (read_s + np.sin(0.5 * read_s)))
     encoder = Channel(t, ("theta_1", "theta_2"), np.column_stack([angle, 1.1 * angle]))
-    (finding,) = held_samples(Recording("mine", channels={"encoder": encoder}), 0)
+    (finding,) = held_samples(Recording("mine", channels={"encoder": encoder}))
     left_out, old = np.array(finding.repairs[0].samples), np.flatnonzero(np.diff(read_s) == 0.0) + 1
     assert np.isin(left_out, old).all() and len(left_out) > 0.95 * len(old)
 
@@ -80,7 +80,7 @@ def test_an_encoder_in_a_table_of_any_other_rate_loses_what_is_old(read_hz):
 def test_a_wheel_that_rests_or_creeps_is_sound(rate):
     angle = np.floor(20.0 * np.cumsum(rate * 0.1)) / 20.0
     encoder = Channel(0.1 * np.arange(600), ("theta_1", "theta_2"), np.column_stack([angle, angle]))
-    assert list(held_samples(Recording("mine", channels={"encoder": encoder}), 0)) == []
+    assert list(held_samples(Recording("mine", channels={"encoder": encoder}))) == []
 
 
 def test_held_samples_are_the_same_rows_whatever_else_is_left_out(run):

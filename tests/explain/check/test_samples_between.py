@@ -162,7 +162,7 @@ def test_fixes_of_a_fast_camera_are_not_interpolated(noise_m):
     place = np.column_stack([np.sin(0.5 * t), np.sin(0.8 * t + 1.0), 0.0 * t])
     values = np.round(place + noise_m * generator.standard_normal(place.shape), 4)
     run = Recording("mine", "velocity_base", {"kinect": Channel(t, ("x", "y", "phi"), values)}, "")
-    assert not list(interpolated_fixes(run, 0))
+    assert not list(interpolated_fixes(run))
 
 
 def test_fixes_of_a_robot_that_goes_straight_on_are_not_interpolated():
@@ -171,7 +171,7 @@ def test_fixes_of_a_robot_that_goes_straight_on_are_not_interpolated():
     turned = np.column_stack([0.3 * np.minimum(t, 2.5), 0.3 * np.maximum(t - 2.5, 0.0), 0.0 * t])
     for values in (straight, turned):
         run = Recording("mine", "velocity_base", {"kinect": Channel(t, ("x", "y", "phi"), values)}, "")
-        assert not list(interpolated_fixes(run, 0))
+        assert not list(interpolated_fixes(run))
 
 
 COURSES = {

@@ -95,16 +95,16 @@ class _Search:
         tell("checking the recordings")
         counts = float(self.settings.encoder.counts_per_turn)
         self._each(stamp_findings)
-        self._each(lambda run, i: wrap_findings(run, i, counts))
+        self._each(lambda run: wrap_findings(run, counts))
         self._each(held_samples)  # by the numbers of samples, therefore before others are left out
         self._each(interpolated_fixes)
-        self._each(lambda run, i: sample_findings(run, i, not self.robot.in_si))
-        self._each(lambda run, i: tick_findings(run, self.robot, i))
+        self._each(lambda run: sample_findings(run, not self.robot.in_si))
+        self._each(lambda run: tick_findings(run, self.robot))
         self._each(course_findings)
         self._each(outlier_findings)
-        self._each(lambda run, i: turned_findings(run, self._bases()[i], i))
-        self._each(lambda run, i: dead_findings(run, self._bases()[i], i))
-        self._each(lambda run, i: frozen_camera(run, self._bases()[i], i))
+        self._each(turned_findings, self._bases())
+        self._each(dead_findings, self._bases())
+        self._each(frozen_camera, self._bases())
         tell("comparing wheels and camera")
         self._lost_angles()
         self._encoder_clock()
@@ -113,8 +113,8 @@ class _Search:
         self._agreed("kinect", wheels_or_camera)
         self._of_another_robot(recorded[0], self.findings[earlier:])
         repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
-        self._each(lambda run, i: frame_findings(run, self._bases()[i], i))
-        self._each(lambda run, i: smoothed_fixes(run, self._bases()[i], i))
+        self._each(frame_findings, self._bases())
+        self._each(smoothed_fixes, self._bases())
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
@@ -127,9 +127,9 @@ class _Search:
         tell("looking for strangers and for stretches that do not fit")
         another = {i for finding in self.findings if finding.fault == "another_robot" for i in finding.runs}
         if not another and not any(finding.channel == "encoder" and not finding.limited for finding in self.findings):
-            self._each(lambda run, i: quantised_findings(run, i, counts))
+            self._each(lambda run: quantised_findings(run, counts))
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
-        steps = [self._steps(i) for i in range(len(self.runs))]
+        steps = [list(step_findings(run, base)) for run, base in zip(self.runs, self._bases(), strict=True)]
         spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
         apart = [_apart(run, found) for run, found in zip(self.runs, steps, strict=True)]
         known = coarse | {(i, TORQUE) for i in unknown_arms}
@@ -139,8 +139,9 @@ class _Search:
         ]
         self._add(strangers)
         odd = another | {i for finding in strangers for i in finding.runs}
-        self._each(lambda run, i: () if i in odd else steps[i])
-        self._each(lambda run, i: () if i in odd else gyro_findings(run, self.robot, i))
+        fits = [i not in odd for i in range(len(self.runs))]
+        self._each(lambda run, found, fits: found if fits else (), steps, fits)
+        self._each(lambda run, fits: gyro_findings(run, self.robot) if fits else (), fits)
         findings = sorted(self.findings, key=lambda finding: (
             finding.limited, FAULTS[finding.fault].harmless,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
@@ -169,8 +170,12 @@ class _Search:
         }
         return {i: drive for i, drive in drives.items() if drive is not None}
 
-    def _each(self, find: Callable[[Recording, int], Iterable[Finding]]):
-        self._add(_joined([finding for i, run in enumerate(self.runs) for finding in find(run, i)]))
+    def _each(self, find: Callable[..., Iterable[Finding]], *besides: Sequence):
+        """Add what is found in each run; besides: what `find` takes besides the run, for each run."""
+        self._add(_joined([
+            replace(finding, runs=(i,)) for i, of_run in enumerate(zip(self.runs, *besides, strict=True))
+            for finding in find(*of_run)
+        ]))
 
     def _agreed(self, channel, find):
         """Repair a channel's columns or its clock, whichever explains more, until it agrees with the wheels.
@@ -215,7 +220,7 @@ class _Search:
             offset = sum(offsets) / len(offsets)
             what = f"clock {abs(offset):.3g} s {'early' if offset < 0 else 'late'} against all others"
             drop = sum(finding.drop_in_deviance for finding in found)
-            self._add([Finding("clock_offset", what, "", found[0].runs, "encoder", drop_in_deviance=drop,
+            self._add([Finding("clock_offset", what, "encoder", runs=found[0].runs, drop_in_deviance=drop,
                                repairs=(Clock("encoder", 1.0, -offset),))])
 
     def _lost_angles(self):
@@ -231,8 +236,9 @@ class _Search:
             late_s, drop = late_since([*camera, *imu] or torque, at_s)  # friction hides when a torque acts
             if late_s:
                 found.append(Finding(
-                    "clock_jump", f"clock jumps by {-late_s:.3g} s at {at_s:.4g} s", "", (i,), "encoder", at_s,
-                    float(self.runs[i].channels["encoder"].t[-1]), drop, repairs=(Clock("encoder", 1.0, late_s, at_s),),
+                    "clock_jump", f"clock jumps by {-late_s:.3g} s at {at_s:.4g} s", "encoder", at_s,
+                    float(self.runs[i].channels["encoder"].t[-1]), drop, runs=(i,),
+                    repairs=(Clock("encoder", 1.0, late_s, at_s),),
                 ))
         self._take_back(lambda finding: finding.fault == _LEAP, {i for finding in found for i in finding.runs})
         self._add(found)
@@ -255,7 +261,11 @@ class _Search:
             links = self._links(channel)
             found = clocks(links)
             drifting = {i for finding in found if finding.fault == "clock_drift" for i in finding.runs}
-            apart = {i: _apart(self.runs[i], self._steps(i)) for i in drifting if channel == "kinect"}
+            bases = self._bases() if drifting else []
+            apart = {
+                i: _apart(self.runs[i], list(step_findings(self.runs[i], bases[i])))
+                for i in drifting if channel == "kinect"
+            }
             if any(apart.values()):
                 again = clocks([(i, link.only(link.outside(apart.get(i, ()))), base) for i, link, base in links])
                 found = [finding for finding in found if finding.fault != "clock_drift"] + [
@@ -312,10 +322,6 @@ class _Search:
             stretch for finding in self.findings if finding.limited and set(finding.runs) & set(runs)
             for stretch in finding.stretches
         ]
-
-    def _steps(self, i):
-        """Faults of a run that are limited in time, as camera and wheels tell them."""
-        return list(step_findings(self.runs[i], self._bases()[i], i))
 
     def _echo(self, finding):
         """Whether its stretches are only what earlier findings on the same stretches leave in the windows around.

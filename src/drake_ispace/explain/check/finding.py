@@ -11,20 +11,17 @@ class Finding:
     """A fault of the data, or of the model's dimensions.
 
     Attributes:
-        fault: name of its card. what: in words. run: name; all: every run has it. runs: numbers of the runs that have
-            it. channel: that is at fault, "model" for the model's dimensions. from_s, to_s: stretch of time [s], on the
-            recorded clock; None: the whole run.
+        fault: name of its card. what: in words. channel: that is at fault, "model" for the model's dimensions.
+            from_s, to_s: stretch of time [s], on the recorded clock; None: the whole run.
         drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
             plausible size included, -2 log likelihood ratio; None: it shows without comparing readings.
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
         repairs: what undoes it, in this order; empty: nothing can. advice: what to do instead, in words, where not the
-            data should be changed.
+            data should be changed. runs: numbers of the runs that have it. run: their names; all: every run has it.
     """
 
     fault: str
     what: str
-    run: str
-    runs: tuple[int, ...]
     channel: str
     from_s: float | None = None
     to_s: float | None = None
@@ -33,6 +30,8 @@ class Finding:
     interval: tuple[float, float] | None = None
     repairs: tuple[Repair, ...] = ()
     advice: str = ""
+    runs: tuple[int, ...] = ()
+    run: str = ""
 
     @property
     def limited(self) -> bool:

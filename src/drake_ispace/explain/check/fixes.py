@@ -17,7 +17,7 @@ _QUARTER = 0.5 * np.pi
 _SAME = 0.02  # of what noise changes
 
 
-def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
+def outlier_findings(run: Recording) -> Iterator[Finding]:
     """Fixes whose place or heading is off and comes back soon: the camera alone shows them, in any unit.
 
     A heading that is off by less than an eighth of a turn may be a motion.
@@ -31,7 +31,7 @@ def outlier_findings(run: Recording, number: int) -> Iterator[Finding]:
     if np.ptp(phi) <= 6.0 * _QUARTER:  # a turn to wrap by and half a turn; beyond, headings may be in degrees
         spikes += _spikes(kinect.t, lambda i, j: np.abs(wrap(phi[j] - phi[i])), 0.5 * _QUARTER)
     if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
-        yield off(kinect.t, sorted(set(spikes)), number)
+        yield off(kinect.t, sorted(set(spikes)))
 
 
 def _spikes(t, distance, no_motion=None, least=0.0):
@@ -59,15 +59,15 @@ def _spikes(t, distance, no_motion=None, least=0.0):
     return spikes
 
 
-def off(t, spikes, number):
+def off(t, spikes):
     """The Finding that fixes are off; spikes: the first and the last of them, of each group."""
     repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
     what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
-    return Finding("camera_outliers", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+    return Finding("camera_outliers", what, "kinect", repairs[0].from_s, repairs[-1].to_s,
                    repairs=repairs)
 
 
-def turned_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def turned_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Headings that are off by a quarter or a half turn for a while, as those of a marker that looks the same turned.
 
     The heading changes and the place does not, nor do the wheels turn the robot. What most fixes say counts as right.
@@ -95,11 +95,11 @@ def turned_findings(run: Recording, base: Base | None, number: int) -> Iterator[
         repairs = tuple(Turned("kinect", float(t[part[0]]), float(t[part[-1]]), float(-_QUARTER * off_by[part[0]]))
                         for part in same)
         what = f"phi of {sum(map(len, same))} fixes is off by a quarter or a half turn"
-        yield Finding("heading_offset", what, "", (number,), "kinect", repairs[0].from_s, repairs[-1].to_s,
+        yield Finding("heading_offset", what, "kinect", repairs[0].from_s, repairs[-1].to_s,
                       repairs=repairs)
 
 
-def course_findings(run: Recording, number: int) -> Iterator[Finding]:
+def course_findings(run: Recording) -> Iterator[Finding]:
     """Headings that were computed from the places: they are the directions from fix to fix, noise and all.
 
     The heading of a robot that drives ahead is near these directions, but has no part in their noise.
@@ -118,6 +118,6 @@ def course_findings(run: Recording, number: int) -> Iterator[Finding]:
         course, heading = np.arctan2(way[moved, 1], way[moved, 0]), heading[moved]
         noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
         if np.median(np.abs(wrap(heading - course))) < _SAME * noise:
-            yield Finding("heading_is_course", "phi is the direction from fix to fix", "", (number,), "kinect",
+            yield Finding("heading_is_course", "phi is the direction from fix to fix", "kinect",
                           repairs=(Without("kinect"),))
             return

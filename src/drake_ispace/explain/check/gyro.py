@@ -20,7 +20,7 @@ _SOUND = np.array([0.01, 0.012])  # by which a sound gyro's scale, and its rate 
 _ROUNDS = 20
 
 
-def gyro_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding]:
+def gyro_findings(run: Recording, robot: Robot) -> Iterator[Finding]:
     """A gyro whose turns about the vertical are larger or smaller than the camera's, or go on at rest."""
     if robot.has_imu or not robot.in_room or not {"imu", "kinect"} <= run.channels.keys():
         return
@@ -43,7 +43,7 @@ def gyro_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding
     said = [text for text, which in zip(texts, wrong, strict=True) if which]
     factor, offset = np.where(wrong, [factor, offset], [1.0, 0.0]).tolist()
     repair = Mixed("imu", ("wz",), ((factor,),), (offset,))
-    yield Finding("gyro_off", f"wz is {' and '.join(said)}", "", (number,), "imu", repairs=(repair,))
+    yield Finding("gyro_off", f"wz is {' and '.join(said)}", "imu", repairs=(repair,))
 
 
 def _fitted(x, y):

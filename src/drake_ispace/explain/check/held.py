@@ -22,7 +22,7 @@ _CAUGHT_UP = 0.7  # of the way of the samples that were missed
 _AROUND = 5  # times a stretch of samples, before and after it, in which the channel's usual speed is told
 
 
-def held_samples(run: Recording, number: int) -> Iterator[Finding]:
+def held_samples(run: Recording) -> Iterator[Finding]:
     """Fixes, or angles of all wheels, that come again and then catch up."""
     for name in ("kinect", "encoder"):
         channel = run.channels.get(name)
@@ -36,7 +36,7 @@ def held_samples(run: Recording, number: int) -> Iterator[Finding]:
             old = _brief(channel.t, again) if is_camera else _old_angles(again, held)
             what = f"{100.0 * share:.0f} % of the larger steps come after samples that repeat the one before"
             repair = LeftOut(name, tuple((np.flatnonzero(old) + 1).tolist()))
-            yield Finding("samples_held", what, "", (number,), name, repairs=(repair,))
+            yield Finding("samples_held", what, name, repairs=(repair,))
 
 
 def _finest_step(places) -> float:

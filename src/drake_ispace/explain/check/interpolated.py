@@ -20,7 +20,7 @@ _SHOWS = 10.0  # times the last digit that a robot must move from row to row for
 _ROUNDS = 3  # in which the step and its multiples are found in turn
 
 
-def interpolated_fixes(run: Recording, number: int) -> Iterator[Finding]:
+def interpolated_fixes(run: Recording) -> Iterator[Finding]:
     """Places on straight lines that bend every few rows; those at the bends are kept."""
     kinect = run.channels.get("kinect")
     if kinect is None or len(kinect.t) <= 2 * _WIDEST:
@@ -32,7 +32,7 @@ def interpolated_fixes(run: Recording, number: int) -> Iterator[Finding]:
     left_out = np.setdiff1d(np.arange(1, len(kinect.t) - 1), kept)
     what = f"straight lines over {len(kinect.t) / (len(kinect.t) - len(left_out)):.3g} rows on the average"
     repair = LeftOut("kinect", tuple(left_out.tolist()))
-    yield Finding("samples_interpolated", what, "", (number,), "kinect", repairs=(repair,))
+    yield Finding("samples_interpolated", what, "kinect", repairs=(repair,))
 
 
 def _bends(kinect, last, wide) -> np.ndarray:

@@ -20,7 +20,7 @@ _FINE = 0.01  # m or rad: a camera's steps below it are fine however little the 
 _NOISY = ("imu", "torque")  # never the same twice
 
 
-def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
     """A counter of the wheels that starts anew: steps of one height against the motion, far above all others."""
     if "encoder" not in run.channels:
         return
@@ -53,26 +53,26 @@ def wrap_findings(run: Recording, number: int, counts_per_turn: float) -> Iterat
     if turn is not None:
         known, fault = turn
         rival = "counter_wrap" if fault == "angle_wrap" else "angle_wrap"
-        yield Finding(fault, f"starts anew after {known:.6g}", "", (number,), "encoder", rivals=(rival,),
+        yield Finding(fault, f"starts anew after {known:.6g}", "encoder", rivals=(rival,),
                       repairs=(Unwrapped("encoder", tuple(columns), known),))
 
 
-def sample_findings(run: Recording, number: int, steps: bool = False) -> Iterator[Finding]:
+def sample_findings(run: Recording, steps: bool = False) -> Iterator[Finding]:
     """Faults of the samples of a run that need no other channel; steps: whether a torque may be constant."""
     for name, channel in run.channels.items():
         if name in ("truth", "reference", "command") or len(channel.t) < 2 * _BLOCK:
             continue
-        found = list(_clipped(name, channel, number)) if name in _NOISY else []
+        found = list(_clipped(name, channel)) if name in _NOISY else []
         if name in _NOISY and not found:
-            found = list(_stuck(run, name, number, steps and name == "torque"))
+            found = list(_stuck(run, name, steps and name == "torque"))
         if name == "encoder" and not found:
-            found = list(_stopped(channel, number))
+            found = list(_stopped(channel))
         if not found:
-            found = list(_repeated(name, channel, number))
+            found = list(_repeated(name, channel))
         if name not in _NOISY and not found:
-            found = list(_reversed(name, channel, number))
+            found = list(_reversed(name, channel))
         if name == "encoder" and not found:
-            found = list(_set_anew(channel, number))
+            found = list(_set_anew(channel))
         yield from found
 
 
@@ -92,7 +92,7 @@ def _known_turn(height, off, counts_per_turn, times):
     return (height, "counter_wrap") if times > 1 else None
 
 
-def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+def _repeated(name: str, channel: Channel) -> Iterator[Finding]:
     """A block of rows that comes a second time.
 
     A wheel that turns slowly between coarse counts repeats itself, but it does not jump from its past to what it
@@ -122,13 +122,13 @@ def _repeated(name: str, channel: Channel, number: int) -> Iterator[Finding]:
                 ends, within = steps[[i - 1, end - 1]], steps[i : end - 1].max(axis=0)
                 if np.all(ends <= (far if name == "encoder" else within)):
                     continue
-            yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", "", (number,), name,
+            yield Finding("rows_duplicated", f"the rows from {channel.t[j]:.4g} s on come again", name,
                           float(channel.t[i]), float(channel.t[end - 1]),
                           repairs=(Dropped(name, float(channel.t[i]), float(channel.t[end - 1])),))
             return
 
 
-def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+def _reversed(name: str, channel: Channel) -> Iterator[Finding]:
     """A stretch in the opposite order: the two largest steps vanish together when it is turned round."""
     values = channel.values[:, :3] if name == "kinect" else channel.values
     if name == "kinect":
@@ -146,11 +146,11 @@ def _reversed(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             best = after, a, b
     if best is not None and best[2] - best[1] > 2:
         since, until = float(channel.t[best[1] + 1]), float(channel.t[best[2]])
-        yield Finding("rows_reversed", "rows in the opposite order", "", (number,), name, since, until,
+        yield Finding("rows_reversed", "rows in the opposite order", name, since, until,
                       repairs=(Mirrored(name, since, until),))
 
 
-def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[Finding]:
+def _stuck(run: Recording, name: str, may_rest: bool) -> Iterator[Finding]:
     """A noisy channel that repeats itself: for a while, all of it or a column, or a column of it always.
 
     The torque of a controller rests while the wheels do; may_rest: it may be constant at any time.
@@ -159,7 +159,7 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
     dead = [c for c in channel.columns if np.ptp(channel.column(c)) == 0.0 and not (may_rest and channel.column(c)[0])]
     if dead:
         values = ", ".join(f"{column} is always {channel.column(column)[0]:.4g}" for column in dead)
-        yield Finding("channel_dead", values, "", (number,), name, repairs=(Without(name),))
+        yield Finding("channel_dead", values, name, repairs=(Without(name),))
         return
     if may_rest and not np.ptp(channel.values, axis=0).all():
         return
@@ -181,7 +181,7 @@ def _stuck(run: Recording, name: str, number: int, may_rest: bool) -> Iterator[F
                 continue
             if held.any() and not np.all((held == low) | (held == high)):
                 found.append((since, until))
-                yield Finding("channel_frozen", what, "", (number,), name, since, until,
+                yield Finding("channel_frozen", what, name, since, until,
                               repairs=(CutOut(since, until),))
 
 
@@ -225,7 +225,7 @@ def _leaps(channel: Channel, longest_s: float = np.inf) -> np.ndarray:
     return found
 
 
-def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
+def _stopped(channel: Channel) -> Iterator[Finding]:
     """Angles, of one wheel or of all, that repeat and then leap to where the wheels have gone meanwhile."""
     leaps, still = _leaps(channel, STUCK_S), np.diff(channel.values, axis=0) == 0.0
     for first, last in sorted({part for own in still.T for part in stretches(own)}):
@@ -236,7 +236,7 @@ def _stopped(channel: Channel, number: int) -> Iterator[Finding]:
         if stopped.any():
             names = "rows" if still[first:last].all() else _named(channel, stopped)
             what = f"{names} repeats, then leaps" if names in channel.columns else f"{names} repeat, then leap"
-            yield Finding("channel_frozen", what, "", (number,), "encoder", since, until,
+            yield Finding("channel_frozen", what, "encoder", since, until,
                           repairs=(CutOut(since, float(channel.t[last + 1])),))
 
 
@@ -245,7 +245,7 @@ def _named(channel: Channel, some: np.ndarray) -> str:
     return ", ".join(name for name, one in zip(channel.columns, some, strict=True) if one)
 
 
-def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
+def _set_anew(channel: Channel) -> Iterator[Finding]:
     """Angles that leap from one row to the next."""
     leaps = _leaps(channel)
     for k in np.flatnonzero(leaps.any(axis=1)).tolist():
@@ -253,10 +253,10 @@ def _set_anew(channel: Channel, number: int) -> Iterator[Finding]:
         if until - since > RATE_S:  # rows are missing
             continue
         what = f"{_named(channel, leaps[k])} leap{'s' if leaps[k].sum() == 1 else ''}, as no wheel can turn"
-        yield Finding("counter_reset", what, "", (number,), "encoder", since, until, repairs=(CutOut(since, until),))
+        yield Finding("counter_reset", what, "encoder", since, until, repairs=(CutOut(since, until),))
 
 
-def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+def _clipped(name: str, channel: Channel) -> Iterator[Finding]:
     """Columns that stay at one extreme value, more often than chance takes them there than to the value beside it."""
     found = []
     for column in channel.columns:
@@ -268,10 +268,10 @@ def _clipped(name: str, channel: Channel, number: int) -> Iterator[Finding]:
             if at.sum() - next_to_it > CERTAIN * np.sqrt(at.sum() + next_to_it) and at[1:][at[:-1]].any():
                 found.append(f"{column} at {extreme:.4g}")
     if found:
-        yield Finding("channel_clipped", ", ".join(found), "", (number,), name)
+        yield Finding("channel_clipped", ", ".join(found), name)
 
 
-def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> Iterator[Finding]:
+def quantised_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
     """Columns in steps that are coarse beside what they tell, or beside the encoder's counts."""
     for name, channel in run.channels.items():
         if name not in ("encoder", "kinect", *_NOISY):
@@ -286,7 +286,7 @@ def quantised_findings(run: Recording, number: int, counts_per_turn: float) -> I
             if is_coarse:
                 coarse.append(f"{column} in steps of {step:.3g}")
         if coarse:
-            yield Finding("channel_quantised", ", ".join(coarse), "", (number,), name)
+            yield Finding("channel_quantised", ", ".join(coarse), name)
 
 
 def repeats(values: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ _FULL = 1.25  # times, below which it grows no more
 _STEADY = 4.0  # times as large over two fixes: noise twice, what is smooth eight times
 
 
-def smoothed_fixes(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def smoothed_fixes(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Fixes whose places and headings are smoothed; those are kept that are as far apart as were smoothed together."""
     if base is None or not has_motion(run) or len(run.channels["kinect"].t) < _FEWEST:
         return
@@ -48,7 +48,7 @@ def smoothed_fixes(run: Recording, base: Base | None, number: int) -> Iterator[F
     left_out = np.setdiff1d(np.arange(fixes), np.arange(0, fixes, apart))
     what = f"their noise is alike over some {apart} fixes"
     repair = LeftOut("kinect", tuple(left_out.tolist()))
-    yield Finding("samples_smoothed", what, "", (number,), "kinect", repairs=(repair,))
+    yield Finding("samples_smoothed", what, "kinect", repairs=(repair,))
 
 
 def _noise(kinect, base, late_s) -> np.ndarray:

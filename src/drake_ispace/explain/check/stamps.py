@@ -19,19 +19,19 @@ _SAMPLED = ("encoder", "imu", "torque")  # at a steady rate
 _UNEVEN = 0.25  # a step that is uneven, as a share of the median
 
 
-def stamp_findings(run: Recording, number: int) -> Iterator[Finding]:
+def stamp_findings(run: Recording) -> Iterator[Finding]:
     """Faults of the time stamps of a run, units first."""
     channels = run.channels
-    found = list(_units(channels, number))
+    found = list(_units(channels))
     yield from found
     if not found:
-        yield from _starts(channels, number)
+        yield from _starts(channels)
         for name in _SAMPLED:
             if name in channels and len(channels[name].t) > 20:
-                yield from _steps(name, channels[name], number)
+                yield from _steps(name, channels[name])
 
 
-def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
+def _units(channels: dict[str, Channel]) -> Iterator[Finding]:
     """Channels whose steps are those of another unit of time: too long to tell a motion by, as windows tell it.
 
     Where other channels have steps that are not, the unit is that in which a channel lasts as long as these.
@@ -51,10 +51,10 @@ def _units(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
             possible = [list(TIMES)[int(np.argmin(off))]]
         if possible and possible[0] != "s":
             repairs = (Clock(name, TIMES[possible[0]], 0.0),)
-            yield Finding("time_unit", f"stamps in {possible[0]}", "", (number,), name, repairs=repairs)
+            yield Finding("time_unit", f"stamps in {possible[0]}", name, repairs=repairs)
 
 
-def _starts(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
+def _starts(channels: dict[str, Channel]) -> Iterator[Finding]:
     """Channels that do not overlap with the others in time."""
     spans = {n: (c.t[0], c.t[-1]) for n, c in channels.items() if n not in ("truth", "reference") and len(c.t) > 1}
     if len(spans) < 2:
@@ -73,23 +73,23 @@ def _starts(channels: dict[str, Channel], number: int) -> Iterator[Finding]:
             epoch = abs(a - start) > _EPOCH_S
             fault = "epoch_stamps" if epoch else "clocks_disjoint"
             what = f"is at {a:.10g} s to {b:.10g} s, the others from {start:.10g} s on"
-            yield Finding(fault, what, "", (number,), name, repairs=(Clock(name, 1.0, float(start - a)),))
+            yield Finding(fault, what, name, repairs=(Clock(name, 1.0, float(start - a)),))
 
 
-def _steps(name: str, channel: Channel, number: int) -> Iterator[Finding]:
+def _steps(name: str, channel: Channel) -> Iterator[Finding]:
     """Gaps, and steps that are uneven as a habit."""
     steps = np.diff(channel.t)
     usual = float(np.median(steps))
     if _mostly(LEAP * steps < np.mean(steps)):
-        yield Finding("bursts", "several samples come at once", "", (number,), name, repairs=(Evened(name),))
+        yield Finding("bursts", "several samples come at once", name, repairs=(Evened(name),))
         return
     if _mostly(np.abs(steps - usual) > _UNEVEN * usual):
-        yield Finding("stamp_jitter", "steps are uneven", "", (number,), name, repairs=(Evened(name),))
+        yield Finding("stamp_jitter", "steps are uneven", name, repairs=(Evened(name),))
         return
     for i in np.flatnonzero(are_gaps(steps)):
         since, until = float(channel.t[i]), float(channel.t[i + 1])
         repairs = (CutOut(since, until),) if until - since > STUCK_S else ()
-        yield Finding("rows_missing", f"no samples for {until - since:.3g} s", "", (number,), name, since, until,
+        yield Finding("rows_missing", f"no samples for {until - since:.3g} s", name, since, until,
                       repairs=repairs)
 
 

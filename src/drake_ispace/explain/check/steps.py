@@ -29,7 +29,7 @@ _SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
-def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Wheels, a camera or a command that never move although another one, or a torque of more than one value, does."""
     if base is None:
         return
@@ -37,7 +37,7 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         encoder = run.channels["encoder"]
         still = [column for column in encoder.columns if np.ptp(encoder.column(column)) == 0.0]
         if still:
-            yield Finding("channel_dead", f"{', '.join(still)} never changes", "", (number,), "encoder",
+            yield Finding("channel_dead", f"{', '.join(still)} never changes", "encoder",
                           repairs=(Without("encoder"),))
     if not base.robot.in_room:
         return
@@ -45,7 +45,7 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     command = run.channels.get(COMMAND) if base.robot.driven == COMMAND else None
     if command is not None and len(command.t) and not command.values.any():
         if np.ptp(run.channels["encoder"].values, axis=0).max() * radius > _SHOWS_M:
-            yield Finding("channel_dead", "it is always 0, and the wheels turn", "", (number,), COMMAND,
+            yield Finding("channel_dead", "it is always 0, and the wheels turn", COMMAND,
                           repairs=(Without(COMMAND),))
     if not has_motion(run):
         return
@@ -56,19 +56,19 @@ def dead_findings(run: Recording, base: Base | None, number: int) -> Iterator[Fi
     dead = [c for i, c in enumerate(encoder.columns) if np.ptp(encoder.column(c)) == 0.0
             and moving(ways[:, [i]], noise[[i]]) and np.abs(ways[:, i]).sum() > _SHOWS_M]
     if dead:
-        yield Finding("channel_dead", f"{', '.join(dead)} never changes", "", (number,), "encoder",
+        yield Finding("channel_dead", f"{', '.join(dead)} never changes", "encoder",
                       repairs=(Without("encoder"),))
     moved = base.moved(whole.since_s, whole.until_s)
     if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _SHOWS_M:
-        yield Finding("channel_dead", "the place never changes", "", (number,), "kinect", repairs=(Without("kinect"),))
+        yield Finding("channel_dead", "the place never changes", "kinect", repairs=(Without("kinect"),))
     elif not np.ptp(kinect.values[:, 2]):
         headings = np.cumsum(moved[:, 2])
         if np.ptp(headings) * radius / np.abs(base.geometry.forward[2]).max() > _SHOWS_M:
             what = "the heading never changes, and the wheels turn the robot"
-            yield Finding("channel_dead", what, "", (number,), "kinect", repairs=(Without("kinect"),))
+            yield Finding("channel_dead", what, "kinect", repairs=(Without("kinect"),))
 
 
-def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Fixes that repeat while the wheels turn; all but the first of them are left out."""
     if base is None or not has_motion(run):
         return
@@ -77,26 +77,26 @@ def frozen_camera(run: Recording, base: Base | None, number: int) -> Iterator[Fi
         since, until = float(kinect.t[first]), float(kinect.t[last])
         moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
         if STUCK_S <= until - since and _part(run, since, until) and moved > _SHOWS_M:
-            yield Finding("channel_frozen", "fixes repeat", "", (number,), "kinect", since, until,
+            yield Finding("channel_frozen", "fixes repeat", "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 
 
-def step_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def step_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Faults that are limited in time, as camera and wheels tell them."""
     if base is None or not has_motion(run):
         return
     seen_of = seen_of_wheels(run, base)
-    stopped = list(_frozen(run, base, seen_of, number))
+    stopped = list(_frozen(run, base, seen_of))
     yield from stopped
     ends = [(f.from_s - WINDOW_S, f.to_s + WINDOW_S) for f in stopped]
-    steps = [step for step in _camera_steps(run, base, seen_of, number)
+    steps = [step for step in _camera_steps(run, base, seen_of)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
     yield from steps
     if not steps and not stopped:
-        yield from _carried(run, base, number)
+        yield from _carried(run, base)
 
 
-def _camera_steps(run, base, seen_of, number):
+def _camera_steps(run, base, seen_of):
     """Places that change from one fix to the next without the wheels, and fixes that are off where they change back.
 
     Where the wheels are as fast as never else, and the robot is not, and most of it is from one row of the wheels to
@@ -129,12 +129,12 @@ def _camera_steps(run, base, seen_of, number):
             of_row = np.linalg.norm((base.moved(*map(np.atleast_1d, row)) @ seen_of)[0, :2])
             if of_row > 0.5 * difference[i]:
                 what = "angles of the wheels change at once, and the place does not"
-                yield Finding("counter_reset", what, "", (number,), "encoder", *row, repairs=(CutOut(*row),))
+                yield Finding("counter_reset", what, "encoder", *row, repairs=(CutOut(*row),))
                 continue
         what = f"the place jumps by {difference[i]:.3g} m"
-        yield Finding("camera_jump", what, "", (number,), "kinect", since, until, repairs=(CutOut(since, until),))
+        yield Finding("camera_jump", what, "kinect", since, until, repairs=(CutOut(since, until),))
     if spikes:
-        yield off(kinect.t, list(dict.fromkeys(spikes)), number)  # a step away and one back are the same spike
+        yield off(kinect.t, list(dict.fromkeys(spikes)))  # a step away and one back are the same spike
 
 
 def _largest_step(encoder, since_s, until_s):
@@ -164,7 +164,7 @@ def _spike(kinect, base, seen_of, i, step):
     return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
 
-def _frozen(run, base, seen_of, number):
+def _frozen(run, base, seen_of):
     """Rows of the encoder that repeat while the camera moves; seen_of: as of `_camera_steps`."""
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
     of_seen = np.linalg.pinv(seen_of)
@@ -184,17 +184,17 @@ def _frozen(run, base, seen_of, number):
             jumps = after > 0.5 * missed
             if wheel is None and not jumps:
                 what = "the camera sees a motion that no wheel makes"
-                yield Finding("robot_carried", what, "", (number,), "all", since, until,
+                yield Finding("robot_carried", what, "all", since, until,
                               repairs=(CutOut(since, until),))
             else:
                 names = "rows repeat" if wheel is None else f"{encoder.columns[wheel]} repeats"
-                yield Finding("channel_frozen", names, "", (number,), "encoder", since, until,
+                yield Finding("channel_frozen", names, "encoder", since, until,
                               repairs=(CutOut(since, until),))
             if wheel is None:
                 return
 
 
-def _carried(run, base, number):
+def _carried(run, base):
     """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common."""
     link = camera_link(run, base, _SERIES)
     kept = inside(base, link.since_s, link.until_s)
@@ -221,7 +221,7 @@ def _carried(run, base, number):
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
         what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
-        yield Finding(fault, what, "", (number,), "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
+        yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 
 

@@ -21,16 +21,16 @@ from drake_ispace.robots.robot import TORQUE, Robot
 _SELDOM = 0.02  # share of the ticks that may be missing
 
 
-def tick_findings(run: Recording, robot: Robot, number: int) -> Iterator[Finding]:
+def tick_findings(run: Recording, robot: Robot) -> Iterator[Finding]:
     """Channels without a sample at many of the ticks at which the controller of a robot under torque uses them."""
     if robot.driven != TORQUE or not robot.in_room:
         return
     for name in (TORQUE, "imu") if robot.has_imu else (TORQUE,):
         if name in run.channels and len(run.channels[name].t) > FEWEST:
-            yield from _of_channel(name, run.channels[name], number)
+            yield from _of_channel(name, run.channels[name])
 
 
-def _of_channel(name, channel, number) -> Iterator[Finding]:
+def _of_channel(name, channel) -> Iterator[Finding]:
     ticks, first = np.unique(np.round(channel.t / TICK_S), return_index=True)
     steps, again = np.diff(ticks), repeats(channel.values[first])
     within = ~are_gaps(TICK_S * steps)  # which are told by themselves
@@ -42,9 +42,9 @@ def _of_channel(name, channel, number) -> Iterator[Finding]:
     if missing > _SELDOM and 2 * shown.sum() <= steps[within].sum() and 2 * again[shown].sum() < shown.sum():
         step_ms = 1e3 * TICK_S * steps[within].sum() / shown.sum()
         what = f"a sample every {step_ms:.3g} ms, the controller acts every {1e3 * TICK_S:.3g} ms"
-        yield Finding("undersampled", what, "", (number,), name, repairs=(Without(name),))
+        yield Finding("undersampled", what, name, repairs=(Without(name),))
     elif missing > _SELDOM:
-        yield Finding("steps_missing", f"no sample at {100.0 * missing:.0f} % of the ticks", "", (number,), name)
+        yield Finding("steps_missing", f"no sample at {100.0 * missing:.0f} % of the ticks", name)
     elif held:
         what = f"the same as before at {100.0 * np.mean(again):.0f} % of the ticks"
-        yield Finding("steps_missing", what, "", (number,), name)
+        yield Finding("steps_missing", what, name)

@@ -57,7 +57,7 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
     off = f"clock {abs(ticks) * TICK_S:.3g} s {'late' if ticks > 0 else 'early'}"
     what = f"{off}, the wheels turn before" if channel == driven else f"{off} against torques and wheels"
     finding = Finding(
-        "clock_offset", what, "", tuple(range(len(names))), channel, repairs=(Clock(channel, 1.0, -ticks * TICK_S),)
+        "clock_offset", what, channel, runs=tuple(range(len(names))), repairs=(Clock(channel, 1.0, -ticks * TICK_S),)
     )
     return case.with_earlier(channel, ticks), [named(finding, names)]
 

@@ -229,7 +229,7 @@ def disagreement(
     names = dict.fromkeys(one.fault for j in alike for one in mistakes(choice.hypotheses[j]))
     rivals = tuple(name for name in names if name not in [one.fault for one in chosen])
     return Agreement([
-        Finding(one.fault, one.what, "", choice.runs(k), channel(one), rivals=rivals, repairs=repairs(one),
+        Finding(one.fault, one.what, channel(one), runs=choice.runs(k), rivals=rivals, repairs=repairs(one),
                 drop_in_deviance=2.0 * float(choice.together[choice.number]), advice=one.advice)
         for one in chosen
     ], follows, follows >= well)

@@ -226,7 +226,7 @@ class _Trial:
             fault, interval = "clock_offset", self.interval(path)
             what = f"clock {abs(path.lag_s):.3g} s {'late' if path.lag_s < 0 else 'early'} against the wheels'"
         return Finding(
-            fault, what, "", (self.number,), self.link.channel, since, until, drop, interval=interval,
+            fault, what, self.link.channel, since, until, drop, runs=(self.number,), interval=interval,
             repairs=(self.repair(path),),
         )
 

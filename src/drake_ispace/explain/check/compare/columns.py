@@ -16,7 +16,6 @@ TORQUES = {
     "mN m": in_si("mN*m"), "N cm": in_si("N*cm"), "kgf cm": GRAVITY * in_si("cm"), "N mm": in_si("N*mm"),
 }
 _MOTORS = 1.0 / 0.3  # times as much torque as the weakest motor of the effects gives
-_AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)

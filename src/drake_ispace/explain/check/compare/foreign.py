@@ -96,7 +96,7 @@ def foreign(
         for name in strangers if is_it else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
-                "channel_of_another_run", whose(name) or "does not move with the robot", "", (number,), name,
+                "channel_of_another_run", whose(name) or "does not move with the robot", name, runs=(number,),
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
                 repairs=(Without(name),),
             ))
@@ -106,7 +106,7 @@ def foreign(
 def another_robot(runs: tuple[int, ...], drop_in_deviance: float, rivals: tuple[str, ...], advice: str = "") -> Finding:
     """The finding that the wheels and the camera of these runs are of another robot; arguments as of Finding."""
     return Finding(
-        "another_robot", "wheels and camera go together, but not by these dimensions", "", runs, "model",
+        "another_robot", "wheels and camera go together, but not by these dimensions", "model", runs=runs,
         drop_in_deviance=drop_in_deviance, rivals=rivals, advice=advice,
     )
 

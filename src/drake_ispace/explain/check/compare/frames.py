@@ -15,7 +15,7 @@ from drake_ispace.files.recording import Recording
 _BINS = 16  # to a step, into which stamps are sorted to find its length
 
 
-def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[Finding]:
+def frame_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Stamps of a camera without which most of what it and the wheels disagree on, from frame to frame, is gone."""
     if base is None or not has_motion(run):
         return
@@ -31,7 +31,7 @@ def frame_findings(run: Recording, base: Base | None, number: int) -> Iterator[F
         left, repair, off_s = best
         what = f"stamps are {1e3 * off_s:.2g} ms off the even steps of the frames"
         gained = count * float(np.log((given / left) ** 2))
-        yield Finding("stamp_jitter", what, "", (number,), "kinect", drop_in_deviance=gained, repairs=(repair,))
+        yield Finding("stamp_jitter", what, "kinect", drop_in_deviance=gained, repairs=(repair,))
 
 
 def _grid(t: np.ndarray) -> Gridded:

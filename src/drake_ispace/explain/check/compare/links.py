@@ -5,7 +5,7 @@ The wheels' clock is the reference. A channel may be moved against it in time.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from drake_ispace.explain.check.compare.motion import (
     WINDOW_S,
     arm,
     camera_noise,
+    change_over,
     has_motion,
     seen,
     turned,
@@ -79,8 +80,7 @@ class Base:
         torques = load(self.angles(t), self.wheel_rates(t))
         if not np.isfinite(torques).all():
             return None
-        sums = cumulative_trapezoid(torques, t, axis=0, initial=0.0).T
-        return lambda since, until: np.column_stack([np.interp(until, t, s) - np.interp(since, t, s) for s in sums])
+        return partial(change_over, t, cumulative_trapezoid(torques, t, axis=0, initial=0.0))
 
     def angles(self, t: np.ndarray) -> np.ndarray:
         """(n, wheels) [rad] of the wheels at times t (n,) [s]."""
@@ -162,25 +162,25 @@ def base_of(run: Recording, robot: Robot, settings: Any, spoilt: Iterable[tuple[
     return Base(robot, settings, encoder, float(min(RATE_S, most_s)), tuple(spoilt))
 
 
-def links(run: Recording, base: Base, starts: int = 1) -> dict[str, Link]:
-    """Channel -> Link of every channel of the run that can be compared; starts: series of windows of the camera."""
-    found = {name: link_of(run, base, name, starts) for name in ("kinect", "imu", TORQUE, COMMAND)}
+def links(run: Recording, base: Base) -> dict[str, Link]:
+    """Channel -> Link of every channel of the run that can be compared."""
+    found = {name: link_of(run, base, name) for name in ("kinect", "imu", TORQUE, COMMAND)}
     return {name: link for name, link in found.items() if link is not None}
 
 
-def link_of(run: Recording, base: Base, channel: str, starts: int = 1) -> Link | None:
-    """The Link of one channel; None where it cannot be compared. starts: as of `links`."""
+def link_of(run: Recording, base: Base, channel: str) -> Link | None:
+    """The Link of one channel; None where it cannot be compared."""
     makers = {"kinect": camera_link, "imu": turn_link, TORQUE: torque_link, COMMAND: command_link}
-    link = makers[channel](run, base, starts) if channel in makers and channel in run.channels else None
+    link = makers[channel](run, base) if channel in makers and channel in run.channels else None
     return replace(link, t=run.channels[channel].t) if link is not None and len(link.since_s) >= FEWEST else None
 
 
 def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
-    """The camera's motion, in body axes; turns as lengths."""
+    """The camera's motion, in body axes; turns as lengths. starts: as of `windows`."""
     if not has_motion(run):
         return None
     kinect = run.channels["kinect"]
-    stretches, unit = windows(kinect, starts=starts), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = windows(kinect, starts), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,
@@ -201,10 +201,10 @@ def seen_of_wheels(run: Recording, base: Base) -> np.ndarray:
     return relation(wheels[None], link.measured[kept][None], link.slack)[0] * unit[:, None] / unit
 
 
-def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+def turn_link(run: Recording, base: Base) -> Link | None:
     """The gyro's turns about the vertical. Of wheels that differ a little, a share of the way looks like a turn."""
     imu = run.channels["imu"]
-    stretches = _grid(imu, base, WINDOW_S, starts)
+    stretches = _grid(imu, base, WINDOW_S)
     measured = integral(imu, ("wz",), *stretches)
     return Link(
         "imu", *stretches, measured, lambda since, until: base.moved(since, until)[:, 2:], ((0,),), base.noise[2:],
@@ -212,7 +212,7 @@ def turn_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     )
 
 
-def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+def torque_link(run: Recording, base: Base) -> Link | None:
     """The torques' impulse, beside the momentum that the wheels say.
 
     Friction and a steady force from the floor or the room may take any share of it. So may what a plant of one's own
@@ -228,7 +228,7 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     mass, effort = robot.mass_matrix(plant)[free], robot.effort(plant)[free]
     size = np.abs(effort).max(axis=1)  # rows as torques
     # in windows no longer than a latency, a late torque would tell of none of the same motion
-    stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s, starts)
+    stretches = _grid(torque, base, LATENCY_S / RATE_S * base.rate_s)
     pitch = run.channels.get("imu") if robot.has_imu else None
 
     def rates(t):
@@ -261,12 +261,12 @@ def torque_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     return Link(TORQUE, *stretches, impulse, predicted, (tuple(range(len(free))),), counts, besides, slack=slack)
 
 
-def command_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
+def command_link(run: Recording, base: Base) -> Link | None:
     """The commanded motion, of a robot that takes a velocity; turns as lengths."""
     command = run.channels[COMMAND]
     if base.robot.driven != COMMAND:
         return None
-    stretches, unit = _grid(command, base, WINDOW_S, starts), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = _grid(command, base, WINDOW_S), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         COMMAND, *stretches, held_integral(command, *stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS, base.noise * unit,
@@ -310,25 +310,21 @@ def integral(channel: Channel, columns: tuple[str, ...], since_s: np.ndarray, un
     steps = np.diff(channel.t)[:, None]
     values = np.column_stack([channel.column(name) for name in columns])
     total = np.vstack([np.zeros(len(columns)), np.cumsum(0.5 * steps * (values[1:] + values[:-1]), axis=0)])
-    return np.column_stack([
-        np.interp(until_s, channel.t, sums) - np.interp(since_s, channel.t, sums) for sums in total.T
-    ])
+    return change_over(channel.t, total, since_s, until_s)
 
 
 def held_integral(channel: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
     """(n, columns) integrals over windows of a signal that is held from sample to sample."""
     impulses = np.diff(channel.t)[:, None] * channel.values[:-1]
     total = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(impulses, axis=0)])
-    return np.column_stack([
-        np.interp(until_s, channel.t, sums) - np.interp(since_s, channel.t, sums) for sums in total.T
-    ])
+    return change_over(channel.t, total, since_s, until_s)
 
 
-def _grid(channel, base, window_s, starts):
+def _grid(channel, base, window_s):
     """Windows end to end over the channel's time, without those in which it has a gap."""
     margin = 2.0 * base.rate_s
-    edges = np.arange(channel.t[0] + margin, channel.t[-1] - margin, window_s / starts)
-    since, until = edges[:-starts], edges[starts:]
+    edges = np.arange(channel.t[0] + margin, channel.t[-1] - margin, window_s)
+    since, until = edges[:-1], edges[1:]
     if not len(since):
         return since, until
     # a window with a gap: fewer samples in it than in half of the typical one

@@ -45,14 +45,14 @@ class Windows:
     last: np.ndarray
 
 
-def windows(kinect: Channel, window_s: float = WINDOW_S, starts: int = 1) -> Windows:
+def windows(kinect: Channel, starts: int = 1) -> Windows:
     """Windows that begin and end with a fix, end to end; starts: how many series, begun a share of a window apart."""
     pairs = set()
     for k in range(starts):
-        i = int(np.searchsorted(kinect.t, kinect.t[0] + k * window_s / starts))
+        i = int(np.searchsorted(kinect.t, kinect.t[0] + k * WINDOW_S / starts))
         while i < len(kinect.t):
-            j = int(np.searchsorted(kinect.t, kinect.t[i] + window_s - 1e-9))
-            if j < len(kinect.t) and kinect.t[j] - kinect.t[i] <= _LONGEST * window_s:
+            j = int(np.searchsorted(kinect.t, kinect.t[i] + WINDOW_S - 1e-9))
+            if j < len(kinect.t) and kinect.t[j] - kinect.t[i] <= _LONGEST * WINDOW_S:
                 pairs.add((i, j))
             i = max(j, i + 1)
     first, last = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T
@@ -89,9 +89,12 @@ def seen(kinect: Channel, stretches: Windows) -> np.ndarray:
 
 def turned(encoder: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
     """(n, wheels) by which the wheels turned [rad] in the stretches."""
-    return np.column_stack([
-        np.interp(until_s, encoder.t, angle) - np.interp(since_s, encoder.t, angle) for angle in encoder.values.T
-    ])
+    return change_over(encoder.t, encoder.values, since_s, until_s)
+
+
+def change_over(t: np.ndarray, values: np.ndarray, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
+    """(n, columns) by how much values (k, columns) at times t (k,) change over windows, straight lines between them."""
+    return np.column_stack([np.interp(until_s, t, one) - np.interp(since_s, t, one) for one in values.T])
 
 
 def within(channel: Channel, stretches: Windows, lag_s: float = 0.0) -> np.ndarray:

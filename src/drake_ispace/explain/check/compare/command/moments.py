@@ -56,8 +56,8 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         return []
     return [
         Finding(
-            "command_moments", f"{len(samples[i])} changes up to {1e3 * moved[i].max():.2g} ms earlier than logged", "",
-            (i,), COMMAND, drop_in_deviance=2.0 * score,
+            "command_moments", f"{len(samples[i])} changes up to {1e3 * moved[i].max():.2g} ms earlier than logged",
+            COMMAND, runs=(i,), drop_in_deviance=2.0 * score,
             repairs=(Restamped(COMMAND, tuple(samples[i].tolist()), tuple(moved[i][samples[i]].tolist())),),
         ) for i in drives
     ]

@@ -37,7 +37,7 @@ def setpoint_findings(drives: Mapping[int, Drive]) -> list[Finding]:
     if score < SAID or earlier.score_over(between) >= SAID:  # the latter: logged late, too
         return []
     return [Finding(
-        "command_sampled", "the wheels lead what is held", "", tuple(moving), COMMAND, drop_in_deviance=2.0 * score,
+        "command_sampled", "the wheels lead what is held", COMMAND, runs=tuple(moving), drop_in_deviance=2.0 * score,
         repairs=(Interpolated(COMMAND, TICK_S),),
     )]
 
