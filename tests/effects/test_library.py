@@ -16,13 +16,14 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects import library as library_module
 from drake_ispace.effects.card import HOMES, SCALES, Card
 from drake_ispace.effects.document import effects_markdown
-from drake_ispace.effects.effect import WIRES, BlockEffect, Effect, PlantEffect, body_of
+from drake_ispace.effects.effect import BlockEffect, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import Scenario, load_scenario
 from drake_ispace.wiring.catalog import build_diagram
 
+WIRES = ("torque", "ground_force", "wheel_angle", "body_motion", "pose", "fix", "velocity")
 PAGE = Path(__file__).parents[2] / "docs" / "effects.md"
 BODIES = [body_of(Scenario(), robot) for robot in robots().values()]
 EVERY = [

@@ -18,9 +18,6 @@ from drake_ispace.blocks.messages import FIX
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.robots.robot import Robot
 
-#: The wires that take a block, and the port of the block that the wire goes through.
-WIRES = ("torque", "ground_force", "wheel_angle", "body_motion", "pose", "fix", "velocity")
-
 
 @dataclass(frozen=True)
 class Body:
@@ -83,6 +80,8 @@ class Effect:
     replayed = True
     #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.
     general = False
+    #: The wire of the Diagram that it acts in; empty: it is a number of the plant.
+    wire = ""
     #: How many wheels a robot needs to have it: of fewer it would be another effect, or two.
     least_wheels = 1
 

@@ -12,7 +12,22 @@ from drake_ispace.files.recording import Channel, Recording
 
 
 @dataclass(frozen=True)
-class Mixed:
+class _OfChannel:
+    """Undoes a mistake of one channel."""
+
+    channel: str
+
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel without the mistake."""
+        raise NotImplementedError
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with the channel repaired."""
+        return with_channel(recording, self.channel, self.repaired(recording.channels[self.channel]))
+
+
+@dataclass(frozen=True)
+class Mixed(_OfChannel):
     """The columns of a channel as sums of what was recorded: signs, units and order.
 
     Attributes:
@@ -20,7 +35,6 @@ class Mixed:
         offset: n numbers, added afterwards.
     """
 
-    channel: str
     columns: tuple[str, ...]
     matrix: tuple[tuple[float, ...], ...]
     offset: tuple[float, ...] = ()
@@ -40,43 +54,39 @@ class Mixed:
                 said.append(f"{name} = {text}")
         return f"{self.channel}: {', '.join(said)}"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with the channel repaired."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with these columns."""
         at = [channel.columns.index(name) for name in self.columns]
         values = channel.values.copy()
         values[:, at] = channel.values[:, at] @ np.array(self.matrix).T
         if self.offset:
             values[:, at] += self.offset
-        return with_channel(recording, self.channel, replace(channel, values=values))
+        return replace(channel, values=values)
 
 
 @dataclass(frozen=True)
-class Unwrapped:
+class Unwrapped(_OfChannel):
     """Columns whose counter starts anew after `turn`, made continuous."""
 
-    channel: str
     columns: tuple[str, ...]
     turn: float
 
     def __str__(self):
         return f"{self.channel}: {', '.join(self.columns)} continued by {self.turn:.6g} wherever it jumps by that"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with the channel repaired."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with continuous columns."""
         values = channel.values.copy()
         for name in self.columns:
             at = channel.columns.index(name)
             values[:, at] = np.unwrap(values[:, at], period=self.turn)
-        return with_channel(recording, self.channel, replace(channel, values=values))
+        return replace(channel, values=values)
 
 
 @dataclass(frozen=True)
-class Clock:
+class Clock(_OfChannel):
     """Other time stamps of a channel, of its samples from since_s on: t' = rate t + offset_s."""
 
-    channel: str
     rate: float
     offset_s: float
     since_s: float = -math.inf
@@ -91,78 +101,66 @@ class Clock:
         """(n,) the times [s] that stand for times t (n,) of the recorded clock."""
         return np.where(t >= self.since_s, self.rate * t + self.offset_s, t)
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with the channel's clock repaired; the nominal period follows it.
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel by the other clock; the nominal period follows it.
 
         Samples that would come before an earlier one are left out.
         """
-        channel, late = recording.channels[self.channel], recording.channels[self.channel].t >= self.since_s
-        values, t = channel.values.copy(), self.moved(channel.t)
+        values, t, late = channel.values.copy(), self.moved(channel.t), channel.t >= self.since_s
         if "t_received" in channel.columns:
             at = channel.columns.index("t_received")
             values[:, at] = np.where(late, self.rate * values[:, at] + self.offset_s, values[:, at])
         latest = np.maximum.accumulate(np.concatenate([[-np.inf], t[:-1]]))
         period_s = channel.period_s if self.rate == 1.0 else None
-        repaired = rows(replace(channel, t=t, values=values, period_s=period_s), t > latest)
-        return with_channel(recording, self.channel, repaired)
+        return rows(replace(channel, t=t, values=values, period_s=period_s), t > latest)
 
 
 @dataclass(frozen=True)
-class Evened:
+class Evened(_OfChannel):
     """The samples of a channel at the even steps that its stamps lie nearest to, by least squares."""
-
-    channel: str
 
     def __str__(self):
         return f"{self.channel}: stamps at even steps"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with even stamps in the channel."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with even stamps."""
         number = np.arange(len(channel.t)) - 0.5 * (len(channel.t) - 1)
         step_s = float(number @ channel.t / max(number @ number, 1.0))
         even = channel.t.mean() + step_s * number
-        return with_channel(recording, self.channel, replace(channel, t=even, period_s=None))
+        return replace(channel, t=even, period_s=None)
 
 
 @dataclass(frozen=True)
-class Gridded:
+class Gridded(_OfChannel):
     """The samples of a channel at since_s and multiples of a step after it, of which some may be missing."""
 
-    channel: str
     step_s: float
     since_s: float
 
     def __str__(self):
         return f"{self.channel}: stamps at {self.since_s:.6g} s and multiples of {self.step_s:.6g} s after it"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with such stamps in the channel: the nearest ones that no earlier sample has."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with such stamps: the nearest ones that no earlier sample has."""
         order = np.arange(len(channel.t))
         number = np.maximum.accumulate(np.rint((channel.t - self.since_s) / self.step_s) - order) + order
         even = replace(channel, t=self.since_s + number * self.step_s, period_s=None)
-        return with_channel(recording, self.channel, even)
+        return even
 
 
 @dataclass(frozen=True)
-class Interpolated:
+class Interpolated(_OfChannel):
     """A channel's values along a smooth curve through its samples, held for a step each; across a gap as recorded.
 
     The curve is Akima's: exact for ramps but beside their corners, right to 2e-5 for a sine of a hundred samples.
     """
 
-    channel: str
     step_s: float
 
     def __str__(self):
         return f"{self.channel}: a smooth curve through its samples, every {self.step_s:.6g} s"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with such values in the channel."""
-        return with_channel(recording, self.channel, self.between(recording.channels[self.channel]))
-
-    def between(self, channel: Channel) -> Channel:
+    def repaired(self, channel: Channel) -> Channel:
         """The channel with the curve's value in the middle of each step, from its first sample to its last."""
         apart = np.diff(channel.t)
         gaps = np.flatnonzero(apart > 2.0 * np.median(apart))
@@ -174,89 +172,80 @@ class Interpolated:
 
 
 @dataclass(frozen=True)
-class Restamped:
+class Restamped(_OfChannel):
     """Some samples of a channel at earlier times.
 
     Attributes:
         channel: name. samples: their numbers. earlier_s: by how much each is earlier.
     """
 
-    channel: str
     samples: tuple[int, ...]
     earlier_s: tuple[float, ...]
 
     def __str__(self):
         return f"{self.channel}: {len(self.samples)} samples up to {1e3 * max(self.earlier_s):.2g} ms earlier"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with such stamps in the channel; none comes before the sample before it."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with such stamps; none comes before the sample before it."""
         t = channel.t.copy()
         t[list(self.samples)] -= self.earlier_s
-        return with_channel(recording, self.channel, rows(replace(channel, t=t), np.diff(t, prepend=-math.inf) > 0.0))
+        return rows(replace(channel, t=t), np.diff(t, prepend=-math.inf) > 0.0)
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class LeftOut(_OfChannel):
     """Some samples of a channel left out; samples: their numbers."""
 
-    channel: str
     samples: tuple[int, ...]
 
     def __str__(self):
         return f"{self.channel}: {len(self.samples)} samples left out"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording without these samples."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel without these samples."""
         kept = np.ones(len(channel.t), bool)
         kept[list(self.samples)] = False
-        return with_channel(recording, self.channel, rows(replace(channel, period_s=None), kept))
+        return rows(replace(channel, period_s=None), kept)
 
 
 @dataclass(frozen=True)
-class Dropped:
+class Dropped(_OfChannel):
     """The samples of a channel from from_s to to_s left out."""
 
-    channel: str
     from_s: float
     to_s: float
 
     def __str__(self):
         return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s left out"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording without these samples."""
-        channel = recording.channels[self.channel]
-        return with_channel(recording, self.channel, rows(channel, (channel.t < self.from_s) | (channel.t > self.to_s)))
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel without these samples."""
+        return rows(channel, (channel.t < self.from_s) | (channel.t > self.to_s))
 
 
 @dataclass(frozen=True)
-class Mirrored:
+class Mirrored(_OfChannel):
     """The samples of a channel from from_s to to_s in the opposite order; what was received when stays."""
 
-    channel: str
     from_s: float
     to_s: float
 
     def __str__(self):
         return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s in the opposite order"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with these samples turned round."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with these samples turned round."""
         inside = np.flatnonzero((channel.t >= self.from_s) & (channel.t <= self.to_s))
         measured = [at for at, name in enumerate(channel.columns) if name != "t_received"]
         values = channel.values.copy()
         values[np.ix_(inside, measured)] = channel.values[np.ix_(inside[::-1], measured)]
-        return with_channel(recording, self.channel, replace(channel, values=values))
+        return replace(channel, values=values)
 
 
 @dataclass(frozen=True)
-class Turned:
+class Turned(_OfChannel):
     """Headings of a channel turned by angle_rad, from from_s to to_s."""
 
-    channel: str
     from_s: float
     to_s: float
     angle_rad: float
@@ -266,13 +255,12 @@ class Turned:
         sense = "clockwise" if self.angle_rad < 0 else "counterclockwise"
         return f"{self.channel}: phi from {self.from_s:.6g} s to {self.to_s:.6g} s turned {sense} by {angle}"
 
-    def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with these headings turned."""
-        channel = recording.channels[self.channel]
+    def repaired(self, channel: Channel) -> Channel:
+        """The channel with these headings turned."""
         values = channel.values.copy()
         inside = (channel.t >= self.from_s) & (channel.t <= self.to_s)
         values[inside, channel.columns.index("phi")] += self.angle_rad
-        return with_channel(recording, self.channel, replace(channel, values=values))
+        return replace(channel, values=values)
 
 
 @dataclass(frozen=True)

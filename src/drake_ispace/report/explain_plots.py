@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from drake_ispace.explain.answer.sentences import amount
-from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP
-from drake_ispace.explain.prove.errors.gap import GapRow, seconds
+from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP, seconds_of
+from drake_ispace.explain.prove.errors.gap import GapRow
 from drake_ispace.files.recording import Channel
 from drake_ispace.report.plots import plt, save
 
@@ -55,7 +55,7 @@ def _drawn(rows):
     for row in rows:
         if row.metric == PREDICTION and row.horizon != STEP:
             known = shortest.setdefault((row.channel, row.kind), row)
-            if seconds(row.horizon) < seconds(known.horizon):
+            if seconds_of(row.horizon) < seconds_of(known.horizon):
                 shortest[row.channel, row.kind] = row
     return [
         row for row in rows if row.metric != PREDICTION or any(row is other for other in shortest.values())

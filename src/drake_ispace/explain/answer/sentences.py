@@ -4,10 +4,11 @@ import math
 import sys
 from pathlib import Path
 
-from drake_ispace.explain.prove.errors.gap import PREDICTION, RUN, GapRow
+from drake_ispace.explain.prove.errors.free_run import PREDICTION, RUN, STEP
+from drake_ispace.explain.prove.errors.gap import GapRow
 from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
 
-_OVER = {RUN: "over whole runs", "step": "at the next sample"}
+_OVER = {RUN: "over whole runs", STEP: "at the next sample"}
 _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",
        "reference": "in closed loop along the reference"}
 

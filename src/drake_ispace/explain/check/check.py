@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_ispace.effects.library import library
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks, late_since
@@ -27,7 +28,7 @@ from drake_ispace.explain.check.fixes import course_findings, outlier_findings, 
 from drake_ispace.explain.check.gyro import gyro_findings
 from drake_ispace.explain.check.held import held_samples
 from drake_ispace.explain.check.interpolated import interpolated_fixes
-from drake_ispace.explain.check.runs import check_sizes, name_of, robot_of, solvable
+from drake_ispace.explain.check.runs import check_sizes, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.stamps import stamp_findings
@@ -37,7 +38,6 @@ from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
@@ -58,19 +58,19 @@ def check(
     Raises:
         InputError: a run that cannot be read, is of another robot, or holds impossible numbers.
     """
-    loaded = [run if isinstance(run, Recording) else load(run) for run in runs]
-    names = [name_of(run, i) for i, run in enumerate(loaded)]
-    for name, run in zip(names, loaded, strict=True):
+    recordings = [loaded(run) for run in runs]
+    names = [name_of(run, i) for i, run in enumerate(recordings)]
+    for name, run in zip(names, recordings, strict=True):
         check_sizes(run, name)
     if isinstance(model, OwnModel):
         robot, settings = model.robot, model.settings
     else:
         scenario = as_scenario(model)
-        robot = robot_of(scenario, loaded, names)
+        robot = robot_of(scenario, recordings, names)
         settings = getattr(scenario, robot.name)
-    loaded = [_by_wheel(run, robot, settings.plant, name) for run, name in zip(loaded, names, strict=True)]
+    ordered = [_by_wheel(run, robot, settings.plant, name) for run, name in zip(recordings, names, strict=True)]
     with solvable():
-        return _Search(loaded, names, robot, settings).run(tell)
+        return _Search(ordered, names, robot, settings).run(tell)
 
 
 def _by_wheel(run, robot, plant, name):
@@ -353,7 +353,7 @@ def _complete(finding, names):
     An effect of the camera shows in what wheels and camera say of each other only.
     """
     fault, sees = FAULTS[finding.fault], finding.channel in ("kinect", "encoder")
-    alike = [name for name in fault.effects if sees or not name.startswith("camera_")]
+    alike = [name for name in fault.effects if sees or library()[name].card.home != "camera"]
     rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
 

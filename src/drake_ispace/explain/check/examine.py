@@ -9,10 +9,9 @@ import numpy as np
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of
+from drake_ispace.explain.check.runs import Runs, by_kind, listed, loaded, name_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.recordings import load
 from drake_ispace.scenario import Scenario
 
 
@@ -47,14 +46,12 @@ def examine(
     Raises:
         InputError: a run that cannot be read or is of another robot.
     """
-    kinds = held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
-    given = {None: listed(runs), **{kind: listed(some) for kind, some in kinds.items()}}
-    loaded = {kind: [run if isinstance(run, Recording) else load(run) for run in some] for kind, some in given.items()}
-    everything = [_named(run, i) for i, run in enumerate(run for some in loaded.values() for run in some)]
+    given = {None: listed(runs), **by_kind(held_out)}
+    everything = [_named(loaded(run), i) for i, run in enumerate(run for some in given.values() for run in some)]
     found = check(model, everything, tell) if everything else Checked([], [], [])
     masked = iter([[run] for run in everything] if trust_data else found.masked(everything))
-    kept = {kind: [part for _ in some for part in next(masked)] for kind, some in loaded.items()}
-    trained, training = len(loaded[None]), kept.pop(None)
+    kept = {kind: [part for _ in some for part in next(masked)] for kind, some in given.items()}
+    trained, training = len(given[None]), kept.pop(None)
     serious = found.limited if trained and not training else found.serious
     warnings = _repeated(everything, found.names)
     if len(everything) > trained and not any(kept.values()):

@@ -9,6 +9,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.recording import Recording, check_finite
 from drake_ispace.robots.library import robots
+from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import Robot
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import entry_of
@@ -26,6 +27,21 @@ def listed(runs: Runs) -> list[Run]:
     if isinstance(runs, Recording | str | Path):
         return [runs]
     return list(runs.values() if isinstance(runs, Mapping) else runs)
+
+
+def by_kind(held_out: Runs | Mapping[str, Runs]) -> dict[str, list[Run]]:
+    """Kind -> held-out runs of it, one after the other."""
+    kinds = held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
+    return {kind: listed(some) for kind, some in kinds.items()}
+
+
+def loaded(run: Run) -> Recording:
+    """The recording of a run.
+
+    Raises:
+        InputError: a folder that cannot be read.
+    """
+    return run if isinstance(run, Recording) else load(run)
 
 
 def name_of(run: Run, number: int) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Effect
-from drake_ispace.explain.check.runs import UNNAMED, Runs, listed, name_of, robot_of
+from drake_ispace.explain.check.runs import UNNAMED, Runs, by_kind, listed, loaded, name_of, robot_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
@@ -20,7 +20,6 @@ from drake_ispace.explain.predict.stretches import begun, in_stretches, stretche
 from drake_ispace.explain.predict.tracks import SHORTEST_S, Track, coarsest_count, read_ticks, track
 from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.recordings import load
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
@@ -94,29 +93,28 @@ def prepare(
         InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
     """
     scenario = None if isinstance(model, OwnModel) else as_scenario(model)
-    training, kinds = listed(runs), held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
+    training, others = listed(runs), by_kind(held_out)
     if not training:
         raise InputError("explain: there is no run, expected at least one")
-    n, others = len(training), {kind: listed(some) for kind, some in kinds.items()}
-    warning = ""
-    loaded = [
-        (name_of(run, i), run if isinstance(run, Recording) else load(run))
+    n, warning = len(training), ""
+    recordings = [
+        (name_of(run, i), loaded(run))
         for i, run in enumerate([*training, *(run for some in others.values() for run in some)])
     ]
     if scenario is None:
-        robot, tracks = model.name, [own_track(recording, model, name) for name, recording in loaded]
+        robot, tracks = model.name, [own_track(recording, model, name) for name, recording in recordings]
         replay, warning = own_replay(model, tracks[:n], effects, tracks[n:]), _held_between(tracks)
     else:
-        known = robot_of(scenario, [recording for _, recording in loaded], [name for name, _ in loaded])
-        robot, (tracks, channels) = known.name, _tracks(scenario, known, loaded)
+        known = robot_of(scenario, [recording for _, recording in recordings], [name for name, _ in recordings])
+        robot, (tracks, channels) = known.name, _tracks(scenario, known, recordings)
         replay = replay_of(scenario, known, channels, effects, read_ticks(tracks), coarsest_count(tracks))
     tracks = [begun(one, replay.body.wheels, replay.settling_ticks) for one in tracks]
     cut = _cut_begins(tracks)
     if scenario is not None and known.driven == TORQUE:
         tracks, n, others, warning = _shortened(tracks, n, others, most_s, replay)
-    warning = "; ".join(said for said in (cut, warning, _not_predicted(replay, loaded)) if said)
+    warning = "; ".join(said for said in (cut, warning, _not_predicted(replay, recordings)) if said)
     case = Case(
-        scenario, robot, [recording for _, recording in loaded[: len(training)]], replay, predict(replay, tracks[:n]),
+        scenario, robot, [one for _, one in recordings[: len(training)]], replay, predict(replay, tracks[:n]),
         predict(replay, tracks[n:]) if tracks[n:] else None, _slices(others), warning,
     )
     if scenario is not None:

@@ -291,7 +291,7 @@ def replay_of(
     body = body_of(scenario, robot)
     every = applicable(effects, body)
     if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
-        every = {name: e for name, e in every.items() if getattr(e, "wire", "") != "velocity"}
+        every = {name: e for name, e in every.items() if e.wire != "velocity"}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
@@ -308,7 +308,7 @@ def replay_of(
 
 def _alone(rollout, robot, effects, filter):
     """`alone` of a Replay; filter: that follows wheels where no command was recorded."""
-    own = {f"{robot}_{name}" for name, effect in effects.items() if getattr(effect, "wire", "") == "velocity"}
+    own = {f"{robot}_{name}" for name, effect in effects.items() if effect.wire == "velocity"}
     numbers, names = rollout.parameters.copy(), rollout.parameter_names
     which = [i for i, name in enumerate(names) if name.split(".")[0] in own]
     spec = Spec(parameters={key: value for key, value in numbers_of(filter).items() if key != "weight"})

@@ -12,6 +12,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
+from drake_ispace.blocks.frames import rotated
+
 _LEAST_FIXES = 20  # a run with fewer is left out; without any run the gains stay as they are
 
 
@@ -82,5 +84,4 @@ def _deviance(replay, runs):
 
 def _in_body(rows, headings):
     """(k, 3) rows with x, y turned from W into B."""
-    c, s = np.cos(headings), np.sin(headings)
-    return np.column_stack([c * rows[:, 0] + s * rows[:, 1], -s * rows[:, 0] + c * rows[:, 1], rows[:, 2]])
+    return np.column_stack([rotated(rows[:, :2], -headings), rows[:, 2]])

@@ -155,34 +155,48 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     m = 3 if driven == COMMAND else wheels
     drive = _held if driven == TORQUE and robot.in_room else _means
     command = drive(recording.channels[driven], rows) if driven in has else np.zeros((rows, m))
-    count_rad, straight, parts = 0.0, None, [np.zeros((rows, wheels))]
-    if "encoder" in has:
-        encoder = recording.channels["encoder"]
-        count_rad, parts = count_of(encoder.values), [_on_ticks(encoder, rows)]
-        if driven == COMMAND:
-            straight = _on_ticks(replace(encoder, values=straightened(encoder.t, encoder.values)), rows)
-    if robot.has_imu:
-        parts.append(_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU)))
-    thinned = driven == COMMAND and driven not in has
-    sightings, fix_ticks, fix_t = _sightings(recording.channels["kinect"], rows, thinned) if "kinect" in has else (
-        np.zeros((rows, len(SIGHTING))), np.empty(0, int), np.empty(0)
-    )
-    seen = np.empty((0, 4))
-    if "kinect" in has:
-        fixes = recording.channels["kinect"]
-        seen = np.column_stack([fixes.t, fixes.values[:, :3]])
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) and not since_s else None
-    missed = _missed(recording.channels["kinect"], end_s) if "kinect" in has else np.empty(0)
-    rarely = "encoder" in has and (driven == COMMAND or not robot.in_room)
-    reads = _reads(recording.channels["encoder"], rows) if rarely else None
-    measured = np.hstack(parts)
-    rounding = None if straight is None else measured - np.hstack([straight, *parts[1:]])
     return Track(
-        name, ticks, command, measured, sightings, fix_ticks, fix_t, missed, has, aim, count_rad=count_rad,
-        since_s=since_s, rounding=rounding, reads=reads, seen=seen,
+        name, ticks, command, has=has, aim=aim, since_s=since_s,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
+        **_of_wheels(recording, robot, wheels, has, rows), **_of_camera(recording, driven, has, rows, end_s),
     )
+
+
+def _of_wheels(recording, robot, wheels, has, rows) -> dict:
+    """What encoders and IMU measured, by the names of a Track's attributes."""
+    imu, straight = [], None
+    if robot.has_imu:
+        imu = [_on_ticks(recording.channels["imu"], rows) if "imu" in has else np.zeros((rows, IMU))]
+    if "encoder" not in has:
+        return {"measured": np.hstack([np.zeros((rows, wheels)), *imu])}
+    encoder = recording.channels["encoder"]
+    measured = np.hstack([_on_ticks(encoder, rows), *imu])
+    if robot.driven == COMMAND:
+        straight = _on_ticks(replace(encoder, values=straightened(encoder.t, encoder.values)), rows)
+    rarely = robot.driven == COMMAND or not robot.in_room
+    return {
+        "measured": measured, "count_rad": count_of(encoder.values),
+        "rounding": None if straight is None else measured - np.hstack([straight, *imu]),
+        "reads": _reads(encoder, rows) if rarely else None,
+    }
+
+
+def _of_camera(recording, driven, has, rows, end_s) -> dict:
+    """What the camera saw, by the names of a Track's attributes."""
+    if "kinect" not in has:
+        return {
+            "sightings": np.zeros((rows, len(SIGHTING))), "fix_ticks": np.empty(0, int), "fix_t": np.empty(0),
+            "missed": np.empty(0), "seen": np.empty((0, 4)),
+        }
+    kinect = recording.channels["kinect"]
+    thinned = driven == COMMAND and driven not in has
+    sightings, fix_ticks, fix_t = _sightings(kinect, rows, thinned)
+    return {
+        "sightings": sightings, "fix_ticks": fix_ticks, "fix_t": fix_t, "missed": _missed(kinect, end_s),
+        "seen": np.column_stack([kinect.t, kinect.values[:, :3]]),
+    }
 
 
 def _since_felt(recording, sensors, driven):

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.plants.wheels import WheelGeometry
 
@@ -73,9 +74,7 @@ class Camera:
         """(n, 3) motion [m, m, rad] in the body's axes at mid-heading."""
         moved, phi = (self._places[self._last] - self._places[self._first]) @ view.matrix.T, self._heading(view.scale)
         middle = 0.5 * (phi[self._last] + phi[self._first]) + view.offset_rad
-        c, s = np.cos(middle), np.sin(middle)
-        along, across = c * moved[:, 0] + s * moved[:, 1], -s * moved[:, 0] + c * moved[:, 1]
-        return np.column_stack([along, across, phi[self._last] - phi[self._first]])
+        return np.column_stack([rotated(moved, -middle), phi[self._last] - phi[self._first]])
 
     def noise(self, view: View = AS_GIVEN) -> np.ndarray:
         """(3,) standard deviation of x, y [m], phi [rad], as of `camera_noise`."""

@@ -24,10 +24,9 @@ from drake_ispace.explain.check.compare.links import (
     PLACES_AND_TURNS,
     Base,
     camera_link,
-    command_link,
     inside,
     integral,
-    torque_link,
+    link_of,
 )
 from drake_ispace.explain.check.compare.motion import Camera, arm, has_motion, turned, windows
 from drake_ispace.explain.check.compare.regression import (
@@ -42,7 +41,6 @@ from drake_ispace.explain.check.compare.regression import (
 )
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
-from drake_ispace.robots.robot import COMMAND, TORQUE
 
 
 def wheels_or_camera(
@@ -133,14 +131,12 @@ def _turn(motions):
 def _by_drive(run, base, repairs):
     for repair in repairs:
         run = repair.apply(run)
-    driven = base.robot.driven
-    link_of = {TORQUE: torque_link, COMMAND: command_link}[driven]
-    link = link_of(run, replace(base, encoder=run.channels["encoder"])) if driven in run.channels else None
+    link = link_of(run, replace(base, encoder=run.channels["encoder"]), base.robot.driven)
     if link is None:
         return 0.0
     unit, as_given_or_unrelated = np.eye(link.measured.shape[1]), np.array([1.0, 0.0])[:, None, None]
-    part = compared(link, base, [unit, unit], as_given_or_unrelated)
-    return 0.0 if part is None else float(part.scored[0] - part.scored[1])
+    found = compared(link, base, [unit, unit], as_given_or_unrelated)
+    return 0.0 if found is None else float(found.scored[0] - found.scored[1])
 
 
 @dataclass(frozen=True)

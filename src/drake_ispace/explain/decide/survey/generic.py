@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
@@ -304,18 +305,13 @@ def _direction(v):
 
 def _in_body_frame(m, force):
     """x and y components in B, (rows,) each, of a force that is given in W as a function of the motion."""
-    f = np.broadcast_to(force(m), (len(m.t), 2))
-    c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
-    return c * f[:, 0] + s * f[:, 1], -s * f[:, 0] + c * f[:, 1]
+    return rotated(np.broadcast_to(force(m), (len(m.t), 2)), -m.place[:, 2]).T
 
 
 def _travelled(m, vx, vy, wz):
     """(rows, 3) displacement in W that a further body velocity adds up to; what it turns, the way is turned by."""
     vx, vy, wz = (np.broadcast_to(v, m.t.shape) for v in (vx, vy, wz))
     turned = np.cumsum(wz) * TICK_S
-    c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
-    wx, wy = c * m.body[:, 0] - s * m.body[:, 1], s * m.body[:, 0] + c * m.body[:, 1]
-    still, across = 1.0 - np.cos(turned), np.sin(turned)
-    x = np.cumsum(c * vx - s * vy + still * wx - across * wy) * TICK_S
-    y = np.cumsum(s * vx + c * vy + still * wy + across * wx) * TICK_S
-    return np.column_stack([x, y, turned])
+    way = rotated(m.body[:, :2], m.place[:, 2])
+    further = rotated(np.column_stack([vx, vy]), m.place[:, 2]) + way - rotated(way, -turned)
+    return np.column_stack([np.cumsum(further, axis=0) * TICK_S, turned])

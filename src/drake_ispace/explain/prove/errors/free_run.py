@@ -92,11 +92,11 @@ class Windows:
 def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
     """The windows of run `i`, for every model with which it is compared; values: effects of the answer."""
     track, robot = prediction.tracks[i], prediction.replay.body.robot
-    lengths = {_name(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
+    lengths = {horizon_of(s): ticks_in(s) for s in (_FALLING_S if robot.own_dynamics else _SENSED_S)}
     let_go, end = max(ticks_in(SHORTEST_S), track.settled), track.ticks - min(lengths.values())
     starts, dense = (np.arange(let_go, end, ticks_in(apart)) for apart in (SPACING_S, DENSE_S))
     start = start_of(prediction, i, values)
-    reckoned = {_name(seconds): pairs(track.fix_t, seconds, SPACING_S) for seconds in HORIZONS_S}
+    reckoned = {horizon_of(seconds): pairs(track.fix_t, seconds, SPACING_S) for seconds in HORIZONS_S}
     if robot.own_dynamics or len(track.fix_t) < 2:
         return Windows(starts, dense, lengths, {}, reckoned, start, None)
     begins = pairs(track.fix_t, SPACING_S, SPACING_S)[:, 0]
@@ -105,7 +105,7 @@ def windows_of(prediction: Prediction, i: int, values: Values) -> Windows:
     for seconds in HORIZONS_S:
         ends = dict(pairs(track.fix_t, seconds, 0.0).tolist())
         rows = [(k, fix, ends[fix]) for k, fix in enumerate(begins.tolist()) if fix in ends]
-        fixes[_name(seconds)] = np.array(rows, int).reshape(-1, 3)
+        fixes[horizon_of(seconds)] = np.array(rows, int).reshape(-1, 3)
     return Windows(track.fix_ticks[begins], dense, lengths, fixes, reckoned, start, let_go)
 
 
@@ -123,8 +123,14 @@ def start_of(prediction: Prediction, i: int, values: Values) -> np.ndarray:
     return aligned(relative(reckoned[0], reckoned[1:][first]), track.poses[first])
 
 
-def _name(seconds):
+def horizon_of(seconds: float) -> str:
+    """The name of a horizon of some seconds."""
     return f"{seconds:g}s"
+
+
+def seconds_of(horizon: str) -> float:
+    """A horizon in seconds: a whole run is longer than any, the next sample shorter."""
+    return {RUN: np.inf, STEP: 0.0}[horizon] if horizon in (RUN, STEP) else float(horizon.removesuffix("s"))
 
 
 class Simulation:

@@ -18,12 +18,11 @@ from drake_ispace.explain.prove.errors.free_run import (
     ATE,
     PREDICTION,
     RPE,
-    RUN,
-    STEP,
     Errors,
     Measure,
     measures_of,
     rms,
+    seconds_of,
 )
 from drake_ispace.explain.prove.errors.repeats import BLOCKS
 
@@ -92,20 +91,15 @@ def rows_of(columns: Columns, runs: str, kind: str, seed: int) -> list[GapRow]:
 def headline(rows: Sequence[GapRow]) -> GapRow | None:
     """The row of unseen runs that tells of the gap: the place, over the longest horizon at which the gap is clear."""
     def clearness(row):
-        return seconds(row.horizon), row.before / _floor(row.sensors, row.chance)
+        return seconds_of(row.horizon), row.before / _floor(row.sensors, row.chance)
 
     places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading" and row.unit != "1"]
     return max((row for row in places if row.runs == HELD_OUT and row.closed is not None), key=clearness, default=None)
 
 
-def seconds(horizon: str) -> float:
-    """A horizon in seconds: a whole run is longer than any, the next sample shorter."""
-    return {RUN: np.inf, STEP: 0.0}[horizon] if horizon in (RUN, STEP) else float(horizon.removesuffix("s"))
-
-
 def _order(m):
     kind = [ATE, RPE, PREDICTION].index(m.metric)
-    return [kind == 2, -seconds(m.horizon), kind, m.driven_by != "wheels", m.channel == "heading", m.channel]
+    return [kind == 2, -seconds_of(m.horizon), kind, m.driven_by != "wheels", m.channel == "heading", m.channel]
 
 
 def _row(columns, m, runs, kind, generator):

@@ -6,23 +6,19 @@ at the same time. Relative pose error (RPE): the model's motion over a while, se
 
 import numpy as np
 
-from drake_ispace.blocks.frames import wrap
+from drake_ispace.blocks.frames import rotated, wrap
 
 
 def compose(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(k, 3) the poses `b`, given in the frames `a`; one of the two may be a single pose (3,)."""
     a, b = np.atleast_2d(a), np.atleast_2d(b)
-    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    x, y = a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1]
-    return np.column_stack([x, y, wrap(a[:, 2] + b[:, 2])])
+    return np.column_stack([a[:, :2] + rotated(b[:, :2], a[:, 2]), wrap(a[:, 2] + b[:, 2])])
 
 
 def relative(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(k, 3) the poses `b` as seen from the frames `a`, both in W; one of the two may be a single pose (3,)."""
     a, b = np.atleast_2d(a), np.atleast_2d(b)
-    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    dx, dy = b[:, 0] - a[:, 0], b[:, 1] - a[:, 1]
-    return np.column_stack([c * dx + s * dy, -s * dx + c * dy, wrap(b[:, 2] - a[:, 2])])
+    return np.column_stack([rotated(b[:, :2] - a[:, :2], -a[:, 2]), wrap(b[:, 2] - a[:, 2])])
 
 
 def aligned(model: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -48,9 +44,8 @@ def relative_errors(
 def chained(start: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """(1 + k, 3) the poses that motions (k, 3), each in the frame of the pose before it, lead to from `start` (3,)."""
     phi = start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    c, s = np.cos(phi[:-1]), np.sin(phi[:-1])
-    moves = np.column_stack([c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]])
-    return np.column_stack([start[:2] + np.vstack([np.zeros(2), np.cumsum(moves, axis=0)]), wrap(phi)])
+    places = np.cumsum(rotated(steps[:, :2], phi[:-1]), axis=0)
+    return np.column_stack([start[:2] + np.vstack([np.zeros(2), places]), wrap(phi)])
 
 
 def pairs(times_s: np.ndarray, horizon_s: float, spacing_s: float) -> np.ndarray:

@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.stats import chi2
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.survey.generic import motion_of
 from drake_ispace.explain.levels import CERTAIN, CHANCE
@@ -32,10 +33,11 @@ from drake_ispace.explain.prove.errors.free_run import (
     Measure,
     Simulation,
     Windows,
+    horizon_of,
     measures_of,
     rms,
+    seconds_of,
 )
-from drake_ispace.explain.prove.errors.gap import seconds
 from drake_ispace.explain.prove.errors.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.errors.paths import compose, pairs, relative, relative_errors
 from drake_ispace.explain.prove.errors.repeats import repeated_share
@@ -97,7 +99,7 @@ def remainders(
 
 def _by_command_times(prediction, m) -> float:
     """What unknown moments of changes of the command leave of a measure; 0 of one that is not of free runs on it."""
-    tracks, horizon_s = prediction.tracks, seconds(m.horizon) or TICK_S * prediction.row_ticks
+    tracks, horizon_s = prediction.tracks, seconds_of(m.horizon) or TICK_S * prediction.row_ticks
     if m.driven_by != COMMAND:
         return 0.0
     if m.metric == RPE:
@@ -169,7 +171,7 @@ def _repeated(m: Measure, runs: Sequence[tuple[str, Series]], usual: float) -> R
     series = [run for _, run in runs]
     lasts = min(run.t[-1] - run.t[0] for run in series) if all(len(run.t) for run in series) else 0.0
     share, deviate = repeated_share(
-        [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds(m.horizon)))
+        [(run.motion, run.errors) for run in series], int(lasts / (2.0 * seconds_of(m.horizon)))
     )
     size = rms([run.errors for run in series]) * float(np.sqrt(max(share, 0.0)))
     if share < PREDICTED or deviate < CERTAIN or size < usual:
@@ -249,17 +251,16 @@ def _places(prediction: Prediction, i: int, reckoned: np.ndarray) -> dict[Measur
         begin, end = (track.poses[column] for column in rows.T)
         by_wheels = tuple(reckoned[column] for column in rows.T)
         in_body = relative_errors(by_wheels, (begin, end))
-        c, s = np.cos(end[:, 2]), np.sin(end[:, 2])  # errors are seen from the measured pose at the end
-        in_room = np.column_stack([c * in_body[:, 0] - s * in_body[:, 1], s * in_body[:, 0] + c * in_body[:, 1]])
+        in_room = rotated(in_body[:, :2], end[:, 2])  # errors are seen from the measured pose at the end
         way = relative(*by_wheels)
         along = _of_motion(relative(by_wheels[1], by_wheels[0]))
         across = _of_place(prediction, track, rows, begin, compose(begin, way))
-        label, t = f"{horizon:g}s", track.fix_t[rows[:, 1]]
+        label, t = horizon_of(horizon), track.fix_t[rows[:, 1]]
         for channel, unit, errors, drivers in (
             ("kinect: along the body", "m", in_body[:, :2], along), ("kinect: along the room", "m", in_room, across),
             ("kinect: heading", "rad", in_body[:, 2:], along | across),
         ):
-            series[Measure("RPE", label, channel, unit, WHEELS)] = Series(t, errors, along["speed"], drivers)
+            series[Measure(RPE, label, channel, unit, WHEELS)] = Series(t, errors, along["speed"], drivers)
     return series
 
 
@@ -271,9 +272,7 @@ def _of_motion(way):
 
 def _of_place(prediction, track: Track, rows, begin, end):
     """Functions of the place at both ends of a window, along the axes of the room; end: from begin on as wheels say."""
-    velocity = motion_of(prediction, track).body[track.fix_ticks]
-    c, s = np.cos(track.poses[:, 2]), np.sin(track.poses[:, 2])
-    velocity = np.column_stack([c * velocity[:, 0] - s * velocity[:, 1], s * velocity[:, 0] + c * velocity[:, 1]])
+    velocity = rotated(motion_of(prediction, track).body[track.fix_ticks, :2], track.poses[:, 2])
 
     def terms(pose):
         x, y = pose[:, 0], pose[:, 1]

@@ -12,8 +12,7 @@ from scipy.stats import rankdata
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, Measure, Windows
-from drake_ispace.explain.prove.errors.gap import seconds
+from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, Measure, Windows, seconds_of
 from drake_ispace.explain.prove.left.drivers import NO_NOISE
 from drake_ispace.explain.prove.left.predicted import predicted
 from drake_ispace.explain.prove.left.remainder import Remainder, Series, going_with
@@ -36,7 +35,7 @@ def by_command(
     if not measures:
         return []
     changes = [_changes(track.command, own) for track, own in zip(tracks, windows, strict=True)]
-    unlogged = angles_left_by_command_times(tracks, wheels, seconds(measures[0].horizon))
+    unlogged = angles_left_by_command_times(tracks, wheels, seconds_of(measures[0].horizon))
     for m in measures:
         may_be = float(np.hypot(sensors.get(m, np.inf), unlogged))
         which = [i for i, run in enumerate(motion) if m in run]

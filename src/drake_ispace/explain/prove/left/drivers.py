@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.explain.decide.survey.generic import WARM_S, Motion
 from drake_ispace.explain.predict.prediction import wheel_speeds
 
@@ -15,9 +16,7 @@ def drivers_of(m: Motion, in_room: bool) -> dict[str, np.ndarray]:
     """Variable -> (rows, k) functions of it at every tick; vectors along the axes of the room, or else of the body."""
     velocity = m.body
     if in_room:
-        c, s = np.cos(m.place[:, 2]), np.sin(m.place[:, 2])
-        vx, vy, turning = m.body.T
-        velocity = np.column_stack([c * vx - s * vy, s * vx + c * vy, turning])
+        velocity = np.column_stack([rotated(m.body[:, :2], m.place[:, 2]), m.body[:, 2]])
     wheels = wheel_speeds(m.angles)
     kernel = np.ones(41) / 41.0
     smooth = [np.convolve(column, kernel, mode="same") for column in np.gradient(velocity, axis=0).T]

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_ispace.explain.prove.errors.free_run import Measure, rms
-from drake_ispace.explain.prove.errors.gap import seconds
+from drake_ispace.explain.prove.errors.free_run import Measure, rms, seconds_of
 from drake_ispace.explain.prove.errors.left_out import MOST_BLOCKS
 from drake_ispace.explain.prove.left.remainder import Remainder, Series, going_with
 
@@ -23,7 +22,7 @@ def predicted(
     runs: name and errors of each. among: the variables; None: all.
     """
     series = [run for _, run in runs]
-    if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds(m.horizon):
+    if len(series) == 1 and np.ptp(series[0].t) < (MOST_BLOCKS - 1) * seconds_of(m.horizon):
         return None  # each fold must have a window to itself
     shares = {d: predicted_share([(run.drivers[d], run.errors) for run in series]) for d in among or series[0].drivers}
     driver = max(shares, key=shares.get)

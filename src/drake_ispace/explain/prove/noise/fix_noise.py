@@ -10,7 +10,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
-from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, RUN
+from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, RUN, horizon_of
 from drake_ispace.explain.prove.errors.paths import chained, compose, pairs, relative
 from drake_ispace.plants.wheels import WheelGeometry
 
@@ -147,6 +147,6 @@ def left_by_fixes(of_each: np.ndarray, runs: Sequence[tuple[np.ndarray, np.ndarr
     for horizon in HORIZONS_S:
         ways = [np.diff(poses[pairs(t, horizon, 0.0), :2], axis=1).reshape(-1, 2) for t, poses in runs]
         squared_way = np.mean(np.sum(np.vstack([np.zeros((1, 2)), *ways]) ** 2, axis=1))
-        left[f"{horizon:g}s", "position"] = float(np.sqrt(2.0 * place**2 + squared_way * heading**2))
-        left[f"{horizon:g}s", "heading"] = np.sqrt(2.0) * heading
+        left[horizon_of(horizon), "position"] = float(np.sqrt(2.0 * place**2 + squared_way * heading**2))
+        left[horizon_of(horizon), "heading"] = np.sqrt(2.0) * heading
     return left

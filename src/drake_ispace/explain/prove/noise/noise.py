@@ -40,6 +40,7 @@ from drake_ispace.explain.prove.errors.free_run import (
     changes,
     compare,
     errors,
+    horizon_of,
     measures_of,
     rms,
     start_of,
@@ -286,7 +287,7 @@ def process_noise(
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
-            shortest = Measure(RPE, f"{HORIZONS_S[0]:g}s", channel, unit_of, WHEELS)
+            shortest = Measure(RPE, horizon_of(HORIZONS_S[0]), channel, unit_of, WHEELS)
             of_walk = [errors[shortest] for errors in (pooled, noise, parts_of[source]) if shortest in errors]
             most = most_of_most_errors(*of_walk, robot.most_slip) if len(of_walk) == 3 else np.inf
             needed[source] = min([*strengths, most])
@@ -323,7 +324,7 @@ def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
 
     Errors that do not grow are no walk, and errors that are small over 1 s are no strong one.
     """
-    known = [m for m in (Measure(RPE, f"{s:g}s", channel, unit, driven_by) for s in HORIZONS_S) if m in pooled]
+    known = [m for m in (Measure(RPE, horizon_of(s), channel, unit, driven_by) for s in HORIZONS_S) if m in pooled]
     extra = [rms([pooled[m]]) ** 2 - rms([noise[m]]) ** 2 for m in known]
     squares = [rms([walk[m]]) ** 2 for m in known]
     pairs = zip([extra[:1], np.diff(extra)], [squares[:1], np.diff(squares)], strict=True) if known else ()

@@ -44,5 +44,5 @@ def setpoint_findings(drives: Mapping[int, Drive]) -> list[Finding]:
 
 def _between(drive):
     """(k, n) commanded rates [rad/s] of the wheels along a smooth curve through the samples."""
-    curve = Interpolated(COMMAND, TICK_S).between(drive.command)
+    curve = Interpolated(COMMAND, TICK_S).repaired(drive.command)
     return curve.values @ drive.geometry.inverse.T
