@@ -54,7 +54,7 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
         verdict = "incomplete" if not enough <= names else "named" if names else "none"
         return proved(decision, SimpleNamespace(verdict=verdict, effects=effects, warnings=[]))
 
-    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case: dict.fromkeys(small, "why"))
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: dict.fromkeys(small, "why"))
     best = best_answered(CASE, answered(decided(["slip", "lag"], in_doubt)), answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
     assert any("trace" in warning for warning in best.answer.warnings) == (left != {"slip", "lag"})

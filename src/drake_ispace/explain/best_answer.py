@@ -100,7 +100,7 @@ def _without_nonsense(first, answered) -> Answered:
 
 def _needed(case, best) -> Decision:
     """The decision without doubtful effects, or without any where it is in doubt and nothing was asked for."""
-    decision, why = best.decision, doubtful(best.answer, case)
+    decision, why = best.decision, doubtful(best.answer, case, best.proof)
     kept = {c: z for c, z in decision.named.point.items() if c.name not in why}
     if why and kept:
         return decision.with_effects(kept)

@@ -32,7 +32,7 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     moved, moves_as_told = (_moves_as_told(proof.rows, attrgetter(which)) for which in ("before", "after"))
     if answer.verdict == "incomplete" and moves_as_told and not moved:  # beside the effects something is detectable
         answer.verdict = named_or_set(answer.effects)
-    why = doubtful(answer, case).values() if proof.sizes else ()
+    why = doubtful(answer, case, proof).values() if proof.sizes else ()
     _judge(answer, [f"{text}: what was detected is something else" for text in why])
     if answer.unknown is not None and moves_as_told and not answer.remainders:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
@@ -54,8 +54,11 @@ def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> 
     )
 
 
-def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
-    """Named effects that may be something else -> why: at sizes that a sound robot may have, or that may be none."""
+def doubtful(answer: Explanation, case: Case, proof: Proof) -> dict[str, str]:
+    """Named effects that may be something else -> why.
+
+    They have sizes that a sound robot may have, or that may be none, or the proof does not confirm them.
+    """
     if case.scenario is None:
         return {}
     scales, why = scales_of(case.prediction), {}
@@ -66,6 +69,8 @@ def doubtful(answer: Explanation, case: Case) -> dict[str, str]:
             why[effect.name] = f"{effect.name} is no larger than in a sound robot"
         elif _may_be_none(effect, parameters, known, of_library.kinematic):
             why[effect.name] = f"the size of {effect.name} may be none"
+        elif effect.name in proof.unconfirmed:
+            why[effect.name] = f"with {effect.name} free runs of unseen data come no nearer"
     return why
 
 

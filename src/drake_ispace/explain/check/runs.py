@@ -60,7 +60,7 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
     known = [robots()[name] for name in entry_of(scenario).robots]
     own = next((robot for robot in known if robot.answers_to(runs[0].robot)), None)
     for name, run in zip(names, runs, strict=True):
-        if own is None or not own.answers_to(run.robot):
+        if not any(robot.answers_to(run.robot) for robot in known):
             raise InputError(
                 f"{name}: the run is of robot {shown(run.robot)}, expected "
                 f"{' or '.join(robot.name for robot in known)}, which the model {scenario.diagram} describes"

@@ -35,7 +35,8 @@ class Proof:
             besides the named ones or instead of a rival, or None; None where they ask for nothing. alone: names of
             training runs that alone tell some of the sizes, and are therefore judged by sizes that were fitted to
             them, too; empty where other runs were held out. may_stand: tells whether a rival suffices on unseen runs
-            as the named effects do; None where these do not, or where that cannot be told.
+            as the named effects do; None where these do not, or where that cannot be told. unconfirmed: names of
+            effects that free runs could show, and with which those of unseen runs come no nearer.
     """
 
     by: str
@@ -49,3 +50,4 @@ class Proof:
     asked: Callable[[], Asked | None] | None = None
     alone: list[str] = field(default_factory=list)
     may_stand: Callable[[Rival], bool] | None = None
+    unconfirmed: Sequence[str] = ()

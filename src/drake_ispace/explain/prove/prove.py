@@ -15,7 +15,7 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.errors.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.errors.least_squares import PlainFit, plain_fit
+from drake_ispace.explain.prove.errors.least_squares import PlainFit, fitted_horizons, plain_fit, scaled_errors
 from drake_ispace.explain.prove.errors.left_out import blocks_in, in_parts
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
@@ -128,6 +128,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
             other = judged_with(found.with_all(alone))
             if not _left(other, training):
                 chosen, fitted_to, judged = found, other, other
+    unconfirmed = [] if fitted is None else _unconfirmed(judged, [*kinds.values()], fitted, floors)
     rows = []
     for kind, runs in kinds.items():
         rows += rows_of(judged.columns(runs, plain), HELD_OUT, "" if kind == UNNAMED else kind, seed)
@@ -145,8 +146,29 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
             may_stand = partial(_may_stand, judged, fit)
     shown = fitted and fitted.shown
     return Proof(
-        by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names, may_stand=may_stand
+        by, rows, left, judged.noise, chosen.point, shown, without, asked=asked, alone=names, may_stand=may_stand,
+        unconfirmed=unconfirmed,
     )
+
+
+def _unconfirmed(judged: _Judged, unseen: Sequence[slice], fitted: PlainFit, floors: Mapping[Measure, float]):
+    """Names of effects that free runs could show, and with which those of unseen runs come no nearer.
+
+    unseen: which runs of `judged` sizes were not fitted to. floors: as of `plain_fit`.
+    """
+    runs = [i for part in unseen for i in range(len(judged.values))[part]]
+
+    def squared(without=None):
+        def one(i):
+            values = {name: sizes for name, sizes in judged.values[i].items() if name != without}
+            windows = judged.windows[i]
+            return np.sum(scaled_errors(judged.prediction, i, windows, values, floors, fitted_horizons(windows)) ** 2)
+
+        return float(sum(each(one, runs)))
+
+    named = [candidate.name for candidate, z in fitted.shown.items() if any(value is not None for value in z)]
+    with_all = squared() if runs and named else 0.0
+    return [name for name in named if runs and squared(name) <= with_all]
 
 
 def _may_stand(judged: _Judged, fit: Callable[[Point], PlainFit], rival: Rival) -> bool:
