@@ -1,6 +1,7 @@
 """An answer is proven on runs that its sizes were not fitted to."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -11,7 +12,8 @@ from drake_ispace.explain.decide.decision import Rival
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
-from drake_ispace.explain.prove.prove import prove
+from drake_ispace.explain.prove.noise.noise import sensor_noise
+from drake_ispace.explain.prove.prove import _judged, _unconfirmed, prove
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
 
@@ -118,3 +120,19 @@ def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):
     assert prove(case, decision, 0).sizes == decision.named.point
     proof = prove(case, half, 0)
     assert proof.sizes[radius] == [pytest.approx(0.04, rel=0.05)] and proof.remainders == []
+
+
+def test_an_effect_with_which_unseen_runs_come_no_nearer_is_not_confirmed(decided):
+    """So is one of the wrong sign, and none of half the right size or that free runs could not show."""
+    case, decision = decided
+    (radius,) = decision.named.point
+    assert prove(case, decision, 0).unconfirmed == []
+
+    def unconfirmed(share, shown):
+        values = {"wheel_radius_error": {"share": share}}
+        judged = _judged(case.prediction, [values] * 3, sensor_noise(case.scenario, case.prediction, 0), 0)
+        floors = {m: 1.0 for m in judged.after[0]}
+        return _unconfirmed(judged, [slice(0, 3)], SimpleNamespace(shown={radius: [shown]}), floors)
+
+    assert unconfirmed(-0.04, -0.04) == ["wheel_radius_error"]
+    assert unconfirmed(-0.04, None) == unconfirmed(0.02, 0.02) == []
