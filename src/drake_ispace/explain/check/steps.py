@@ -195,7 +195,10 @@ def _frozen(run, base, seen_of):
 
 
 def _carried(run, base):
-    """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common."""
+    """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common.
+
+    They reach as far as the motions differ by more than chance: a robot that drives on has most in common with a push.
+    """
     link = camera_link(run, base, _SERIES)
     kept = inside(base, link.since_s, link.until_s)
     if kept.sum() < FEWEST * _SERIES:
@@ -203,11 +206,12 @@ def _carried(run, base):
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
     x = link.predicted(since, until)
     left = residuals(x, y, slack=link.slack)
-    size, far = np.linalg.norm(left, axis=1), np.zeros(len(left), bool)
+    size, unusual, far = np.linalg.norm(left, axis=1), np.zeros(len(left), bool), np.zeros(len(left), bool)
     for group in map(list, link.groups):
         part, larger = np.linalg.norm(left[:, group], axis=1), np.maximum(*(
             np.linalg.norm(motion[:, group], axis=1) for motion in (x, y)))
         usual = largest_by_chance(len(part), len(group)) * max(np.median(part), link.noise[group].max())
+        unusual |= part > usual
         far |= (part > usual) & (part > larger - part)
     for first, last in stretches(far):
         last -= 1
@@ -221,8 +225,15 @@ def _carried(run, base):
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
         what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
+        whole = float(since[first - _count(unusual[:first][::-1])]), float(until[last + _count(unusual[last + 1 :])])
+        a, b = whole if _part(run, *whole) else (a, b)
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
+
+
+def _count(flags: np.ndarray) -> int:
+    """How many flags hold before the first one that does not."""
+    return len(flags) if flags.all() else int(np.argmin(flags))
 
 
 def largest_by_chance(count: int, components: int) -> float:

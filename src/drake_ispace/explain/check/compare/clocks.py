@@ -137,8 +137,24 @@ class _Trial:
         least = float(self.total[self.usual].min()) - 0.5 * SAID
         paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
         paths = [path for path in paths if not path.rate or _is_drift(path.rate, self.lasts_s)]
+        paths = [path for path in paths if not path.later_s or self._is_followed(path)]
         gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
         return (paths[path], gained) if path >= 0 else (Path(), 0.0)
+
+    def _is_followed(self, path):
+        """Whether the wheels are followed before and after a jump, wherever the clock is off there.
+
+        Of an offset that only moves windows out of the run, so that nothing contradicts it any longer, nothing speaks.
+        """
+        link, (low, high) = self.link, self.link.usual_s
+        for part, lag_s in (
+            (link.since_s < path.jump_s, path.lag_s), (link.since_s >= path.jump_s, path.lag_s + path.later_s)
+        ):
+            kept = part & inside(self.base, link.since_s, link.until_s, lag_s)
+            moved = (link.since_s[None, kept] + lag_s, link.until_s[None, kept] + lag_s, link.measured[kept], True)
+            if not low - 1e-9 <= lag_s <= high + 1e-9 and not (kept.sum() >= FEWEST and self._scored(*moved)[0] > 0.0):
+                return False
+        return True
 
     def offset(self) -> Path | None:
         """The best constant offset; None where it is no more than a latency."""
