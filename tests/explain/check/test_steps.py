@@ -33,7 +33,7 @@ def test_angles_that_are_set_to_zero_are_no_jump_of_the_camera():
 
 def of_encoder(t, angles):
     encoder = Channel(t, ("theta_r", "theta_l"), angles)
-    return [finding.fault for finding in sample_findings(Recording("rover", channels={"encoder": encoder}), 0)]
+    return [finding.fault for finding in sample_findings(Recording("rover", channels={"encoder": encoder}))]
 
 
 @pytest.mark.parametrize("shaken", [True, False])
@@ -102,3 +102,39 @@ def test_wheels_that_spin_for_a_while_are_no_counter_that_was_set_anew():
     run = replace(run, channels=run.channels | {"encoder": replace(encoder, values=encoder.values + spins)})
     faults = {finding.fault for finding in check(two_wheels.model(), [run]).findings}
     assert faults and "counter_reset" not in faults
+
+
+def test_a_robot_that_is_pushed_as_it_drives_is_cut_out_for_as_long_as_it_is_pushed():
+    """While it drives along the push, or fast, it has more in common with what the wheels say than not."""
+    runs = [two_wheels.drive(640 + i, 24.0, **SOUND) for i in range(2)]
+    kinect = runs[0].channels["kinect"]
+    pushed = kinect.values.copy()
+    pushed[:, 1] += 0.4 * np.clip((kinect.t - 17.0) / 2.0, 0.0, 1.0)
+    runs[0] = replace(runs[0], channels=runs[0].channels | {"kinect": replace(kinect, values=pushed)})
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert "robot_carried" in (finding.fault, *finding.rivals) and finding.runs == (0,)
+    assert 16.0 < finding.from_s < 17.2 and 18.8 < finding.to_s < 20.0
+
+
+def after_a_rest(channel, spun=0.0):
+    """A channel of a robot that rests for 4 s before it drives, with wheels that turn in the air meanwhile."""
+    t = np.arange(0.0, 4.0, np.median(np.diff(channel.t)))
+    turned = 6.0 * np.interp(t, [0.5, 2.5], [0.0, 1.0])[:, None] * spun
+    noise = 0.0 if np.any(spun) or channel.columns[0] != "x" else two_wheels.FIX_RMS
+    rest = channel.values[0] + turned + noise * np.random.default_rng(1).standard_normal((len(t), 1))
+    values = np.vstack([rest, channel.values + 6.0 * np.asarray(spun)])
+    return replace(channel, t=np.concatenate([t, channel.t + 4.0]), values=values)
+
+
+def test_wheels_that_turn_in_the_air_before_the_robot_drives_are_no_clock_that_is_off():
+    """A clock that is off by seconds moves that time out of the run, and explains nothing of it."""
+    runs = []
+    for i in range(2):
+        sound = two_wheels.drive(650 + i, 16.0, **SOUND)
+        spun = {"encoder": np.array([1.0, 1.3])} if i == 0 else {}
+        runs.append(replace(sound, channels={
+            name: after_a_rest(sound.channels[name], spun.get(name, 0.0)) for name in ("encoder", "kinect")
+        }))
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert finding.fault == "robot_lifted" and finding.runs == (0,)
+    assert finding.from_s < 0.7 and 2.3 < finding.to_s < 3.5
