@@ -31,8 +31,8 @@ def decided(names, in_doubt=False):
     )
 
 
-def proved(decision, answer, asked=None):
-    return Answered(decision, SimpleNamespace(by="leave-one-run-out", asked=asked), answer)
+def proved(decision, answer, asked=None, unconfirmed=()):
+    return Answered(decision, SimpleNamespace(by="leave-one-run-out", asked=asked, unconfirmed=unconfirmed), answer)
 
 
 class Named:
@@ -61,15 +61,30 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
 
 
 @pytest.mark.parametrize("left_out, left", [(set(), {"slip", "lag"}), ({"lag"}, {"slip"}), ({"slip", "lag"}, set())])
-def test_nonsense_is_not_named(monkeypatch, left_out, left):
+def test_nonsense_is_not_named(left_out, left):
     def answered(decision):
         effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
         return proved(decision, SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[]))
 
-    monkeypatch.setattr(best_answer, "nonsense", lambda answer: left_out)
-    best = best_answer._without_nonsense(answered(decided(["slip", "lag"])), answered)
+    best = best_answer._without(answered(decided(["slip", "lag"])), left_out, answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
     assert any("no sense" in warning for warning in best.answer.warnings) == bool(left_out)
+
+
+def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_not_suffice(monkeypatch):
+    def answered(decision):
+        names = [candidate.name for candidate in decision.named.point]
+        effects = [SimpleNamespace(name=name, parameters={}) for name in names]
+        answer = SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[], remainders=[])
+        return proved(decision, answer, unconfirmed=[name for name in names if name == "lag"])
+
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: dict.fromkeys(proof.unconfirmed, "why"))
+    monkeypatch.setattr(best_answer, "_with_further", lambda first, answered: first)
+    first = decided(["slip", "lag"])
+    first.otherwise = None
+    best = best_answered(CASE, answered(first), answered)
+    assert [effect.name for effect in best.answer.effects] == ["slip"]
+    assert "come no nearer" in best.answer.warnings[0]
 
 
 @dataclass

@@ -47,12 +47,12 @@ def best_answered(case: Case, first: Answered, answered: Callable[[Decision], An
     doubted = best.answer.verdict == "incomplete" and best.decision.otherwise is not None
     if doubted and not lacks_little(best.answer, best.decision):
         best = answered(best.decision.otherwise)
-    best = _without_nonsense(best, answered)
+    best = _without(best, nonsense(best.answer), answered)
     needed = _needed(case, best) if best.answer.effects else best.decision
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
         return without
-    return best
+    return _without(best, set(best.proof.unconfirmed), answered)
 
 
 def _with_asked(first, answered) -> Answered:
@@ -88,13 +88,13 @@ def _with_further(first, answered) -> Answered:
     return first
 
 
-def _without_nonsense(first, answered) -> Answered:
-    """Without effects that make no sense, as of `nonsense`."""
-    if not (names := nonsense(first.answer)):
+def _without(first, names, answered) -> Answered:
+    """Without these effects, which make no sense."""
+    if not names:
         return first
     kept = {c: z for c, z in first.decision.named.point.items() if c.name not in names}
     without = answered(first.decision.with_effects(kept) if kept else first.decision.without_effects())
-    add_nonsense(without.answer, first.answer)
+    add_nonsense(without.answer, first.answer, first.proof)
     return without
 
 

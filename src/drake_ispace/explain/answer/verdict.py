@@ -165,10 +165,16 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     )
 
 
-def add_nonsense(answer: Explanation, without_sense: Explanation) -> None:
-    """Say in an answer which effects explain most, but make no sense; without_sense: the answer that named them."""
-    astray = {ATE, RPE} & {row.metric for row in made_worse(without_sense.gap)}
-    why = "unseen runs are led further away by it" if astray else "no size of it is plausible"
+def add_nonsense(answer: Explanation, without_sense: Explanation, proof: Proof) -> None:
+    """Say in an answer which effects explain most, but make no sense.
+
+    without_sense: the answer that named them. proof: of that.
+    """
+    why = "no size of it is plausible"
+    if {ATE, RPE} & {row.metric for row in made_worse(without_sense.gap)}:
+        why = "unseen runs are led further away by it"
+    elif proof.unconfirmed:
+        why = "with it free runs of unseen data come no nearer"
     answer.warnings.append(
         f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: {why}"
     )
