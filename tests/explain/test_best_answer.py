@@ -19,7 +19,7 @@ CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(
 @pytest.fixture(autouse=True)
 def all_makes_sense(monkeypatch):
     """Answers here have no sizes and no gap."""
-    monkeypatch.setattr(best_answer, "nonsense", lambda answer: set())
+    monkeypatch.setattr(best_answer, "nonsense", lambda answer: (set(), ""))
 
 
 def decided(names, in_doubt=False):
@@ -61,30 +61,42 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
 
 
 @pytest.mark.parametrize("left_out, left", [(set(), {"slip", "lag"}), ({"lag"}, {"slip"}), ({"slip", "lag"}, set())])
-def test_nonsense_is_not_named(left_out, left):
+def test_nonsense_is_not_named(monkeypatch, left_out, left):
     def answered(decision):
         effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
-        return proved(decision, SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[]))
+        return proved(decision, SimpleNamespace(verdict="unknown", effects=effects, warnings=[], gap=[], remainders=[]))
 
-    best = best_answer._without(answered(decided(["slip", "lag"])), left_out, answered)
+    def senseless(answer):
+        return left_out if len(answer.effects) == 2 else set(), "so it is"
+
+    monkeypatch.setattr(best_answer, "nonsense", senseless)
+    monkeypatch.setattr(best_answer, "_needed", lambda case, best: best.decision)
+    best = best_answered(CASE, answered(decided(["slip", "lag"])), answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
-    assert any("no sense" in warning for warning in best.answer.warnings) == bool(left_out)
+    assert any("no sense: so it is" in warning for warning in best.answer.warnings) == bool(left_out)
 
 
-def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_not_suffice(monkeypatch):
+@pytest.mark.parametrize(("unconfirmed", "left"), [
+    ({"slip lag": ["lag"]}, ["slip"]),
+    ({"slip lag": ["lag", "slip"]}, ["slip"]),  # which is confirmed without the other one
+    ({"slip lag": ["lag", "slip"], "slip": ["slip"]}, []),
+])
+def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_not_suffice(
+    monkeypatch, unconfirmed, left
+):
     def answered(decision):
         names = [candidate.name for candidate in decision.named.point]
         effects = [SimpleNamespace(name=name, parameters={}) for name in names]
         answer = SimpleNamespace(verdict="incomplete", effects=effects, warnings=[], gap=[], remainders=[])
-        return proved(decision, answer, unconfirmed=[name for name in names if name == "lag"])
+        return proved(decision, answer, unconfirmed=unconfirmed.get(" ".join(names), []))
 
     monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: dict.fromkeys(proof.unconfirmed, "why"))
     monkeypatch.setattr(best_answer, "_with_further", lambda first, answered: first)
     first = decided(["slip", "lag"])
     first.otherwise = None
     best = best_answered(CASE, answered(first), answered)
-    assert [effect.name for effect in best.answer.effects] == ["slip"]
-    assert "come no nearer" in best.answer.warnings[0]
+    assert [effect.name for effect in best.answer.effects] == left
+    assert len(best.answer.warnings) == 2 - len(left) and all("no nearer" in said for said in best.answer.warnings)
 
 
 @dataclass
@@ -111,7 +123,8 @@ def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_wo
         remainders = [SimpleNamespace(ratio=2.0 if one is first else after)]
         said = verdict if one is first else "incomplete"
         asked = (lambda: Asked(radii, {"radii": [0.1], "lag": [0.2]})) if one is first else None
-        return proved(one, SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders), asked)
+        answer = SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders, warnings=[])
+        return proved(one, answer, asked)
 
     best = best_answered(CASE, answered(first), answered)
     assert set(best.decision.point) == set(best.answer.effects) == names

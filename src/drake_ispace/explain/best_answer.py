@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.verdict import add_nonsense, add_trace, doubtful, lacks_little, nonsense
+from drake_ispace.explain.answer.verdict import UNCONFIRMED, add_trace, doubtful, lacks_little, no_sense, nonsense
 from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.predict.case import Case
@@ -18,11 +18,13 @@ class Answered:
 
     Attributes:
         decision: which effects are named. proof: how far they go on unseen runs. answer: what is said of both.
+        dropped: a sentence on each effect that makes no sense and is therefore named no longer.
     """
 
     decision: Decision
     proof: Proof
     answer: Explanation
+    dropped: tuple[str, ...] = ()
 
     @property
     def suffices(self) -> bool:
@@ -40,6 +42,13 @@ def best_answered(case: Case, first: Answered, answered: Callable[[Decision], An
 
     answered: computes what a decision comes to.
     """
+    best = _preferred(case, first, answered)
+    best.answer.warnings += best.dropped
+    return best
+
+
+def _preferred(case, first, answered) -> Answered:
+    """As `best_answered`, but for the sentences on what was dropped."""
     best = _with_asked(first, answered)
     is_driven_by_command = case.replay.body.robot.driven == COMMAND
     if best.answer.verdict == "incomplete" or (best.answer.verdict == "unknown" and is_driven_by_command):
@@ -47,12 +56,14 @@ def best_answered(case: Case, first: Answered, answered: Callable[[Decision], An
     doubted = best.answer.verdict == "incomplete" and best.decision.otherwise is not None
     if doubted and not lacks_little(best.answer, best.decision):
         best = answered(best.decision.otherwise)
-    best = _without(best, nonsense(best.answer), answered)
+    best = _without(best, *nonsense(best.answer), answered)
     needed = _needed(case, best) if best.answer.effects else best.decision
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
-        return without
-    return _without(best, set(best.proof.unconfirmed), answered)
+        return replace(without, dropped=best.dropped)
+    while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
+        best = _without(best, {best.proof.unconfirmed[0]}, UNCONFIRMED, answered)
+    return best
 
 
 def _with_asked(first, answered) -> Answered:
@@ -88,14 +99,13 @@ def _with_further(first, answered) -> Answered:
     return first
 
 
-def _without(first, names, answered) -> Answered:
-    """Without these effects, which make no sense."""
+def _without(first, names, why, answered) -> Answered:
+    """Without these effects, if there are any; why: they make no sense."""
     if not names:
         return first
     kept = {c: z for c, z in first.decision.named.point.items() if c.name not in names}
     without = answered(first.decision.with_effects(kept) if kept else first.decision.without_effects())
-    add_nonsense(without.answer, first.answer, first.proof)
-    return without
+    return replace(without, dropped=(*first.dropped, no_sense(without.answer, first.answer, why)))
 
 
 def _needed(case, best) -> Decision:

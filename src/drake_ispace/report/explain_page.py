@@ -223,7 +223,7 @@ def _left(explanation):
     """The Remainders as text."""
     return [
         {"channel": r.channel, "size": f"{amount(r.size, r.unit)} {over(r.horizon)}", "driver": r.driver,
-         "since": r.since, "because": r.because, "runs": most_in(r)} for r in explanation.remainders
+         "since": r.since or "–", "because": r.because, "runs": most_in(r) or "–"} for r in explanation.remainders
     ]
 
 

@@ -9,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_chance, add_nonsense, add_proof, lacks_little, nonsense
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, no_sense, nonsense
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -122,7 +122,8 @@ def test_the_reasons_are_warnings():
     (on_bound, [replace(WORSE, metric="prediction")], set()),
 ], ids=["both", "bound", "worse", "nearer soon", "nearer otherwise", "worse soon", "sensors"])
 def test_what_makes_no_sense_and_leads_further_away_is_nonsense(change, rows, left_out):
-    assert nonsense(judged(change(answers.named(MODEL)), rows)) == left_out
+    names, why = nonsense(judged(change(answers.named(MODEL)), rows))
+    assert names == left_out and (not names or "led further away" in why)
 
 
 @pytest.mark.parametrize("second, remainders, left_out", [
@@ -132,16 +133,16 @@ def test_several_that_all_make_no_sense_stand_in_for_something_else(second, rema
     answer = on_bound(answers.named(MODEL))
     size = replace(answer.effects[0].parameters["torque_n_m"], on_bound=second)
     answer.effects = [*answer.effects, replace(answer.effects[0], name="soft_floor", parameters={"force_n": size})]
-    assert nonsense(judged(answer, remainders=remainders)) == left_out
+    assert nonsense(judged(answer, remainders=remainders)) == (left_out, "no size of it is plausible")
 
 
 def test_it_is_said_what_nonsense_is_not_named():
-    answer = judged(answers.nothing(), remainders=[answers.LEFT])
-    add_nonsense(answer, on_bound(answers.named(MODEL)))
-    assert answer.verdict == "unknown" and "coulomb_friction (torque_n_m 0.01 N*m) explains most" in str(answer)
-    assert "no size of it is plausible" in answer.warnings[-1]
-    add_nonsense(answer, answers.named(MODEL, gap=[WORSE]))
-    assert "led further away" in answer.warnings[-1]
+    assert no_sense(answers.nothing(), answers.named(MODEL), "why") == (
+        "coulomb_friction (torque_n_m 0.01 N*m) explains most from one sample to the next, but makes no sense: why"
+    )
+    both = answers.named(MODEL)
+    both.effects = [*both.effects, replace(both.effects[0], name="soft_floor")]
+    assert no_sense(answers.named(MODEL), both, "").startswith("soft_floor (torque_n_m 0.01 N*m) explains some ")
 
 
 def test_nothing_detected_but_more_than_noise_left_is_unknown():

@@ -104,16 +104,26 @@ def test_wheels_that_spin_for_a_while_are_no_counter_that_was_set_anew():
     assert faults and "counter_reset" not in faults
 
 
+def pushed(seed, seconds, since, until, way):
+    """What is found in two runs, of which the first is pushed across the room in between, that many metres."""
+    runs = [two_wheels.drive(seed + i, seconds, **SOUND) for i in range(2)]
+    kinect = runs[0].channels["kinect"]
+    values = kinect.values.copy()
+    values[:, 1] += way * np.clip((kinect.t - since) / (until - since), 0.0, 1.0)
+    runs[0] = replace(runs[0], channels=runs[0].channels | {"kinect": replace(kinect, values=values)})
+    return check(two_wheels.model(), runs).findings
+
+
 def test_a_robot_that_is_pushed_as_it_drives_is_cut_out_for_as_long_as_it_is_pushed():
     """While it drives along the push, or fast, it has more in common with what the wheels say than not."""
-    runs = [two_wheels.drive(640 + i, 24.0, **SOUND) for i in range(2)]
-    kinect = runs[0].channels["kinect"]
-    pushed = kinect.values.copy()
-    pushed[:, 1] += 0.4 * np.clip((kinect.t - 17.0) / 2.0, 0.0, 1.0)
-    runs[0] = replace(runs[0], channels=runs[0].channels | {"kinect": replace(kinect, values=pushed)})
-    (finding,) = check(two_wheels.model(), runs).findings
+    (finding,) = pushed(640, 24.0, 17.0, 19.0, 0.4)
     assert "robot_carried" in (finding.fault, *finding.rivals) and finding.runs == (0,)
     assert 16.0 < finding.from_s < 17.2 and 18.8 < finding.to_s < 20.0
+
+
+def test_a_long_push_in_which_the_robot_drives_along_for_a_while_is_told_once():
+    (finding,) = pushed(642, 40.0, 17.0, 25.0, 1.6)
+    assert finding.runs == (0,) and finding.from_s < 17.2 and finding.to_s > 24.8
 
 
 def after_a_rest(channel, spun=0.0):

@@ -123,16 +123,16 @@ def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):
 
 
 def test_an_effect_with_which_unseen_runs_come_no_nearer_is_not_confirmed(decided):
-    """So is one of the wrong sign, and none of half the right size or that free runs could not show."""
+    """So is one of the wrong sign, and none of half the right size, or that training or unseen runs do not show."""
     case, decision = decided
     (radius,) = decision.named.point
     assert prove(case, decision, 0).unconfirmed == []
 
-    def unconfirmed(share, shown):
+    def unconfirmed(share, shown, floor=1e-3):
         values = {"wheel_radius_error": {"share": share}}
         judged = _judged(case.prediction, [values] * 3, sensor_noise(case.scenario, case.prediction, 0), 0)
-        floors = {m: 1.0 for m in judged.after[0]}
+        floors = dict.fromkeys(judged.after[0], floor)
         return _unconfirmed(judged, [slice(0, 3)], SimpleNamespace(shown={radius: [shown]}), floors)
 
     assert unconfirmed(-0.04, -0.04) == ["wheel_radius_error"]
-    assert unconfirmed(-0.04, None) == unconfirmed(0.02, 0.02) == []
+    assert unconfirmed(-0.04, None) == unconfirmed(0.02, 0.02) == unconfirmed(-0.04, -0.04, 1e3) == []

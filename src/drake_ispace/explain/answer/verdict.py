@@ -17,6 +17,9 @@ from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
 
+#: Why effects make no sense.
+UNCONFIRMED = "with it free runs of unseen data come no nearer"
+_ASTRAY = "unseen runs are led further away by it"
 _SEVERAL = 3.0  # times what sensors leave
 
 
@@ -70,7 +73,7 @@ def doubtful(answer: Explanation, case: Case, proof: Proof) -> dict[str, str]:
         elif _may_be_none(effect, parameters, known, of_library.kinematic):
             why[effect.name] = f"the size of {effect.name} may be none"
         elif effect.name in proof.unconfirmed:
-            why[effect.name] = f"with {effect.name} free runs of unseen data come no nearer"
+            why[effect.name] = f"{effect.name}: {UNCONFIRMED}"
     return why
 
 
@@ -119,8 +122,8 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
         answer.verdict = "unknown"
 
 
-def nonsense(answer: Explanation) -> set[str]:
-    """Named effects that unseen runs speak against.
+def nonsense(answer: Explanation) -> tuple[set[str], str]:
+    """Named effects that unseen runs speak against, and why, in words.
 
     All of them if places or headings are clearly further off with them, and nothing that was clearly off is nearer.
     Else those at sizes that make no sense, if with the answer the robot ends a run clearly further from where it was,
@@ -129,10 +132,11 @@ def nonsense(answer: Explanation) -> set[str]:
     worse = {row.metric for row in made_worse(answer.gap)}
     was_off = [row for row in answer.gap if row.runs == HELD_OUT and row.closed is not None]
     if worse & {ATE, RPE} and not any(row.after < row.before for row in was_off):
-        return {effect.name for effect in answer.effects}
+        return {effect.name for effect in answer.effects}, _ASTRAY
     senseless = {effect.name for effect in answer.effects if any(p.on_bound for p in effect.parameters.values())}
     patched = answer.remainders and len(senseless) == len(answer.effects) > 1
-    return senseless if ATE in worse or patched else set()
+    why = _ASTRAY if worse & {ATE, RPE} else "no size of it is plausible"
+    return senseless if ATE in worse or patched else set(), why
 
 
 def lacks_little(answer: Explanation, decision: Decision) -> bool:
@@ -165,19 +169,10 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     )
 
 
-def add_nonsense(answer: Explanation, without_sense: Explanation, proof: Proof) -> None:
-    """Say in an answer which effects explain most, but make no sense.
-
-    without_sense: the answer that named them. proof: of that.
-    """
-    why = "no size of it is plausible"
-    if {ATE, RPE} & {row.metric for row in made_worse(without_sense.gap)}:
-        why = "unseen runs are led further away by it"
-    elif proof.unconfirmed:
-        why = "with it free runs of unseen data come no nearer"
-    answer.warnings.append(
-        f"{_sizes_beside(answer, without_sense)} explains most from one sample to the next, but makes no sense: {why}"
-    )
+def no_sense(answer: Explanation, before: Explanation, why: str) -> str:
+    """A sentence on the effects that an answer no longer names, because they make no sense; before: it did."""
+    most = "explains some" if answer.effects else "explains most"
+    return f"{_sizes_beside(answer, before)} {most} from one sample to the next, but makes no sense: {why}"
 
 
 def _sizes_beside(answer, other) -> str:

@@ -261,10 +261,9 @@ class _Search:
             links = self._links(channel)
             found = clocks(links)
             drifting = {i for finding in found if finding.fault == "clock_drift" for i in finding.runs}
-            bases = self._bases() if drifting else []
             apart = {
-                i: _apart(self.runs[i], list(step_findings(self.runs[i], bases[i])))
-                for i in drifting if channel == "kinect"
+                i: _apart(self.runs[i], list(step_findings(self.runs[i], base)))
+                for i, _, base in links if i in drifting and channel == "kinect"
             }
             if any(apart.values()):
                 again = clocks([(i, link.only(link.outside(apart.get(i, ()))), base) for i, link, base in links])

@@ -213,9 +213,10 @@ def _carried(run, base):
         usual = largest_by_chance(len(part), len(group)) * max(np.median(part), link.noise[group].max())
         unusual |= part > usual
         far |= (part > usual) & (part > larger - part)
+    reached = -1
     for first, last in stretches(far):
         last -= 1
-        if last < first:
+        if last < first or first <= reached:
             continue
         a, b = float(since[first]), float(until[last])
         total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / _SERIES)
@@ -225,8 +226,9 @@ def _carried(run, base):
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
         what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
-        whole = float(since[first - _count(unusual[:first][::-1])]), float(until[last + _count(unusual[last + 1 :])])
-        a, b = whole if _part(run, *whole) else (a, b)
+        begin, end = first - _count(unusual[:first][::-1]), last + _count(unusual[last + 1 :])
+        if _part(run, float(since[begin]), float(until[end])):
+            a, b, reached = float(since[begin]), float(until[end]), end
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 

@@ -36,7 +36,7 @@ class Proof:
             training runs that alone tell some of the sizes, and are therefore judged by sizes that were fitted to
             them, too; empty where other runs were held out. may_stand: tells whether a rival suffices on unseen runs
             as the named effects do; None where these do not, or where that cannot be told. unconfirmed: names of
-            effects that free runs could show, and with which those of unseen runs come no nearer.
+            effects that free runs show, and with which those of unseen runs come no nearer, the worst first.
     """
 
     by: str

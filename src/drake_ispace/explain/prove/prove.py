@@ -15,7 +15,7 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.errors.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.errors.least_squares import PlainFit, fitted_horizons, plain_fit, scaled_errors
+from drake_ispace.explain.prove.errors.least_squares import FAR, PlainFit, fitted_horizons, plain_fit, scaled_errors
 from drake_ispace.explain.prove.errors.left_out import blocks_in, in_parts
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
@@ -151,24 +151,31 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     )
 
 
-def _unconfirmed(judged: _Judged, unseen: Sequence[slice], fitted: PlainFit, floors: Mapping[Measure, float]):
-    """Names of effects that free runs could show, and with which those of unseen runs come no nearer.
+def _unconfirmed(
+    judged: _Judged, unseen: Sequence[slice], fitted: PlainFit, floors: Mapping[Measure, float]
+) -> list[str]:
+    """Names of effects that free runs show, and with which those of unseen runs come no nearer, the worst first.
 
-    unseen: which runs of `judged` sizes were not fitted to. floors: as of `plain_fit`.
+    One that changes all their errors together by less than noise changes one is not shown. The others keep their sizes.
+
+    unseen: which runs of `judged` are unseen. floors: as of `plain_fit`.
     """
     runs = [i for part in unseen for i in range(len(judged.values))[part]]
 
-    def squared(without=None):
+    def scaled(without=None):
         def one(i):
             values = {name: sizes for name, sizes in judged.values[i].items() if name != without}
             windows = judged.windows[i]
-            return np.sum(scaled_errors(judged.prediction, i, windows, values, floors, fitted_horizons(windows)) ** 2)
+            return scaled_errors(judged.prediction, i, windows, values, floors, fitted_horizons(windows))
 
-        return float(sum(each(one, runs)))
+        return np.clip(np.concatenate([np.empty(0), *each(one, runs)]), -FAR, FAR)
 
-    named = [candidate.name for candidate, z in fitted.shown.items() if any(value is not None for value in z)]
-    with_all = squared() if runs and named else 0.0
-    return [name for name in named if runs and squared(name) <= with_all]
+    with_all, further = scaled(), {}
+    for name in (candidate.name for candidate, z in fitted.shown.items() if any(value is not None for value in z)):
+        without = scaled(name)
+        if np.linalg.norm(without - with_all) >= 1.0:
+            further[name] = float(np.sum(with_all**2) - np.sum(without**2))
+    return sorted((name for name in further if further[name] >= 0.0), key=further.get, reverse=True)
 
 
 def _may_stand(judged: _Judged, fit: Callable[[Point], PlainFit], rival: Rival) -> bool:

@@ -147,12 +147,14 @@ class _Trial:
         Of an offset that only moves windows out of the run, so that nothing contradicts it any longer, nothing speaks.
         """
         link, (low, high) = self.link, self.link.usual_s
-        for part, lag_s in (
-            (link.since_s < path.jump_s, path.lag_s), (link.since_s >= path.jump_s, path.lag_s + path.later_s)
-        ):
-            kept = part & inside(self.base, link.since_s, link.until_s, lag_s)
-            moved = (link.since_s[None, kept] + lag_s, link.until_s[None, kept] + lag_s, link.measured[kept], True)
-            if not low - 1e-9 <= lag_s <= high + 1e-9 and not (kept.sum() >= FEWEST and self._scored(*moved)[0] > 0.0):
+        since, until = path.at(link.since_s), path.at(link.until_s)
+        inner, later = inside(self.base, since, until), link.since_s >= path.jump_s
+        for part, lag_s in ((~later, path.lag_s), (later, path.lag_s + path.later_s)):
+            kept = part & inner
+            if not low - 1e-9 <= lag_s <= high + 1e-9 and not (
+                kept.sum() >= FEWEST
+                and self._scored(since[None, kept], until[None, kept], link.measured[kept], must_follow=True)[0] > 0.0
+            ):
                 return False
         return True
 

@@ -17,7 +17,7 @@ from drake_ispace.explain.prove.errors.free_run import ATE, RUN, WHEELS, Measure
 from drake_ispace.explain.threads import each
 
 _MOST_TRIALS = 12  # evaluations
-_FAR = 1e3  # times what noise leaves: the error of a model that runs away
+FAR = 1e3  # times what noise leaves: the error of a model that runs away
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def scaled_errors(
     """(k,) errors of run `i` over these horizons in units of what noise leaves, every measure of the same weight."""
     parts = errors(prediction, i, windows, values, horizons)
     return np.concatenate([np.empty(0), *(
-        np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=_FAR, posinf=_FAR, neginf=-_FAR).ravel()
+        np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=FAR, posinf=FAR, neginf=-FAR).ravel()
         for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons
         and (m.metric != ATE or m.driven_by == WHEELS)
     )])
