@@ -108,12 +108,12 @@ def explain(
         best = _answered(case, decision, seed, tell)
         if case.is_filtered:
             best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
-        answer = best.answer
-        if case.is_filtered and best.proof.may_stand is not None:
-            rule_out_rivals(answer, best.decision, best.proof.may_stand)
-        if case.is_filtered and answer.verdict != "incomplete":
-            tell("looking at each run by itself")
-            add_runs_apart(answer, _runs_apart(case, best.decision, tried, seed))
+            if best.proof.may_stand is not None:
+                rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
+            if best.answer.verdict != "incomplete":
+                tell("looking at each run by itself")
+                add_runs_apart(best.answer, _runs_apart(case, best.decision, tried, seed))
+    answer = best.answer
     add_chance(answer)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
     add_findings(answer, examined)

@@ -1,5 +1,6 @@
 """Repairs of a recording: what undoes a fault, as small objects that say themselves in one line."""
 
+import abc
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,14 +13,14 @@ from drake_ispace.files.recording import Channel, Recording
 
 
 @dataclass(frozen=True)
-class _OfChannel:
+class _OfChannel(abc.ABC):
     """Undoes a mistake of one channel."""
 
     channel: str
 
+    @abc.abstractmethod
     def repaired(self, channel: Channel) -> Channel:
         """The channel without the mistake."""
-        raise NotImplementedError
 
     def apply(self, recording: Recording) -> Recording:
         """A copy of the recording with the channel repaired."""

@@ -227,8 +227,9 @@ def _carried(run, base):
         fault = "robot_lifted" if lifted else "robot_carried"
         what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
         begin, end = first - _count(unusual[:first][::-1]), last + _count(unusual[last + 1 :])
-        if _part(run, float(since[begin]), float(until[end])):
-            a, b, reached = float(since[begin]), float(until[end]), end
+        whole = float(since[begin]), float(until[end])
+        if _part(run, *whole):
+            (a, b), reached = whole, end
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 

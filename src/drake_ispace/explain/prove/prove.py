@@ -15,7 +15,7 @@ from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.prove.asked_for import asked_for
 from drake_ispace.explain.prove.errors.free_run import Errors, Measure, Windows, errors, rms, simulate, windows_of
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
-from drake_ispace.explain.prove.errors.least_squares import FAR, PlainFit, fitted_horizons, plain_fit, scaled_errors
+from drake_ispace.explain.prove.errors.least_squares import FAR, PlainFit, fitted_horizons, plain_fit, scaled
 from drake_ispace.explain.prove.errors.left_out import blocks_in, in_parts
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE, remainders
 from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
@@ -162,17 +162,17 @@ def _unconfirmed(
     """
     runs = [i for part in unseen for i in range(len(judged.values))[part]]
 
-    def scaled(without=None):
-        def one(i):
-            values = {name: sizes for name, sizes in judged.values[i].items() if name != without}
-            windows = judged.windows[i]
-            return scaled_errors(judged.prediction, i, windows, values, floors, fitted_horizons(windows))
+    def all_scaled(errors_of):
+        parts = each(lambda i: scaled(errors_of(i), floors, fitted_horizons(judged.windows[i])), runs)
+        return np.clip(np.concatenate([np.empty(0), *parts]), -FAR, FAR)
 
-        return np.clip(np.concatenate([np.empty(0), *each(one, runs)]), -FAR, FAR)
+    def errors_without(name, i):
+        windows, values = judged.windows[i], {n: sizes for n, sizes in judged.values[i].items() if n != name}
+        return errors(judged.prediction, i, windows, values, fitted_horizons(windows))
 
-    with_all, further = scaled(), {}
+    with_all, further = all_scaled(lambda i: judged.after[i]), {}
     for name in (candidate.name for candidate, z in fitted.shown.items() if any(value is not None for value in z)):
-        without = scaled(name)
+        without = all_scaled(partial(errors_without, name))
         if np.linalg.norm(without - with_all) >= 1.0:
             further[name] = float(np.sum(with_all**2) - np.sum(without**2))
     return sorted((name for name in further if further[name] >= 0.0), key=further.get, reverse=True)

@@ -60,11 +60,10 @@ class _Trial:
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         self.lasts_s = float(link.until_s[-1] - link.since_s[0])
-        low, high = link.usual_s
-        self.usual = (_LAGS_S >= low - 1e-9) & (_LAGS_S <= high + 1e-9)
+        self.usual = link.is_usual(_LAGS_S)
         at = int(np.argmin(self.total[self.usual]))
         usual, self.peaks_as_given = _LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
-        near = usual + LATENCIES_S[(usual + LATENCIES_S >= low - 1e-9) & (usual + LATENCIES_S <= high + 1e-9)]
+        near = usual + LATENCIES_S[link.is_usual(usual + LATENCIES_S)]
         self.given = max(0.0, *self.scores([Path(float(lag)) for lag in near], must_follow=False))
 
     def scores(self, paths: Sequence[Path], must_follow: bool = True) -> list[float]:
@@ -146,15 +145,17 @@ class _Trial:
 
         Of an offset that only moves windows out of the run, so that nothing contradicts it any longer, nothing speaks.
         """
-        link, (low, high) = self.link, self.link.usual_s
+        link = self.link
         since, until = path.at(link.since_s), path.at(link.until_s)
         inner, later = inside(self.base, since, until), link.since_s >= path.jump_s
         for part, lag_s in ((~later, path.lag_s), (later, path.lag_s + path.later_s)):
             kept = part & inner
-            if not low - 1e-9 <= lag_s <= high + 1e-9 and not (
-                kept.sum() >= FEWEST
-                and self._scored(since[None, kept], until[None, kept], link.measured[kept], must_follow=True)[0] > 0.0
-            ):
+            if link.is_usual(lag_s):
+                continue
+            if kept.sum() < FEWEST:
+                return False
+            there = since[None, kept], until[None, kept], link.measured[kept]
+            if not self._scored(*there, must_follow=True)[0] > 0.0:
                 return False
         return True
 
@@ -335,8 +336,7 @@ def _common(trials, own):
     """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
     best = float(_LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
     offsets = [best, *(path.lag_s for path in own if not path.rate and not path.later_s)]
-    low, high = trials[0].link.usual_s
-    paths = [Path(lag) for lag in offsets if not low - 1e-9 <= lag <= high + 1e-9]
+    paths = [Path(lag) for lag in offsets if not trials[0].link.is_usual(lag)]
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))

@@ -140,6 +140,11 @@ class Link:
         """
         return self.besides is not None and np.isinf(self.slack.besides)
 
+    def is_usual(self, lag_s):
+        """Whether a sound channel may have this lag [s], or (n,) of several."""
+        low, high = self.usual_s
+        return (lag_s >= low - 1e-9) & (lag_s <= high + 1e-9)
+
     def only(self, kept: np.ndarray) -> "Link":
         """The Link with these of its windows (n,)."""
         return replace(self, since_s=self.since_s[kept], until_s=self.until_s[kept], measured=self.measured[kept])

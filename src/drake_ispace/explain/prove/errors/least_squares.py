@@ -13,7 +13,7 @@ from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import STEP, Point, merged
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
-from drake_ispace.explain.prove.errors.free_run import ATE, RUN, WHEELS, Measure, Windows, errors
+from drake_ispace.explain.prove.errors.free_run import ATE, RUN, WHEELS, Errors, Measure, Windows, errors
 from drake_ispace.explain.threads import each
 
 _MOST_TRIALS = 12  # evaluations
@@ -121,7 +121,11 @@ def scaled_errors(
     horizons: set[str],
 ) -> np.ndarray:
     """(k,) errors of run `i` over these horizons in units of what noise leaves, every measure of the same weight."""
-    parts = errors(prediction, i, windows, values, horizons)
+    return scaled(errors(prediction, i, windows, values, horizons), floors, horizons)
+
+
+def scaled(parts: Errors, floors: Mapping[Measure, float], horizons: set[str]) -> np.ndarray:
+    """(k,) errors of a run over these horizons, as of `scaled_errors`."""
     return np.concatenate([np.empty(0), *(
         np.nan_to_num(part / (floors[m] * np.sqrt(len(part))), nan=FAR, posinf=FAR, neginf=-FAR).ravel()
         for m, part in sorted(parts.items()) if floors.get(m, 0.0) > 0.0 and m.horizon in horizons
