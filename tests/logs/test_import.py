@@ -234,3 +234,27 @@ def test_rows_without_a_sample_are_left_out_and_counted(logs, tmp_path):
     recording = convert(load_mapping(logs / "mapping.yaml"), tmp_path / "run", said.append)
     assert len(recording.channels["kinect"].t) == len(lines) - 2
     assert "kinect: 1 of 1213 rows without a sample left out" in said
+
+
+def stamped(folder, logs, change):
+    """Write the run with other stamps, made from the index of a row and its stamp, and return what is said of them."""
+    folder.mkdir()
+    (folder / "wheels.csv").write_text((logs / "run0" / "wheels.csv").read_text())
+    header, *rows = (logs / "run0" / "mocap.csv").read_text().splitlines()
+    rows = [row.split(",", 1) for row in rows]
+    lines = [f"{change(k, [stamp for stamp, _ in rows])},{rest}" for k, (_, rest) in enumerate(rows)]
+    (folder / "mocap.csv").write_text("\n".join([header, *lines]))
+    said = []
+    return convert(load_mapping(logs / "mapping.yaml"), folder, said.append), said, rows
+
+
+def test_of_samples_that_share_a_time_the_last_is_kept(logs, tmp_path):
+    recording, said, rows = stamped(tmp_path / "run", logs, lambda k, t: t[10] if k in (8, 9) else t[k])
+    assert len(recording.channels["kinect"].t) == len(rows) - 2
+    assert recording.channels["kinect"].column("x")[8] == pytest.approx(float(rows[10][1].split(",")[0]) / 1e3)
+    assert any(f"kinect: 2 of {len(rows)} samples at the time of the next one left out" in one for one in said)
+
+
+def test_times_that_hardly_tell_samples_apart_are_refused(logs, tmp_path):
+    with pytest.raises(InputError, match="samples of kinect have the stamp of the next one"):
+        stamped(tmp_path / "run", logs, lambda k, t: t[k - k % 3])

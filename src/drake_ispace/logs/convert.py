@@ -84,11 +84,25 @@ def _channel(name, channel: ChannelMap, folder, where, note, progress):
     columns = {column: numbers[whole] for column, numbers in series.columns.items()}
     t = _in_si(columns[channel.t.column], channel.t, "t", place)
     values = {key: _value(columns, source, key, place) for key, source in channel.columns.items()}
+    return _in_order(name, channel, file, t, values, note)
+
+
+def _in_order(name, channel, file, t, values, note):
+    """Samples whose times increase: of several at one time the last, which is what was known by then."""
     again = np.flatnonzero((np.diff(t) == 0.0) & np.all([np.diff(v) == 0.0 for v in values.values()], axis=0)) + 1
     if len(again):
         note(f"{name}: {len(again)} rows that repeat the one before left out")
         t, values = np.delete(t, again), {key: np.delete(v, again) for key, v in values.items()}
-    backward = np.flatnonzero(np.diff(t) <= 0.0) + 1
+    older = np.flatnonzero(np.diff(t) == 0.0)
+    if 2 * len(older) >= len(t):
+        raise InputError(
+            f"{file}: {len(older)} of {len(t)} samples of {name} have the {channel.t.column} of the next one, expected "
+            "times that tell samples apart"
+        )
+    if len(older):
+        note(f"{name}: {len(older)} of {len(t)} samples at the time of the next one left out: times of arrival?")
+        t, values = np.delete(t, older), {key: np.delete(v, older) for key, v in values.items()}
+    backward = np.flatnonzero(np.diff(t) < 0.0) + 1
     if len(backward):
         raise InputError(
             f"{file}: sample {backward[0] + 1} of {name}: {channel.t.column} is {t[backward[0]]:g} s after "
