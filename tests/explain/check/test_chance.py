@@ -5,8 +5,8 @@ import pytest
 
 from drake_ispace.explain.check.compare.agreement import following
 from drake_ispace.explain.check.compare.regression import Slack, most, scores
-from drake_ispace.explain.check.samples import sample_findings, wrap_findings
-from drake_ispace.explain.check.stamps import stamp_findings
+from drake_ispace.explain.check.sampling.samples import sample_findings, wrap_findings
+from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.steps import largest_by_chance
 from drake_ispace.files.recording import Channel, Recording
 

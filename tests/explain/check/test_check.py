@@ -10,7 +10,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.compare.frames import _grid
 from drake_ispace.explain.check.repaired import save_repaired
-from drake_ispace.explain.check.samples import wrap_findings
+from drake_ispace.explain.check.sampling.samples import wrap_findings
 from drake_ispace.faults.repair import rows
 from drake_ispace.files.recording import Channel, Recording, load
 from drake_ispace.hiding import hide

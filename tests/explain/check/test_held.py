@@ -7,7 +7,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.held import held_samples
+from drake_ispace.explain.check.sampling.held import held_samples
 from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 

@@ -9,7 +9,7 @@ import answers
 from drake_ispace.explain.answer.contradiction import add_findings
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.examine import Examined
-from drake_ispace.explain.check.interpolated import interpolated_fixes
+from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.faults.repair import CutOut
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario

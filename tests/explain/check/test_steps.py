@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.samples import sample_findings
+from drake_ispace.explain.check.sampling.samples import sample_findings
 from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 

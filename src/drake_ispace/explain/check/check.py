@@ -26,14 +26,14 @@ from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camer
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.fixes import course_findings, outlier_findings, turned_findings
 from drake_ispace.explain.check.gyro import gyro_findings
-from drake_ispace.explain.check.held import held_samples
-from drake_ispace.explain.check.interpolated import interpolated_fixes
 from drake_ispace.explain.check.runs import check_sizes, loaded, name_of, robot_of, solvable
-from drake_ispace.explain.check.samples import quantised_findings, sample_findings, wrap_findings
+from drake_ispace.explain.check.sampling.held import held_samples
+from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
+from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
+from drake_ispace.explain.check.sampling.stamps import stamp_findings
+from drake_ispace.explain.check.sampling.undersampled import tick_findings
 from drake_ispace.explain.check.smoothed import smoothed_fixes
-from drake_ispace.explain.check.stamps import stamp_findings
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
-from drake_ispace.explain.check.undersampled import tick_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut

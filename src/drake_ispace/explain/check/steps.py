@@ -19,7 +19,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.fixes import off
-from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
+from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording

@@ -12,8 +12,8 @@ import numpy as np
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import come_in_step, repeats
-from drake_ispace.explain.check.stamps import are_gaps
+from drake_ispace.explain.check.sampling.samples import come_in_step, repeats
+from drake_ispace.explain.check.sampling.stamps import are_gaps
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import TORQUE, Robot

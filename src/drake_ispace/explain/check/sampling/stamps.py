@@ -7,7 +7,7 @@ import numpy as np
 from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import LEAP, STUCK_S
+from drake_ispace.explain.check.sampling.samples import LEAP, STUCK_S
 from drake_ispace.faults.repair import Clock, CutOut, Evened
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import STUCK_S, repeats, stretches
+from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.counts import count_of
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.faults.repair import LeftOut

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import binom
 
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.samples import come_in_step, stretches
+from drake_ispace.explain.check.sampling.samples import come_in_step, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import LeftOut
 from drake_ispace.files.recording import Recording

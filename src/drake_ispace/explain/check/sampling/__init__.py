@@ -1,0 +1,1 @@
+"""How the samples of one channel come, whatever other channels say."""
