@@ -81,6 +81,14 @@ def test_coupling_turns_a_robot_that_is_told_to_go_straight():
     assert found[0] == pytest.approx([0.2, 0.1, 1.0 + 0.1 - 0.2])
 
 
+@pytest.mark.parametrize("name", ["velocity_gain", "velocity_coupling"])
+def test_a_robot_that_tyres_hold_sideways_has_no_number_for_that_way(name):
+    differential = Body(robots()["rover"], RoverPlantParameters(wheels="differential"), 2)
+    effect, left = library()[name], {key: value for key, value in SOME[name].items() if not key.endswith("_y")}
+    assert [p.name for p in effect.parameters_of(differential)] == list(left)
+    assert effect.block_parameters(differential, left).keys() == effect.block_parameters(BODY, SOME[name]).keys()
+
+
 def test_a_lag_gives_the_mean_over_each_tick():
     constant, edges = 0.02, np.arange(4) * TICK_S
     reached = 1.0 - np.exp(-edges / constant)
@@ -189,8 +197,9 @@ def test_drake_and_the_compiled_rollout_agree_to_the_bit():
 
 def test_a_diagram_without_commands_leaves_them_out():
     overrides = ["seconds=2", "rover.trajectory.start_s=0.2"]
+    ahead = {"velocity_gain": {"share_x": 0.1, "share_yaw": 0.2}, "velocity_coupling": {"yaw_per_x": 0.3}}
     alone = simulate_compiled(load_scenario("odometry_replay", overrides))
-    listed = simulate_compiled(load_scenario("odometry_replay", [*overrides, f"rover.effects={SOME}"]))
+    listed = simulate_compiled(load_scenario("odometry_replay", [*overrides, f"rover.effects={SOME | ahead}"]))
     assert np.array_equal(alone.signals["rover_pose"], listed.signals["rover_pose"])
 
 

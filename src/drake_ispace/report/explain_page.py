@@ -198,9 +198,11 @@ def page(
 
 
 def _sentence(explanation):
-    """The first of the sentences on the gap, as a sentence."""
-    text = gap_sentence(explanation.headline, explanation.proof, bool(explanation.effects))
-    return f"{text[:1].upper()}{text[1:]}." if text else ""
+    """What the gap is, and was, in a sentence for each headline."""
+    said = [
+        gap_sentence(row, explanation.proof, bool(explanation.effects)) for row in explanation.headlines or [None]
+    ]
+    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in said if text)
 
 
 def _cells(row: GapRow) -> dict[str, str]:

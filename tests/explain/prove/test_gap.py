@@ -8,7 +8,7 @@ import pytest
 import answers
 from drake_ispace.explain.answer.verdict import made_worse
 from drake_ispace.explain.prove.errors.free_run import Measure
-from drake_ispace.explain.prove.errors.gap import Columns, headline, rows_of
+from drake_ispace.explain.prove.errors.gap import Columns, headlines, rows_of
 
 POSITION = Measure("RPE", "5s", "position", "m", "torque")
 ROW = answers.GAP[0]
@@ -35,20 +35,25 @@ def test_an_error_below_what_noise_leaves_is_wholly_closed(after):
 @pytest.mark.parametrize("sensors, chance", [(0.11, 0.01), (0.01, 0.11)])
 def test_no_percentage_where_the_error_is_not_three_times_both(sensors, chance):
     (row,) = rows(0.3, 0.1, sensors, chance)
-    assert row.closed is None and headline([row]) is None
+    assert row.closed is None and headlines([row]) == []
 
 
 def test_the_headline_is_the_longest_horizon_at_which_the_gap_is_clear():
     run, short = replace(ROW, metric="ATE", horizon="run", closed=None), replace(ROW, horizon="1s", before=3.0)
-    assert headline([short, run, ROW]) == ROW and headline([run, short]) == short
-    assert headline([replace(ROW, metric="ATE", horizon="run"), ROW]).horizon == "run"
+    assert headlines([short, run, ROW]) == [ROW] and headlines([run, short]) == [short]
+    assert headlines([replace(ROW, metric="ATE", horizon="run"), ROW])[0].horizon == "run"
+
+
+def test_there_is_a_headline_for_each_of_what_drives_the_model_the_clearest_first():
+    command = replace(ROW, driven_by="command", before=2.0 * ROW.before)
+    assert headlines([ROW, command, replace(command, horizon="1s")]) == [command, ROW]
 
 
 @pytest.mark.parametrize("other", [
     {"runs": "training"}, {"channel": "heading", "unit": "rad"}, {"metric": "prediction", "channel": "imu: wy"},
 ])
 def test_the_headline_is_of_a_place_on_unseen_runs(other):
-    assert headline([replace(ROW, **other)]) is None
+    assert headlines([replace(ROW, **other)]) == []
 
 
 @pytest.mark.parametrize("after, is_worse", [(0.052, False), (0.08, True), (0.03, False)])

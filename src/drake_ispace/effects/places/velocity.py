@@ -67,13 +67,18 @@ class VelocitySaturation(VelocityEffect):
     output = saturated
 
 
+def _ways(body):
+    """The axes of the body along which its wheels let it move."""
+    return ("x",) if len(body.plant.geometry.sideways) else ("x", "y")
+
+
 @kernel
 def scaled(velocity, gain, out):
     scale(velocity, gain, out)
 
 
 class VelocityGain(VelocityEffect):
-    """(1 + share) v, a share for each of vx, vy and wz."""
+    """(1 + share) v, a share for each of vx, wz and, unless tyres hold the robot sideways, vy."""
 
     card = Card(
         name="velocity_gain", title="Gain of the velocity command", home="actuator",
@@ -84,13 +89,14 @@ class VelocityGain(VelocityEffect):
         excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
         "camera, a gain between command and encoder; a speed limit spares slow commands",
     )
-    parameters = tuple(
-        Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,), tolerance=1e-3) for name in ("share_x", "share_y", "share_yaw")
-    )
     output = scaled
 
+    def parameters_of(self, body):
+        names = [f"share_{way}" for way in _ways(body)] + ["share_yaw"]
+        return tuple(Parameter(name, "1", 0.0, -0.7, 0.7, (0.05,), tolerance=1e-3) for name in names)
+
     def block_parameters(self, body, values):
-        return {"gain": np.array([1.0 + values[p.name] for p in self.parameters])}
+        return {"gain": np.array([1.0 + values.get(f"share_{way}", 0.0) for way in ("x", "y", "yaw")])}
 
 
 @kernel
@@ -100,7 +106,10 @@ def coupled(velocity, yaw_per_x, yaw_per_y, out):
 
 
 class VelocityCoupling(VelocityEffect):
-    """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight."""
+    """wz + yaw_per_x vx + yaw_per_y vy: a robot that turns while it is told to go straight.
+
+    Where tyres hold it sideways there is no yaw_per_y.
+    """
 
     card = Card(
         name="velocity_coupling", title="Turning while driving", home="actuator",
@@ -111,8 +120,13 @@ class VelocityCoupling(VelocityEffect):
         excitation="straight driving forwards, backwards and sideways: a wheel of another size turns the robot without "
         "its encoders noticing",
     )
-    parameters = tuple(Parameter(name, "rad/m", 0.0, -5.0, 5.0, (0.1,)) for name in ("yaw_per_x", "yaw_per_y"))
     output = coupled
+
+    def parameters_of(self, body):
+        return tuple(Parameter(f"yaw_per_{way}", "rad/m", 0.0, -5.0, 5.0, (0.1,)) for way in _ways(body))
+
+    def block_parameters(self, body, values):
+        return {name: values.get(name, 0.0) for name in ("yaw_per_x", "yaw_per_y")}
 
 
 @kernel

@@ -8,7 +8,7 @@ from pathlib import Path
 from drake_ispace.explain.answer.sentences import gap_sentence, is_place, p_in_words, sentence_of, short
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.decide.detect import Detection
-from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow, headline
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow, headlines
 from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.explain.prove.proof import PlantParameter
 from drake_ispace.files.places import whole_file
@@ -182,12 +182,18 @@ class Explanation:
     seconds: float = 0.0
 
     @property
-    def headline(self) -> GapRow | None:
-        """The row of the gap that says most: the place on unseen runs, over the longest horizon at which it is clear.
+    def headlines(self) -> list[GapRow]:
+        """The rows of the gap that say most, the clearest first: the place on unseen runs, over the longest horizon at
+        which the gap is clear, for each of what drives the model.
 
-        None where the gap in metres is small beside what noise may leave.
+        Empty where the gap in metres is small beside what noise may leave.
         """
-        return headline(self.gap)
+        return headlines(self.gap)
+
+    @property
+    def headline(self) -> GapRow | None:
+        """The first of the headlines."""
+        return next(iter(self.headlines), None)
 
     @property
     def closed(self) -> float | None:
@@ -234,12 +240,12 @@ class Explanation:
         return sorted([*self.drifts, *self.warnings], key=lambda warning: warning not in of_data)
 
     def gap_in_words(self) -> list[str]:
-        """The headline, and the places on unseen runs over each horizon; on the training runs if no other is left."""
-        row = self.headline
-        lines = [line for line in [gap_sentence(row, self.proof, bool(self.effects))] if line]
+        """The headlines, and the places on unseen runs over each horizon; on the training runs if no other is left."""
+        first = self.headlines or [None]
+        lines = [line for row in first if (line := gap_sentence(row, self.proof, bool(self.effects)))]
         unseen = [other for other in self.gap if other.runs == HELD_OUT]
         shown, where = (unseen, "") if unseen else (self.gap, "training runs, ")
-        return lines + [where + short(other) for other in shown if is_place(other) and other is not row]
+        return lines + [where + short(other) for other in shown if is_place(other) and other not in first]
 
     def save(self, path: str | Path) -> None:
         """Write the explanation as JSON, whole or not at all.

@@ -88,13 +88,19 @@ def rows_of(columns: Columns, runs: str, kind: str, seed: int) -> list[GapRow]:
     return [_row(columns, m, runs, kind, np.random.default_rng([seed, k])) for k, m in enumerate(measures)]
 
 
-def headline(rows: Sequence[GapRow]) -> GapRow | None:
-    """The row of unseen runs that tells of the gap: the place, over the longest horizon at which the gap is clear."""
+def headlines(rows: Sequence[GapRow]) -> list[GapRow]:
+    """The rows of unseen runs that tell of the gap, the clearest first: one for each of what drives the model.
+
+    Each is of the place, over the longest horizon at which the gap is clear.
+    """
     def clearness(row):
         return seconds_of(row.horizon), row.before / _floor(row.sensors, row.chance)
 
     places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading" and row.unit != "1"]
-    return max((row for row in places if row.runs == HELD_OUT and row.closed is not None), key=clearness, default=None)
+    clear, found = [row for row in places if row.runs == HELD_OUT and row.closed is not None], {}
+    for row in sorted(clear, key=clearness, reverse=True):
+        found.setdefault(row.driven_by, row)
+    return list(found.values())
 
 
 def _order(m):
