@@ -65,3 +65,10 @@ def test_only_lost_fixes_are_missed_where_stamps_are_rounded_or_uneven(recording
     kept[[20, 50, 51, 90]] = False
     assert track_of(recording, kinect=stamped).missed.sum() == 0
     assert track_of(recording, kinect=rows(stamped, kept)).missed.sum() == 4
+
+
+def test_fixes_stamped_when_they_arrive_at_any_time_count_no_captures(recording):
+    kinect = recording.channels["kinect"]
+    late = np.sort(kinect.t + np.random.default_rng(3).uniform(0.0, 2.0, len(kinect.t)) / 30.0)
+    late += 1e-6 * np.arange(len(late))
+    assert track_of(recording, kinect=replace(kinect, t=late, period_s=0.03)).missed.size == 0

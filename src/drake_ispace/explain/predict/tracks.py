@@ -37,7 +37,7 @@ class Track:
         fix_ticks: (k,) ticks of capture of the camera's fixes.
         fix_t: (k,) their times [s].
         missed: (v,) 1 for every scheduled capture of the camera without a fix, else 0; empty where the recording has
-            no schedule.
+            no schedule, or where its fixes come at any time.
         has: names of the recorded channels that are used.
         aim: (3,) pose [m, m, rad] of the first way point; None: no reference.
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
@@ -314,12 +314,15 @@ def _missed(channel, end_s):
     """`missed` of a Track: as many captures lie between two fixes as periods, to the nearest.
 
     None is scheduled before the first fix or after the last: a camera may be switched on late, or off early. Stamps may
-    be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture.
+    be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture. Where
+    most captures without a fix are beside one that has two, fixes come at any time, and count no captures.
     """
     t = channel.t[channel.t <= end_s + 1e-6]
     if not channel.period_s or not len(t):
         return np.empty(0)
     captures = np.rint(np.diff(t) / channel.period_s).astype(int)  # from one fix to the next
+    if 2 * np.sum(captures == 0) > np.sum(np.maximum(captures - 1, 0)):
+        return np.empty(0)
     missed = np.ones(1 + captures.sum())
     missed[np.cumsum([0, *captures])] = 0.0
     return missed
