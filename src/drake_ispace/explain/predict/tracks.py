@@ -314,8 +314,8 @@ def _missed(channel, end_s):
     """`missed` of a Track: as many captures lie between two fixes as periods, to the nearest.
 
     None is scheduled before the first fix or after the last: a camera may be switched on late, or off early. Stamps may
-    be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture. Where
-    most captures without a fix are beside one that has two, fixes come at any time, and count no captures.
+    be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture.
+    Where most captures without a fix are beside one that has two, fixes come at any time, and count no captures.
     """
     t = channel.t[channel.t <= end_s + 1e-6]
     if not channel.period_s or not len(t):

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
+from drake_ispace.explain.check.compare.latencies import other_latencies
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCIES_S,
@@ -276,7 +277,11 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
             (trial, path, gain) for trial, path, gain in own
             if path.later_s or path.rate or not trial.peaks_as_given or gain >= RELATED * (trial.given + gain)
         ]
-    return [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
+    found = [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
+    if found or not trials or trials[0].link.channel != "kinect":
+        return found
+    scores = [np.array(trial.scores([Path(float(lag)) for lag in LATENCIES_S])) for trial in trials]
+    return list(other_latencies([trial.number for trial in trials], scores))
 
 
 def late_since(links: Sequence[tuple[int, Link, Base]], at_s: float) -> tuple[float, float]:

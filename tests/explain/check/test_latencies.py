@@ -1,0 +1,43 @@
+"""A camera that is late in one run by another time than in the others."""
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.latencies import other_latencies
+from drake_ispace.explain.check.compare.links import LATENCIES_S
+from hidden import two_wheels
+
+SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
+
+
+def findings(late_s, **hidden):
+    """What is found in runs whose camera is late by these times."""
+    others = SOUND | hidden
+    recordings = [
+        two_wheels.drive(7300 + i, 20.0, in_step=True, **others | {"late_s": late}) for i, late in enumerate(late_s)
+    ]
+    return check(two_wheels.model(), recordings).findings
+
+
+@pytest.mark.parametrize("usual_s", [0.0, 0.06])
+def test_it_is_found_beside_a_larger_wheel_and_set_by_the_difference(usual_s):
+    (finding,) = findings([usual_s, usual_s + 0.1, usual_s], left_share=0.03)
+    assert (finding.fault, finding.channel, finding.runs) == ("clock_offset", "kinect", (1,))
+    assert finding.repairs[0].offset_s == pytest.approx(-0.1, abs=0.0101)
+
+
+@pytest.mark.parametrize("late_s", [(0.0, 0.1), (0.1, 0.1, 0.1), (0.0, 0.03, 0.0)])
+def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
+    assert not findings(late_s)
+
+
+def test_lags_that_hardly_tell_are_no_finding():
+    scores = [20.0 - 10.0 * np.abs(LATENCIES_S - lag_s) for lag_s in (0.0, 0.1, 0.0)]
+    assert not list(other_latencies([0, 1, 2], scores))
+    assert [finding.runs for finding in other_latencies([0, 1, 2], [100.0 * of_run for of_run in scores])] == [(1,)]
+
+
+def test_where_no_latency_is_that_of_most_runs_nothing_is_said():
+    scores = [-1000.0 * np.abs(LATENCIES_S - lag_s) for lag_s in (-0.1, 0.0, 0.1, 0.2)]
+    assert not list(other_latencies(range(4), scores))
