@@ -126,6 +126,11 @@ def test_a_long_push_in_which_the_robot_drives_along_for_a_while_is_told_once():
     assert finding.runs == (0,) and finding.from_s < 17.2 and finding.to_s > 24.8
 
 
+def test_a_robot_that_reverses_under_a_late_camera_is_not_carried():
+    late = SOUND | {"late_s": 0.2, "speeds_m_s": (-0.6, 0.6), "rates_rad_s": (-2.0, 2.0)}
+    assert not check(two_wheels.model(), [two_wheels.drive(760 + i, 24.0, **late) for i in range(2)]).findings
+
+
 def after_a_rest(channel, spun=0.0):
     """A channel of a robot that rests for 4 s before it drives, with wheels that turn in the air meanwhile."""
     t = np.arange(0.0, 4.0, np.median(np.diff(channel.t)))

@@ -10,6 +10,7 @@ from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCY_S,
     Base,
+    best_latency,
     camera_link,
     inside,
     moving,
@@ -198,13 +199,15 @@ def _carried(run, base):
     """Stretches in which camera and wheels tell of different motions, which differ by more than they have in common.
 
     They reach as far as the motions differ by more than chance: a robot that drives on has most in common with a push.
+    A camera may be late.
     """
     link = camera_link(run, base, _SERIES)
-    kept = inside(base, link.since_s, link.until_s)
+    lag_s = best_latency(link, base)
+    kept = inside(base, link.since_s + lag_s, link.until_s + lag_s)
     if kept.sum() < FEWEST * _SERIES:
         return
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
-    x = link.predicted(since, until)
+    x = link.predicted(since + lag_s, until + lag_s)
     left = residuals(x, y, slack=link.slack)
     size, unusual, far = np.linalg.norm(left, axis=1), np.zeros(len(left), bool), np.zeros(len(left), bool)
     for group in map(list, link.groups):
@@ -230,6 +233,7 @@ def _carried(run, base):
         whole = float(since[begin]), float(until[end])
         if _part(run, *whole):
             (a, b), reached = whole, end
+        a, b = a + min(lag_s, 0.0), b + max(lag_s, 0.0)  # what the wheels say of it has other stamps
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 
