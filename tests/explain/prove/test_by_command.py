@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import drake_ispace as di
-from drake_ispace.explain.prove.left.by_command import changes_before, left_at_changes
+from drake_ispace.explain.prove.left.by_command import changes_before, left_at_changes, told_to_move
 from hidden import two_wheels
 
 RANDOM = np.random.default_rng(8)
@@ -15,6 +15,12 @@ def test_changes_of_each_column_count_in_parts_of_its_largest_value():
     command[3:, 0], command[6:, 1] = -4.0, 0.5
     found = changes_before(command, np.array([2, 5, 9]), [4, 7])
     assert found.tolist() == [[0.0, 0.0], [1.0, 1.0], [1.0, 2.0]]
+
+
+def test_what_is_told_to_rest_for_a_while_is_told_to_move_no_more():
+    command = np.zeros((10, 2))
+    command[3:5, 1] = -0.5
+    assert told_to_move(command, np.array([2, 3, 6, 7, 9]), 3).tolist() == [False, True, True, False, False]
 
 
 def runs(after, quiet=1.0):

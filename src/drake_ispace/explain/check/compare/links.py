@@ -194,7 +194,7 @@ def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
 
 
 def best_latency(link: Link, base: Base) -> float:
-    """The latency [s] at which a channel and the wheels differ least in most of its windows; 0 where none can be told."""
+    """The latency [s] at which a channel and the wheels differ least in most windows; 0 where none can be told."""
     kept = inside(base, link.since_s - LATENCY_S, link.until_s + LATENCY_S)
     if not kept.any():
         return 0.0

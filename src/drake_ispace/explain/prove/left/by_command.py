@@ -35,14 +35,18 @@ def by_command(
     if not measures:
         return []
     changes = [_changes(track.command, own) for track, own in zip(tracks, windows, strict=True)]
+    told = [
+        told_to_move(track.command, _ends(own), round(HORIZONS_S[0] / TICK_S))
+        for track, own in zip(tracks, windows, strict=True)
+    ]
     unlogged = angles_left_by_command_times(tracks, wheels, seconds_of(measures[0].horizon))
     for m in measures:
         may_be = float(np.hypot(sensors.get(m, np.inf), unlogged))
         which = [i for i, run in enumerate(motion) if m in run]
         runs = [(tracks[i].name, motion[i][m]) for i in which]
-        if (told := predicted(m, runs, may_be, NO_NOISE)) is not None:
-            found.append(replace(told, ratio=told.size / may_be))
-        size = left_at_changes([(changes[i], motion[i][m].errors) for i in which])
+        if (most := predicted(m, runs, may_be, NO_NOISE)) is not None:
+            found.append(replace(most, ratio=most.size / may_be))
+        size = left_at_changes([(changes[i][told[i]], motion[i][m].errors[told[i]]) for i in which])
         if size > may_be:
             because = f"after changes of the command the error over {m.horizon} is larger than at other times"
             found.append(going_with(m, runs, "changes of the command", size, size / may_be, because))
@@ -52,7 +56,12 @@ def by_command(
 def _changes(command, windows) -> np.ndarray:
     """(k, 2) `changes_before` the ends of the windows of the shortest horizon, over two of these and over 1 s."""
     ticks = windows.lengths[windows.shortest]
-    return changes_before(command, windows.dense + ticks - 1, (2 * ticks, round(HORIZONS_S[0] / TICK_S)))
+    return changes_before(command, _ends(windows), (2 * ticks, round(HORIZONS_S[0] / TICK_S)))
+
+
+def _ends(windows) -> np.ndarray:
+    """(k,) the last tick of each window of the shortest horizon."""
+    return windows.dense + windows.lengths[windows.shortest] - 1
 
 
 def changes_before(command: np.ndarray, ends: np.ndarray, pasts: Sequence[int]) -> np.ndarray:
@@ -65,11 +74,20 @@ def changes_before(command: np.ndarray, ends: np.ndarray, pasts: Sequence[int]) 
     return np.column_stack([way[ends] - way[np.maximum(ends - past, 0)] for past in pasts])
 
 
-def left_at_changes(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Root mean square, over whole runs, of what errors are larger by after changes; 0 where it may be chance.
+def told_to_move(command: np.ndarray, ends: np.ndarray, past: int) -> np.ndarray:
+    """(k,) whether a command (rows, n) is not zero in some of the `past` rows up to each of `ends` (k,).
 
-    runs: of each by how much the command has changed over each past (k, c), and errors (k, d). They are larger by
-        chance if they are as much larger after the same changes at other times.
+    At rest there are no errors, so that those while a robot moves are larger whatever changes.
+    """
+    moves = np.concatenate([[0], np.cumsum(command.any(axis=1))])
+    return moves[ends + 1] > moves[np.maximum(ends + 1 - past, 0)]
+
+
+def left_at_changes(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Root mean square, over all rows, of what errors are larger by after changes; 0 where it may be chance.
+
+    runs: of each, while it is told to move, by how much the command has changed over each past (k, c), and errors
+        (k, d). They are larger by chance if they are as much larger after the same changes at other times.
     """
     squares = [np.sum(errors**2, axis=1) for _, errors in runs]
     return max(_larger_after([past > middle for past in pasts], squares) for pasts, middle in (
