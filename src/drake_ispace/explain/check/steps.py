@@ -6,11 +6,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCY_S,
     Base,
-    best_latency,
     camera_link,
     inside,
     moving,
@@ -202,7 +202,7 @@ def _carried(run, base):
     A camera may be late.
     """
     link = camera_link(run, base, _SERIES)
-    lag_s = best_latency(link, base)
+    lag_s = latency_of(run, base)
     kept = inside(base, link.since_s + lag_s, link.until_s + lag_s)
     if kept.sum() < FEWEST * _SERIES:
         return

@@ -122,8 +122,10 @@ class _Trial:
         return _least(_shifted(path), self.rough)
 
     def sharpened(self, path: Path) -> Path:
-        """The path with the best lag near its own, and the best rate if its clock drifts."""
+        """The path with the best lag near its own, and the best rate if its clock drifts; the best jump, but at a gap."""
         path = self.shifted(path)
+        if path.later_s and path.jump_s not in [gap.jump_s for gap in self.gaps]:
+            return _least([replace(path, later_s=path.later_s + float(d)) for d in LATENCIES_S], self.rough)
         while path.rate:
             nearer = self.shifted(_least(_tilted(path, self.lasts_s), self.rough))
             if not np.subtract(*self.rough([nearer, path])) < 0.0:
@@ -203,7 +205,7 @@ class _Trial:
             until = until[:, ends - 1]
             end = int(np.argmin(until.min(axis=0) + after[:, ends].min(axis=0)))
             first = float(first_s[np.argmin(until[:, end])])
-            if abs(first - second[end]) > LATENCY_S:
+            if abs(first - second[end]) > (RATE_S if self.link.channel == "kinect" else LATENCY_S):
                 at_s = float(self.link.since_s[ends[end]])
                 found.append(Path(first, 0.0, 0.0, float(second[end]) - first, at_s))
         return found

@@ -47,11 +47,23 @@ def _grid(t: np.ndarray) -> Gridded:
     return Gridded("kinect", float(step_s), float(since_s))
 
 
+def latency_of(run: Recording, base: Base) -> float:
+    """The latency [s] of the camera at which most of its motions from fix to fix are nearest to those of the wheels."""
+    apart, count = _apart(run, base)
+    return float(LATENCIES_S[np.argmin(apart)]) if count else 0.0
+
+
 def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
     """Median distance [m] between the motions from fix to fix that camera and wheels tell of, and number of these.
 
     At the best latency.
     """
+    apart, count = _apart(run, base)
+    return float(apart.min()), count
+
+
+def _apart(run, base):
+    """(lags,) the median distance of `_disagreement` at each of LATENCIES_S, and number of the motions."""
     kinect = run.channels["kinect"]
     first = np.arange(len(kinect.t) - 1)
     since, until = kinect.t[:-1], kinect.t[1:]
@@ -59,7 +71,7 @@ def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
     moved = seen(kinect, steps)[:, :2]
     inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
     if not inside.any():
-        return 0.0, 0
+        return np.zeros(len(LATENCIES_S)), 0
     since, until = (np.ravel(t[inside] + LATENCIES_S[:, None]) for t in (since, until))
     turned = (base.moved(since, until) @ seen_of_wheels(run, base))[:, :2].reshape(len(LATENCIES_S), -1, 2)
-    return float(np.median(np.linalg.norm(moved[inside] - turned, axis=2), axis=1).min()), int(inside.sum())
+    return np.median(np.linalg.norm(moved[inside] - turned, axis=2), axis=1), int(inside.sum())

@@ -193,17 +193,6 @@ def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     )
 
 
-def best_latency(link: Link, base: Base) -> float:
-    """The latency [s] at which a channel and the wheels differ least in most windows; 0 where none can be told."""
-    kept = inside(base, link.since_s - LATENCY_S, link.until_s + LATENCY_S)
-    if not kept.any():
-        return 0.0
-    since, until = (np.ravel(t[kept] + LATENCIES_S[:, None]) for t in (link.since_s, link.until_s))
-    predicted = link.predicted(since, until).reshape(len(LATENCIES_S), -1, link.measured.shape[1])
-    off = np.median(np.linalg.norm(link.measured[kept] - predicted, axis=2), axis=1)
-    return float(LATENCIES_S[np.argmin(off)])
-
-
 def seen_of_wheels(run: Recording, base: Base) -> np.ndarray:
     """(3, 3) what turns motions [m, m, rad] (n, 3) that wheels make into those that the camera sees, all in all.
 

@@ -21,7 +21,7 @@ from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.messages import FIX
 from drake_ispace.blocks.noise import stream
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.levels import CHANCE
+from drake_ispace.explain.levels import CERTAIN, CHANCE
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.replay import Values
@@ -284,6 +284,7 @@ def process_noise(
     """
     needed, robot = {}, prediction.replay.body.robot
     pooled, noise = pooled_of(after), pooled_of(sensors)
+    may_be = 1.0 if robot.driven == COMMAND else 0.0  # whether free runs on the command say how strong it is at most
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
@@ -299,7 +300,8 @@ def process_noise(
             of_noise = _covariance(noise, measures)
             parts = [_covariance(parts_of[source], measures) for source in forces]
             scale = 1.0 / np.sqrt(np.diag(of_noise + sum(parts)))
-            extra = _covariance(pooled, measures) - of_noise
+            found = _covariance(pooled, measures)
+            extra = found + may_be * np.diag(np.diag(found) * _by_chance(pooled[measures[0]])) - of_noise
             columns.append([(part * np.outer(scale, scale)).ravel() for part in (extra, *parts)])
         extra, *parts = (np.concatenate(column) for column in zip(*columns, strict=True))
         if not np.isfinite([extra, *parts]).all():
@@ -325,12 +327,18 @@ def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
     Errors that do not grow are no walk, and errors that are small over 1 s are no strong one.
     """
     known = [m for m in (Measure(RPE, horizon_of(s), channel, unit, driven_by) for s in HORIZONS_S) if m in pooled]
-    extra = [rms([pooled[m]]) ** 2 - rms([noise[m]]) ** 2 for m in known]
+    may_be = [_by_chance(pooled[m]) if driven_by == COMMAND else 0.0 for m in known]
+    extra = [rms([pooled[m]]) ** 2 * (1.0 + more) - rms([noise[m]]) ** 2 for m, more in zip(known, may_be, strict=True)]
     squares = [rms([walk[m]]) ** 2 for m in known]
     pairs = zip([extra[:1], np.diff(extra)], [squares[:1], np.diff(squares)], strict=True) if known else ()
     return [
         float(np.sqrt(max(e[0], 0.0) / max(w[0], 1e-300))) for e, w in pairs if len(e) and w[0] > 0.0
     ]
+
+
+def _by_chance(errors: np.ndarray) -> float:
+    """By which share the mean square of errors (k, d) may be too small by chance, of errors that are Gaussian noise."""
+    return CERTAIN * float(np.sqrt(2.0 / (INDEPENDENT * errors.size)))
 
 
 def most_of_most_errors(found: np.ndarray, noise: np.ndarray, walk: np.ndarray, limit: float) -> float:
