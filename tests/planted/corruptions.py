@@ -126,6 +126,8 @@ add("y mirrored", "kinect", MIRRORED, place(((1, 0), (0, -1))))
 add("room mirrored", "kinect", {*MIRRORED, "wheels_swapped", "wheel_order", "heading_sign"},
     place(((1, 0), (0, -1)), -1.0))
 add("headings of the other sense", "kinect", {"heading_sign", *MIRRORED}, place(I2, -1.0))
+add("headings of a compass, in degrees", "kinect", {"heading_sign", "wrong_unit", *MIRRORED},
+    columns("kinect", lambda t, v: np.column_stack([v[:, :2], 90.0 - np.degrees(v[:, 2]), v[:, 3:]])))
 for quarter in (1, 2, 3):
     also = {"wheels_swapped", "wheel_order"} | ({"encoder_sign"} if quarter == 2 else set())
     add(f"headings off by {90 * quarter} degrees", "kinect", {*TURNED, *also}, place(I2, 1.0, quarter * np.pi / 2))

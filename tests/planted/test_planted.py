@@ -12,7 +12,7 @@ from planted.files import Folder
 
 FEW = ("encoder in degrees", "wheels 1 and 2 swapped", "camera in millimetres", "torque of the other sense",
        "angles wrapped to 0 to 2 pi", "clock of kinect off by -2.0 s", "camera outliers", "encoder of another run",
-       "a robot with wheels elsewhere")
+       "a robot with wheels elsewhere", "headings of a compass, in degrees")
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """A camera that is late in one run by another time than in the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,17 @@ def test_it_is_found_beside_a_larger_wheel_and_set_by_the_difference(usual_s):
     assert finding.repairs[0].offset_s == pytest.approx(-0.1, abs=0.0101)
 
 
+def test_a_clock_that_jumps_by_less_than_a_usual_latency_is_told_with_its_jump():
+    fast = SOUND | {"in_step": True, "speeds_m_s": (-0.5, 0.5), "rates_rad_s": (-1.5, 1.5)}
+    first, second = (two_wheels.drive(7310 + i, 40.0, **fast) for i in range(2))
+    kinect = first.channels["kinect"]
+    later = replace(kinect, t=kinect.t + np.where(kinect.t > 20.0, 0.15, 0.0))
+    first = replace(first, channels=first.channels | {"kinect": later})
+    (finding,) = check(two_wheels.model(), [first, second]).findings
+    assert (finding.fault, finding.runs) == ("clock_jump", (0,)) and abs(finding.from_s - 20.0) < 1.5
+    assert finding.repairs[0].offset_s == pytest.approx(-0.15, abs=0.03)
+
+
 @pytest.mark.parametrize("late_s", [(0.0, 0.1), (0.1, 0.1, 0.1), (0.0, 0.03, 0.0)])
 def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
     assert not findings(late_s)
@@ -36,6 +49,12 @@ def test_lags_that_hardly_tell_are_no_finding():
     scores = [20.0 - 10.0 * np.abs(LATENCIES_S - lag_s) for lag_s in (0.0, 0.1, 0.0)]
     assert not list(other_latencies([0, 1, 2], scores))
     assert [finding.runs for finding in other_latencies([0, 1, 2], [100.0 * of_run for of_run in scores])] == [(1,)]
+
+
+def test_runs_that_tell_no_latency_speak_against_none():
+    told = -1000.0 * np.abs(LATENCIES_S)
+    vague = -10.0 * np.abs(LATENCIES_S - 0.1)
+    assert not list(other_latencies([0, 1, 2], [told, vague, vague]))
 
 
 def test_where_no_latency_is_that_of_most_runs_nothing_is_said():

@@ -74,6 +74,11 @@ def test_a_camera_that_jumps_is_no_counter_that_was_set_anew():
     assert found("kinect", moved) == [("camera_jump", "kinect", (0,))]
 
 
+def test_a_command_that_turns_the_other_way_in_degrees_is_told_as_both():
+    turned = found("command", lambda t, values: values * [1.0, 1.0, -np.degrees(1.0)])
+    assert {(fault, runs) for fault, _, runs in turned} == {("wrong_unit", (0,)), ("command_sign", (0,))}
+
+
 def test_a_command_that_nobody_filled_in_is_told():
     assert found("command", lambda t, values: 0.0 * values) == [("channel_dead", "command", (0,))]
 

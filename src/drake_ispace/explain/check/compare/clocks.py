@@ -122,7 +122,7 @@ class _Trial:
         return _least(_shifted(path), self.rough)
 
     def sharpened(self, path: Path) -> Path:
-        """The path with the best lag near its own, and the best rate if its clock drifts; the best jump, but at a gap."""
+        """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap."""
         path = self.shifted(path)
         if path.later_s and path.jump_s not in [gap.jump_s for gap in self.gaps]:
             return _least([replace(path, later_s=path.later_s + float(d)) for d in LATENCIES_S], self.rough)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import WELL, Agreement, compared, disagreement, part, row
+from drake_ispace.explain.check.compare.agreement import RELATED, WELL, Agreement, compared, disagreement, part, row
 from drake_ispace.explain.check.compare.columns import (
     Columns,
     accelerometer_columns,
@@ -41,6 +41,8 @@ _OF_THE_WHEELS = {
 }
 #: Vibration hides some of what a sound IMU follows, friction and the room's forces most of what a torque does.
 _WELL = {COMMAND: WELL, "imu": 0.5 * WELL, TORQUE: 0.25 * WELL}
+#: A command whose turns are of another sense and unit still follows well, by its way.
+_USUAL = {COMMAND: 1.0 - RELATED}
 Runs, Bases = Sequence[Recording], Sequence[Base | None]
 
 
@@ -232,4 +234,5 @@ def _found(runs, bases, given, one, channel, columns, single):
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
     both = None if single else lambda: pairs(given)
-    return disagreement(rows_of, given, both, lambda reading: channel, repairs, well=_WELL[channel])
+    usual = _USUAL.get(channel, 0.0)
+    return disagreement(rows_of, given, both, lambda reading: channel, repairs, well=_WELL[channel], usual=usual)

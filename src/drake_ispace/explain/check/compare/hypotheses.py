@@ -223,7 +223,9 @@ def _views():
         turn, rare = (quarter if quarter < 3 else -1) * np.pi / 2.0, bool(off)
         if off:
             yield "heading_offset", f"headings off by {off} degrees", View(offset_rad=turn), False
-        yield "heading_sign", f"headings of the other sense{by}", View(scale=-1.0, offset_rad=turn), rare
+        compass = quarter == 1
+        said = "headings of a compass, clockwise from the y axis" if compass else f"headings of the other sense{by}"
+        yield "heading_sign", said, View(scale=-1.0, offset_rad=turn), rare and not compass
         room = View(((1.0, 0.0), (0.0, -1.0)), -1.0, turn)
         yield "camera_axis_mirrored", f"the room is mirrored, y and headings{by}", room, rare
 

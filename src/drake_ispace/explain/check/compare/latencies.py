@@ -11,18 +11,23 @@ from drake_ispace.faults.repair import Clock
 
 
 def other_latencies(numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Iterator[Finding]:
-    """Findings of runs whose camera is late or early by a usual time, but not by that of most runs.
+    """Findings of runs whose camera is late or early by a usual time, but not by that of most other runs.
 
-    In most of three runs or more its lags must lie within RATE_S of their median.
+    These must lie within RATE_S of their median, and as clearly not have the time of the run.
 
     numbers: of the runs. scores: of each, (lags,) log likelihood of each of LATENCIES_S.
     """
     lags_s = np.array([LATENCIES_S[np.argmax(of_run)] for of_run in scores])
+
+    def speaks_against(of_run, lag_s):
+        return of_run.max() - np.interp(lag_s, LATENCIES_S, of_run)
+
     for i, (number, of_run) in enumerate(zip(numbers, scores, strict=True) if len(numbers) > 2 else ()):
-        others_s = float(np.median(np.delete(lags_s, i)))
-        off_s, alike = float(lags_s[i]) - others_s, np.sum(np.abs(lags_s - others_s) <= RATE_S)
-        gain = float(of_run.max() - np.interp(others_s, LATENCIES_S, of_run))
-        if abs(off_s) > RATE_S and 2 * alike > len(numbers) and gain >= SAID:
+        others = [j for j in range(len(numbers)) if j != i]
+        usual_s = float(np.median(lags_s[others]))
+        off_s, gain = float(lags_s[i]) - usual_s, float(speaks_against(of_run, usual_s))
+        alike = sum(abs(lags_s[j] - usual_s) <= RATE_S and speaks_against(scores[j], lags_s[i]) >= SAID for j in others)
+        if abs(off_s) > RATE_S and 2 * alike > len(others) and gain >= SAID:
             what = f"clock {abs(off_s):.3g} s {'late' if off_s < 0 else 'early'} against that of the other runs"
             yield Finding(
                 "clock_offset", what, "kinect", drop_in_deviance=2.0 * gain, runs=(number,),
