@@ -47,16 +47,23 @@ def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
 
 def test_lags_that_hardly_tell_are_no_finding():
     scores = [20.0 - 10.0 * np.abs(LATENCIES_S - lag_s) for lag_s in (0.0, 0.1, 0.0)]
-    assert not list(other_latencies([0, 1, 2], scores))
-    assert [finding.runs for finding in other_latencies([0, 1, 2], [100.0 * of_run for of_run in scores])] == [(1,)]
+    assert not list(other_latencies("kinect", [0, 1, 2], scores))
+    (finding,) = other_latencies("kinect", [0, 1, 2], [100.0 * of_run for of_run in scores])
+    assert finding.runs == (1,)
 
 
 def test_runs_that_tell_no_latency_speak_against_none():
     told = -1000.0 * np.abs(LATENCIES_S)
     vague = -10.0 * np.abs(LATENCIES_S - 0.1)
-    assert not list(other_latencies([0, 1, 2], [told, vague, vague]))
+    assert not list(other_latencies("kinect", [0, 1, 2], [told, vague, vague]))
 
 
 def test_where_no_latency_is_that_of_most_runs_nothing_is_said():
     scores = [-1000.0 * np.abs(LATENCIES_S - lag_s) for lag_s in (-0.1, 0.0, 0.1, 0.2)]
-    assert not list(other_latencies(range(4), scores))
+    assert not list(other_latencies("kinect", range(4), scores))
+
+
+@pytest.mark.parametrize("lag_s, is_told", [(-0.15, True), (0.15, False)])
+def test_a_drive_may_follow_later_but_not_before_its_command(lag_s, is_told):
+    scores = [-1000.0 * np.abs(LATENCIES_S - lag) for lag in (0.0, lag_s, 0.0)]
+    assert bool(list(other_latencies("command", range(3), scores))) is is_told

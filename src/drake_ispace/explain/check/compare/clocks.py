@@ -22,9 +22,11 @@ from drake_ispace.explain.check.compare.links import (
     lags,
     moves,
 )
-from drake_ispace.explain.check.compare.regression import SLACK, most, scores
+from drake_ispace.explain.check.compare.losses import losses
+from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
+from drake_ispace.robots.robot import COMMAND
 
 LATEST_S = 5.0  # by which a clock may be off that is looked for
 _LAGS_S = lags(LATEST_S, RATE_S)
@@ -57,7 +59,7 @@ class _Trial:
     def __init__(self, number: int, link: Link, base: Base):
         self.number, self.link, self.base = number, link, base
         off = _LAGS_S[:, None]
-        self.loss = _losses(link, base, link.since_s + off, link.until_s + off)
+        self.loss = losses(link, base, link.since_s + off, link.until_s + off)
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         self.lasts_s = float(link.until_s[-1] - link.since_s[0])
@@ -115,7 +117,7 @@ class _Trial:
     def rough(self, paths: Sequence[Path]) -> np.ndarray:
         """(paths,) losses along each path: smooth, without physics."""
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
-        return np.nansum(_losses(self.link, self.base, since, until), axis=-1)
+        return np.nansum(losses(self.link, self.base, since, until), axis=-1)
 
     def shifted(self, path: Path) -> Path:
         """The path with the best lag near its own."""
@@ -280,10 +282,10 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
             if path.later_s or path.rate or not trial.peaks_as_given or gain >= RELATED * (trial.given + gain)
         ]
     found = [trial.finding(path, 2.0 * gain) for trial, path, gain in own]
-    if found or not trials or trials[0].link.channel != "kinect":
+    if found or not trials or trials[0].link.channel not in ("kinect", COMMAND):
         return found
     scores = [np.array(trial.scores([Path(float(lag)) for lag in LATENCIES_S])) for trial in trials]
-    return list(other_latencies([trial.number for trial in trials], scores))
+    return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
 
 
 def late_since(links: Sequence[tuple[int, Link, Base]], at_s: float) -> tuple[float, float]:
@@ -364,38 +366,3 @@ def _tilted(path, lasts_s):
 def _least(paths, losses):
     """The path with the least loss; losses: gives those of several."""
     return paths[int(np.argmin(losses(paths)))]
-
-
-def _losses(link, base, since, until):
-    """(..., windows) losses of windows at these times, less those without any relation; NaN outside of the run."""
-    times = since.ravel(), until.ravel()
-    x = link.predicted(*times).reshape(*since.shape, -1)
-    kept = inside(base, since, until)
-    y, left = np.broadcast_to(link.measured, x.shape), link.measured - x
-    if link.any_share:
-        y, left = _without(link.besides(*times).reshape(*x.shape, -1), kept, y, left)
-    near = _near(y, link)
-    loss = np.log1p((left / near) ** 2).sum(axis=-1) - np.log1p((y / near) ** 2).sum(axis=-1)
-    return np.where(kept, loss, np.nan)
-
-
-def _without(besides, kept, *motions):
-    """Motions (..., windows, d) less what `besides` (..., windows, d, k) may have of each, by least squares."""
-    z = (besides * kept[..., None, None]).reshape(*kept.shape[:-1], -1, besides.shape[-1])
-    z = z / (np.sqrt((z**2).mean(axis=-2, keepdims=True)) + 1e-24)
-    normal = np.swapaxes(z, -1, -2) @ z + 1e-6 * z.shape[-2] * np.eye(z.shape[-1])
-    found = []
-    for motion in motions:
-        flat = (motion * kept[..., None]).reshape(*z.shape[:-1], 1)
-        share = np.linalg.solve(normal, np.swapaxes(z, -1, -2) @ flat)
-        found.append((flat - z @ share).reshape(motion.shape))
-    return found
-
-
-def _near(y, link):
-    """(..., 1, d) residuals that count as small."""
-    near = np.empty((*y.shape[:-2], 1, y.shape[-1]))
-    for group in map(list, link.groups):
-        size = np.sqrt((y[..., group] ** 2).sum(axis=-1).mean(axis=-1))[..., None, None]
-        near[..., group] = np.hypot(SLACK * size, link.noise[group])
-    return near + 1e-12

@@ -1,4 +1,7 @@
-"""Is the camera late in one run by another time than in the others? It has one latency, so that a clock was off."""
+"""Is a channel late in one run by another time than in the others? A camera has one latency: a clock was off.
+
+A drive may lag by other times, but never leads its command.
+"""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,10 +11,11 @@ from drake_ispace.explain.check.compare.agreement import SAID
 from drake_ispace.explain.check.compare.links import LATENCIES_S, RATE_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
+from drake_ispace.robots.robot import COMMAND
 
 
-def other_latencies(numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Iterator[Finding]:
-    """Findings of runs whose camera is late or early by a usual time, but not by that of most other runs.
+def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Iterator[Finding]:
+    """Findings of runs whose camera or command is late or early by a usual time, but not by that of most other runs.
 
     These must lie within RATE_S of their median, and as clearly not have the time of the run.
 
@@ -27,9 +31,10 @@ def other_latencies(numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Ite
         usual_s = float(np.median(lags_s[others]))
         off_s, gain = float(lags_s[i]) - usual_s, float(speaks_against(of_run, usual_s))
         alike = sum(abs(lags_s[j] - usual_s) <= RATE_S and speaks_against(scores[j], lags_s[i]) >= SAID for j in others)
-        if abs(off_s) > RATE_S and 2 * alike > len(others) and gain >= SAID:
+        leads = channel != COMMAND or lags_s[i] < -RATE_S
+        if leads and abs(off_s) > RATE_S and 2 * alike > len(others) and gain >= SAID:
             what = f"clock {abs(off_s):.3g} s {'late' if off_s < 0 else 'early'} against that of the other runs"
             yield Finding(
-                "clock_offset", what, "kinect", drop_in_deviance=2.0 * gain, runs=(number,),
-                repairs=(Clock("kinect", 1.0, off_s),),
+                "clock_offset", what, channel, drop_in_deviance=2.0 * gain, runs=(number,),
+                repairs=(Clock(channel, 1.0, off_s),),
             )
