@@ -20,6 +20,7 @@ CASE = SimpleNamespace(scenario="one", is_filtered=True, replay=SimpleNamespace(
 def all_makes_sense(monkeypatch):
     """Answers here have no sizes and no gap."""
     monkeypatch.setattr(best_answer, "nonsense", lambda answer: (set(), ""))
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: {})
 
 
 def decided(names, in_doubt=False):
@@ -74,6 +75,25 @@ def test_nonsense_is_not_named(monkeypatch, left_out, left):
     best = best_answered(CASE, answered(decided(["slip", "lag"])), answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
     assert any("no sense: so it is" in warning for warning in best.answer.warnings) == bool(left_out)
+
+
+@pytest.mark.parametrize(("more", "left"), [(0.0, ["slip"]), (-0.5, ["slip"]), (0.5, ["slip", "lag"])])
+def test_a_small_effect_is_not_named_where_an_answer_that_does_not_suffice_leaves_no_more_without(
+    monkeypatch, more, left
+):
+    def answered(decision):
+        effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
+        remainders = [SimpleNamespace(ratio=2.0 if len(effects) == 2 else 2.0 + more)]
+        answer = SimpleNamespace(verdict="unknown", effects=effects, warnings=[], gap=[], remainders=remainders)
+        return proved(decision, answer)
+
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: {
+        effect.name: "lag is small" for effect in answer.effects if effect.name == "lag"
+    })
+    monkeypatch.setattr(best_answer, "_needed", lambda case, best: best.decision)
+    best = best_answered(CASE, answered(decided(["slip", "lag"])), answered)
+    assert [effect.name for effect in best.answer.effects] == left
+    assert any("lag is small" in said for said in best.answer.warnings) == (len(left) == 1)
 
 
 @pytest.mark.parametrize(("unconfirmed", "left"), [

@@ -57,6 +57,7 @@ def _preferred(case, first, answered) -> Answered:
     if doubted and not lacks_little(best.answer, best.decision):
         best = answered(best.decision.otherwise)
     best = _without(best, *nonsense(best.answer), answered)
+    best = _without_small(case, best, answered)
     needed = _needed(case, best) if best.answer.effects else best.decision
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
@@ -106,6 +107,17 @@ def _without(first, names, why, answered) -> Answered:
     kept = {c: z for c, z in first.decision.named.point.items() if c.name not in names}
     without = answered(first.decision.with_effects(kept) if kept else first.decision.without_effects())
     return replace(without, dropped=(*first.dropped, no_sense(without.answer, first.answer, why)))
+
+
+def _without_small(case, best, answered) -> Answered:
+    """Without effects whose sizes are those of a sound robot, or may be none, if an answer that does not suffice leaves
+    no more without them."""
+    why = {} if best.suffices else doubtful(best.answer, case, best.proof)
+    why = {name: said for name, said in why.items() if name not in best.proof.unconfirmed}
+    if not why:
+        return best
+    without = _without(best, why.keys(), "; ".join(why.values()), answered)
+    return without if without.too_large <= best.too_large else best
 
 
 def _needed(case, best) -> Decision:
