@@ -284,7 +284,6 @@ def process_noise(
     """
     needed, robot = {}, prediction.replay.body.robot
     pooled, noise = pooled_of(after), pooled_of(sensors)
-    may_be = 1.0 if robot.driven == COMMAND else 0.0  # whether free runs on the command say how strong it is at most
     parts_of = {source: pooled_of(spread) for source, spread in unit.items()}
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
@@ -301,7 +300,9 @@ def process_noise(
             parts = [_covariance(parts_of[source], measures) for source in forces]
             scale = 1.0 / np.sqrt(np.diag(of_noise + sum(parts)))
             found = _covariance(pooled, measures)
-            extra = found + may_be * np.diag(np.diag(found) * _by_chance(pooled[measures[0]])) - of_noise
+            if robot.driven == COMMAND:  # free runs on the command say how strong it is at most
+                found[np.diag_indices_from(found)] *= 1.0 + _by_chance(pooled[measures[0]])
+            extra = found - of_noise
             columns.append([(part * np.outer(scale, scale)).ravel() for part in (extra, *parts)])
         extra, *parts = (np.concatenate(column) for column in zip(*columns, strict=True))
         if not np.isfinite([extra, *parts]).all():
