@@ -57,11 +57,11 @@ def _preferred(case, first, answered) -> Answered:
     if doubted and not lacks_little(best.answer, best.decision):
         best = answered(best.decision.otherwise)
     best = _without(best, *nonsense(best.answer), answered)
-    best = _without_small(case, best, answered)
     needed = _needed(case, best) if best.answer.effects else best.decision
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
         return replace(without, dropped=best.dropped)
+    best = _without_small(case, best, answered)
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
         best = _without(best, {best.proof.unconfirmed[0]}, UNCONFIRMED, answered)
     return best

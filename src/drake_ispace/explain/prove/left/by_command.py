@@ -90,6 +90,8 @@ def left_at_changes(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
         (k, d). They are larger by chance if they are as much larger after the same changes at other times.
     """
     squares = [np.sum(errors**2, axis=1) for _, errors in runs]
+    if not any(map(len, squares)):
+        return 0.0
     return max(_larger_after([past > middle for past in pasts], squares) for pasts, middle in (
         (each, np.median(np.concatenate(each))) for each in zip(*(change.T for change, _ in runs), strict=True)
     ))
