@@ -136,6 +136,23 @@ def test_a_robot_that_reverses_under_a_late_camera_is_not_carried():
     assert not check(two_wheels.model(), [two_wheels.drive(760 + i, 24.0, **late) for i in range(2)]).findings
 
 
+def test_a_robot_that_mostly_rests_under_a_camera_that_rounds_is_not_carried():
+    """Most motions from fix to fix are none, whatever the latency."""
+    run = two_wheels.drive(770, 24.0, **SOUND | {"speeds_m_s": (-0.6, 0.6), "rates_rad_s": (-2.0, 2.0)})
+
+    def resting(channel):
+        """The channel with the robot at rest for the 40 s before."""
+        t = np.arange(-40.0, channel.t[0] - 1e-6, np.median(np.diff(channel.t)))
+        rows = np.repeat(channel.values[:1] * (channel.columns[0] != "vx"), len(t), axis=0)
+        values = np.vstack([rows, channel.values])
+        if channel.columns[:2] == ("x", "y"):
+            values = np.round(values, 3)
+        return replace(channel, t=np.concatenate([t, channel.t]) + 40.0, values=values)
+
+    still = replace(run, channels={name: resting(channel) for name, channel in run.channels.items()})
+    assert not [f for f in check(two_wheels.model(), [still]).findings if f.fault == "robot_carried"]
+
+
 def after_a_rest(channel, spun=0.0):
     """A channel of a robot that rests for 4 s before it drives, with wheels that turn in the air meanwhile."""
     t = np.arange(0.0, 4.0, np.median(np.diff(channel.t)))

@@ -48,9 +48,12 @@ def _grid(t: np.ndarray) -> Gridded:
 
 
 def latency_of(run: Recording, base: Base) -> float:
-    """The latency [s] of the camera at which most of its motions from fix to fix are nearest to those of the wheels."""
-    apart, count = _apart(run, base)
-    return float(LATENCIES_S[np.argmin(apart)]) if count else 0.0
+    """The latency [s] of the camera at which most of its motions from fix to fix are nearest to those of the wheels.
+
+    The least of equal ones: a robot that mostly rests tells none.
+    """
+    apart, _ = _apart(run, base)
+    return float(min(LATENCIES_S[apart <= apart.min() + 1e-9], key=abs))
 
 
 def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
