@@ -67,6 +67,11 @@ class WheelGeometry:
         return _read_only(np.array([wheel.row() for wheel in self.wheels]))
 
     @property
+    def holds_sideways(self) -> bool:
+        """Whether some tyre holds the robot, so that it cannot move sideways."""
+        return any(wheel.holds_sideways for wheel in self.wheels)
+
+    @property
     def sideways(self) -> np.ndarray:
         """Rows (k, 3) whose product with v_B is zero, one for each of the k wheels that hold sideways."""
         rows = [

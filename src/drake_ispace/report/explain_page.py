@@ -11,7 +11,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, most_in, over, p_in_words
+from drake_ispace.explain.answer.sentences import amount, most_in, over, p_in_words
 from drake_ispace.explain.prove.errors.free_run import RUN, STEP
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.faults.repair import from_zero
@@ -199,10 +199,7 @@ def page(
 
 def _sentence(explanation):
     """What the gap is, and was, in a sentence for each headline."""
-    said = [
-        gap_sentence(row, explanation.proof, bool(explanation.effects)) for row in explanation.headlines or [None]
-    ]
-    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in said if text)
+    return " ".join(f"{text[:1].upper()}{text[1:]}." for text in explanation.headlines_in_words())
 
 
 def _cells(row: GapRow) -> dict[str, str]:

@@ -31,7 +31,7 @@ def _add_rover(bench, scenario) -> Part:
         InputError: a path that leaves the space, or a fixed heading for wheels that hold sideways.
     """
     settings = scenario.rover
-    holds_sideways = len(settings.plant.nominal_geometry.sideways) > 0
+    holds_sideways = settings.plant.nominal_geometry.holds_sideways
     if holds_sideways and settings.trajectory.heading == "fixed":
         raise InputError(
             f"{Rover.name}.trajectory.heading: expected tangent, the wheels of a {settings.plant.wheels} robot hold "

@@ -36,7 +36,7 @@ def ground_scale(body, axis: int, force: float) -> float:
 
 def _axes(body):
     """Endings of the names of slip along x, and along y where the wheels let the robot move that way."""
-    return ("",) if len(body.plant.geometry.sideways) else ("_x", "_y")
+    return ("",) if body.plant.geometry.holds_sideways else ("_x", "_y")
 
 
 def _slip_with(plant, name, key, values):

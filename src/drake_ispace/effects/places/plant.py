@@ -195,7 +195,7 @@ class WheelToe(PlantEffect):
 
     def applies_to(self, body):
         """Whether wheels turned apart leave the robot a direction to move in: tyres hold it sideways."""
-        return super().applies_to(body) and not len(body.plant.geometry.sideways)
+        return super().applies_to(body) and not body.plant.geometry.holds_sideways
 
     def change(self, robot, plant, values):
         return robot.toed(plant, values["angle_rad"], int(values["wheel"]) - 1)

@@ -69,7 +69,7 @@ class VelocitySaturation(VelocityEffect):
 
 def _ways(body):
     """The axes of the body along which its wheels let it move."""
-    return ("x",) if len(body.plant.geometry.sideways) else ("x", "y")
+    return ("x",) if body.plant.geometry.holds_sideways else ("x", "y")
 
 
 @kernel

@@ -183,8 +183,9 @@ class Explanation:
 
     @property
     def headlines(self) -> list[GapRow]:
-        """The rows of the gap that say most, the clearest first: the place on unseen runs, over the longest horizon at
-        which the gap is clear, for each of what drives the model.
+        """The rows of the gap that say most, the longest horizon first, one for each of what drives the model.
+
+        Each is of the place on unseen runs, over the longest horizon at which the gap is clear.
 
         Empty where the gap in metres is small beside what noise may leave.
         """
@@ -239,13 +240,17 @@ class Explanation:
         of_data = [str(finding) for finding in self.data]
         return sorted([*self.drifts, *self.warnings], key=lambda warning: warning not in of_data)
 
+    def headlines_in_words(self) -> list[str]:
+        """A sentence for each of the headlines; where there is none, why, unless nothing is named either."""
+        said = [gap_sentence(row, self.proof, bool(self.effects)) for row in self.headlines or [None]]
+        return [sentence for sentence in said if sentence]
+
     def gap_in_words(self) -> list[str]:
         """The headlines, and the places on unseen runs over each horizon; on the training runs if no other is left."""
-        first = self.headlines or [None]
-        lines = [line for row in first if (line := gap_sentence(row, self.proof, bool(self.effects)))]
         unseen = [other for other in self.gap if other.runs == HELD_OUT]
         shown, where = (unseen, "") if unseen else (self.gap, "training runs, ")
-        return lines + [where + short(other) for other in shown if is_place(other) and other not in first]
+        others = [where + short(other) for other in shown if is_place(other) and other not in self.headlines]
+        return self.headlines_in_words() + others
 
     def save(self, path: str | Path) -> None:
         """Write the explanation as JSON, whole or not at all.

@@ -212,7 +212,7 @@ def disagreement(
     pairs: Callable[[], Sequence[Hypothesis]] | None, channel: Callable[[Any], str],
     repairs: Callable[[Any], tuple[Repair, ...]], casting: Callable[[Any, tuple[int, ...]], float] | None = None,
     against: Callable[[int, Any], float] | None = None, well: float = WELL,
-    is_others: Callable[[int, Any], bool] = lambda i, hypothesis: False, usual: float = 0.0,
+    is_others: Callable[[int, Any], bool] = lambda i, hypothesis: False, least_share: float = 0.0,
 ) -> Agreement:
     """The hypothesis under which the runs agree with the wheels: of one mistake, or of two at once.
 
@@ -221,11 +221,11 @@ def disagreement(
     between those that are alike. against: of a run's number and a hypothesis, how much parts of the run speak against
     it, as a loss of log likelihood: what explains some seconds is no mistake of the whole run. well: share, as of
     `following`, above which a sound channel follows the wheels. is_others: of a run's number and a hypothesis,
-    whether the channel that this accuses moves with the wheels of another run. usual: share below which
-    in any run two mistakes at once are tried, too.
+    whether the channel that this accuses moves with the wheels of another run. least_share:
+    below which in any run two mistakes at once are tried, too.
     """
     choice = _Choice(rows_of(hypotheses), hypotheses, well, against, is_others)
-    if pairs is not None and (choice.number is not None or choice.follows() < well or choice.least() < usual):
+    if pairs is not None and (choice.number is not None or choice.follows() < well or choice.least() < least_share):
         two = [*hypotheses, *pairs()]
         at_once = _Choice(rows_of(two), two, well, against, is_others)
         choice = at_once if at_once.is_better_than(choice, well) else choice

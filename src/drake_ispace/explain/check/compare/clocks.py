@@ -89,7 +89,7 @@ class _Trial:
         They jump at any window to any offset, or where stamps leave that out, or drift at any rate.
         """
         jumps, drifts = len(self.link.since_s) * len(_LAGS_S), len(_rates(self.lasts_s))
-        if path.jump_s in [gap.jump_s for gap in self.gaps]:
+        if self._is_at_gap(path):
             jumps = len(self.gaps)
         return float(np.log(jumps if path.later_s else drifts if path.rate else 1))
 
@@ -126,7 +126,7 @@ class _Trial:
     def sharpened(self, path: Path) -> Path:
         """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap."""
         path = self.shifted(path)
-        if path.later_s and path.jump_s not in [gap.jump_s for gap in self.gaps]:
+        if path.later_s and not self._is_at_gap(path):
             return _least([replace(path, later_s=path.later_s + float(d)) for d in LATENCIES_S], self.rough)
         while path.rate:
             nearer = self.shifted(_least(_tilted(path, self.lasts_s), self.rough))
@@ -191,7 +191,9 @@ class _Trial:
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jumps(self) -> list[Path]:
-        """The best paths with a clock that jumps once by more than a latency: one that is right until then, and any.
+        """The best paths with a clock that jumps once: one that is right until then, and any.
+
+        A camera's by more than RATE_S, as it has one latency, others by more than a latency.
 
         None of a plant of one's own, whose friction and weight nobody knows and whose runs may last for a second.
         """
@@ -223,6 +225,9 @@ class _Trial:
         at = np.flatnonzero(left_out > LATENCY_S) if self.base.robot.in_room else ()
         lag = float(_LAGS_S[self.usual][np.argmin(self.total[self.usual])])
         return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
+
+    def _is_at_gap(self, path):
+        return path.jump_s in [gap.jump_s for gap in self.gaps]
 
     def repair(self, path: Path) -> Clock:
         """What puts the channel on the wheels' clock."""
@@ -321,8 +326,7 @@ def _common_drift(trials):
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
     tilted = [_tilted(trial.shifted(trial.along(rate)[1]), max(lasts)) for trial in trials]
-    losses = sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))
-    best = int(np.argmin(losses))
+    best = int(np.argmin(sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))))
     if not _is_drift(tilted[0][best].rate, min(lasts)):
         return []
     return [trial.shifted(near[best]) for trial, near in zip(trials, tilted, strict=True)]
@@ -363,6 +367,6 @@ def _tilted(path, lasts_s):
     return [replace(path, rate=float(rate)) for rate in rates[np.abs(rates) <= _FASTEST]] or [path]
 
 
-def _least(paths, losses):
-    """The path with the least loss; losses: gives those of several."""
-    return paths[int(np.argmin(losses(paths)))]
+def _least(paths, losses_of):
+    """The path with the least loss; losses_of: gives those of several."""
+    return paths[int(np.argmin(losses_of(paths)))]

@@ -42,7 +42,7 @@ _OF_THE_WHEELS = {
 #: Vibration hides some of what a sound IMU follows, friction and the room's forces most of what a torque does.
 _WELL = {COMMAND: WELL, "imu": 0.5 * WELL, TORQUE: 0.25 * WELL}
 #: A command whose turns are of another sense and unit still follows well, by its way.
-_USUAL = {COMMAND: 1.0 - RELATED}
+_LEAST_SHARE = {COMMAND: 1.0 - RELATED}
 Runs, Bases = Sequence[Recording], Sequence[Base | None]
 
 
@@ -234,5 +234,7 @@ def _found(runs, bases, given, one, channel, columns, single):
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
 
     both = None if single else lambda: pairs(given)
-    usual = _USUAL.get(channel, 0.0)
-    return disagreement(rows_of, given, both, lambda reading: channel, repairs, well=_WELL[channel], usual=usual)
+    return disagreement(
+        rows_of, given, both, lambda reading: channel, repairs, well=_WELL[channel],
+        least_share=_LEAST_SHARE.get(channel, 0.0),
+    )

@@ -31,8 +31,8 @@ def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.nd
         usual_s = float(np.median(lags_s[others]))
         off_s, gain = float(lags_s[i]) - usual_s, float(speaks_against(of_run, usual_s))
         alike = sum(abs(lags_s[j] - usual_s) <= RATE_S and speaks_against(scores[j], lags_s[i]) >= SAID for j in others)
-        leads = channel != COMMAND or lags_s[i] < -RATE_S
-        if leads and abs(off_s) > RATE_S and 2 * alike > len(others) and gain >= SAID:
+        may_tell = channel != COMMAND or lags_s[i] < -RATE_S
+        if may_tell and abs(off_s) > RATE_S and 2 * alike > len(others) and gain >= SAID:
             what = f"clock {abs(off_s):.3g} s {'late' if off_s < 0 else 'early'} against that of the other runs"
             yield Finding(
                 "clock_offset", what, channel, drop_in_deviance=2.0 * gain, runs=(number,),

@@ -236,7 +236,7 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
     yield Generic("slip_of_turning", "motion", "yaw rate", 1), [
         [-0.05 * slip(m, np.abs(m.body[:, 2]) / top_turn) for m in motions]
     ]
-    if not len(wheels.sideways):
+    if not wheels.holds_sideways:
         often = np.lcm(2, len(wheels.wheels))  # as the same wheels come round, pushed or pulled
         yield Generic("slip_of_direction", "motion", "direction of motion", 3), [
             [-0.05 * slip(m, wave(often * _course(m))) for m in motions] for wave in (np.ones_like, np.cos, np.sin)

@@ -89,7 +89,7 @@ def rows_of(columns: Columns, runs: str, kind: str, seed: int) -> list[GapRow]:
 
 
 def headlines(rows: Sequence[GapRow]) -> list[GapRow]:
-    """The rows of unseen runs that tell of the gap, the clearest first: one for each of what drives the model.
+    """The rows of unseen runs that tell of the gap, the longest horizon first: one for each of what drives the model.
 
     Each is of the place, over the longest horizon at which the gap is clear.
     """

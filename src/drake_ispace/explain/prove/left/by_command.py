@@ -18,6 +18,7 @@ from drake_ispace.explain.prove.left.predicted import predicted
 from drake_ispace.explain.prove.left.remainder import Remainder, Series, going_with
 from drake_ispace.explain.prove.noise.command_times import angles_left_by_command_times
 
+_PAST = round(HORIZONS_S[0] / TICK_S)  # ticks, after which a change of the command is over
 _SHIFTS = 20  # of time, at which the changes say nothing of the errors
 
 
@@ -35,10 +36,7 @@ def by_command(
     if not measures:
         return []
     changes = [_changes(track.command, own) for track, own in zip(tracks, windows, strict=True)]
-    told = [
-        told_to_move(track.command, _ends(own), round(HORIZONS_S[0] / TICK_S))
-        for track, own in zip(tracks, windows, strict=True)
-    ]
+    told = [told_to_move(track.command, _ends(own), _PAST) for track, own in zip(tracks, windows, strict=True)]
     unlogged = angles_left_by_command_times(tracks, wheels, seconds_of(measures[0].horizon))
     for m in measures:
         may_be = float(np.hypot(sensors.get(m, np.inf), unlogged))
@@ -56,7 +54,7 @@ def by_command(
 def _changes(command, windows) -> np.ndarray:
     """(k, 2) `changes_before` the ends of the windows of the shortest horizon, over two of these and over 1 s."""
     ticks = windows.lengths[windows.shortest]
-    return changes_before(command, _ends(windows), (2 * ticks, round(HORIZONS_S[0] / TICK_S)))
+    return changes_before(command, _ends(windows), (2 * ticks, _PAST))
 
 
 def _ends(windows) -> np.ndarray:
