@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.verdict import UNCONFIRMED, add_trace, doubtful, lacks_little, no_sense, nonsense
+from drake_ispace.explain.answer.verdict import UNCONFIRMED, add_trace, doubtful, lacks_little, left_out, nonsense
 from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.predict.case import Case
@@ -18,7 +18,7 @@ class Answered:
 
     Attributes:
         decision: which effects are named. proof: how far they go on unseen runs. answer: what is said of both.
-        dropped: a sentence on each effect that makes no sense and is therefore named no longer.
+        dropped: a sentence on effects that are named no longer, and why.
     """
 
     decision: Decision
@@ -56,14 +56,15 @@ def _preferred(case, first, answered) -> Answered:
     doubted = best.answer.verdict == "incomplete" and best.decision.otherwise is not None
     if doubted and not lacks_little(best.answer, best.decision):
         best = answered(best.decision.otherwise)
-    best = _without(best, *nonsense(best.answer), answered)
+    senseless, why = nonsense(best.answer)
+    best = _without(best, senseless, f"makes no sense: {why}", answered)
     needed = _needed(case, best) if best.answer.effects else best.decision
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
         return replace(without, dropped=best.dropped)
     best = _without_small(case, best, answered)
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
-        best = _without(best, {best.proof.unconfirmed[0]}, UNCONFIRMED, answered)
+        best = _without(best, {best.proof.unconfirmed[0]}, f"makes no sense: {UNCONFIRMED}", answered)
     return best
 
 
@@ -101,12 +102,12 @@ def _with_further(first, answered) -> Answered:
 
 
 def _without(first, names, why, answered) -> Answered:
-    """Without these effects, if there are any; why: they make no sense."""
+    """Without these effects, if there are any; why: in words."""
     if not names:
         return first
     kept = {c: z for c, z in first.decision.named.point.items() if c.name not in names}
     without = answered(first.decision.with_effects(kept) if kept else first.decision.without_effects())
-    return replace(without, dropped=(*first.dropped, no_sense(without.answer, first.answer, why)))
+    return replace(without, dropped=(*first.dropped, left_out(without.answer, first.answer, why)))
 
 
 def _without_small(case, best, answered) -> Answered:

@@ -9,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, no_sense, nonsense
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, left_out, nonsense
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -137,12 +137,12 @@ def test_several_that_all_make_no_sense_stand_in_for_something_else(second, rema
 
 
 def test_it_is_said_what_nonsense_is_not_named():
-    assert no_sense(answers.nothing(), answers.named(MODEL), "why") == (
-        "coulomb_friction (torque_n_m 0.01 N*m) explains most from one sample to the next, but makes no sense: why"
+    assert left_out(answers.nothing(), answers.named(MODEL), "why") == (
+        "coulomb_friction (torque_n_m 0.01 N*m) explains most from one sample to the next, but why"
     )
     both = answers.named(MODEL)
     both.effects = [*both.effects, replace(both.effects[0], name="soft_floor")]
-    assert no_sense(answers.named(MODEL), both, "").startswith("soft_floor (torque_n_m 0.01 N*m) explains some ")
+    assert left_out(answers.named(MODEL), both, "").startswith("soft_floor (torque_n_m 0.01 N*m) explains some ")
 
 
 def test_nothing_detected_but_more_than_noise_left_is_unknown():

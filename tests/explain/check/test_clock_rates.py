@@ -35,6 +35,15 @@ def test_a_rate_between_those_that_are_tried_is_found(sound, drifting):
 
 
 @pytest.mark.parametrize("drifting", [1, 2])
-def test_a_drift_by_less_than_latencies_differ_is_none(sound, drifting):
-    """In 50 s the camera's clock comes to be 0.35 s late; the rate that is tried first and is nearest is 0.8 %."""
-    assert found(sound, -0.007, drifting) == {}
+@pytest.mark.parametrize("share", [-0.007, 0.007])
+def test_a_drift_by_less_than_latencies_differ_between_cameras_is_found_as_such(sound, share, drifting):
+    """A camera has one latency. In 50 s its clock comes to be 0.35 s off; as a jump, it would be by half of that."""
+    rates = found(sound, share, drifting)
+    assert set(rates) == {(0,), (1,)} if drifting == 2 else {(0,)}
+    assert list(rates.values()) == [pytest.approx(1.0 / (1.0 + share), abs=3e-4)] * drifting
+
+
+@pytest.mark.parametrize("drifting", [1, 2])
+def test_a_drift_by_less_than_its_motion_tells_is_none(sound, drifting):
+    """In 50 s the camera's clock comes to be 0.09 s late."""
+    assert found(sound, -0.0018, drifting) == {}

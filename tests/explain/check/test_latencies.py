@@ -67,3 +67,20 @@ def test_where_no_latency_is_that_of_most_runs_nothing_is_said():
 def test_a_drive_may_follow_later_but_not_before_its_command(lag_s, is_told):
     scores = [-1000.0 * np.abs(LATENCIES_S - lag) for lag in (0.0, lag_s, 0.0)]
     assert bool(list(other_latencies("command", range(3), scores))) is is_told
+
+
+def test_runs_that_tell_no_time_have_no_part_in_what_is_usual():
+    told, late = (1000.0 - 900.0 * np.abs(LATENCIES_S - at_s) for at_s in (0.0, -0.1))
+    none = np.zeros(len(LATENCIES_S))
+    scores = [told, told, late, none, none, none]
+    (finding,) = other_latencies("kinect", range(6), scores)
+    assert finding.runs == (2,) and finding.repairs[0].offset_s == pytest.approx(-0.1)
+
+
+def test_a_command_that_may_as_well_be_no_earlier_than_the_wheels_is_no_finding():
+    lags = 1000.0 - 900.0 * np.abs(LATENCIES_S - 0.15)
+    vague, early = (1000.0 - scale * np.abs(LATENCIES_S + 0.1) for scale in (1.0, 900.0))
+    steep = np.where(LATENCIES_S > 0.05, -200.0, 0.0)  # it is not as late as the others
+    assert not list(other_latencies("command", [0, 1, 2], [lags, lags, vague + steep]))
+    (finding,) = other_latencies("command", [0, 1, 2], [lags, lags, early])
+    assert finding.runs == (2,)

@@ -67,6 +67,16 @@ def test_only_lost_fixes_are_missed_where_stamps_are_rounded_or_uneven(recording
     assert track_of(recording, kinect=rows(stamped, kept)).missed.sum() == 4
 
 
+def test_a_fix_that_is_late_is_of_the_capture_before(recording):
+    kinect = recording.channels["kinect"]
+    late = np.arange(len(kinect.t)) == 40
+    stamped = replace(kinect, t=kinect.t + 0.02 * late, period_s=0.033)
+    assert track_of(recording, kinect=stamped).missed.sum() == 0
+    kept = np.arange(len(kinect.t)) != 60
+    missed = track_of(recording, kinect=rows(stamped, kept)).missed
+    assert missed.sum() == 1 and missed[60]
+
+
 def test_fixes_stamped_when_they_arrive_at_any_time_count_no_captures(recording):
     kinect = recording.channels["kinect"]
     late = np.sort(kinect.t + np.random.default_rng(3).uniform(0.0, 2.0, len(kinect.t)) / 30.0)

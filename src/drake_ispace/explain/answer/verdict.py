@@ -169,10 +169,10 @@ def add_trace(answer: Explanation, doubted: Explanation) -> None:
     )
 
 
-def no_sense(answer: Explanation, before: Explanation, why: str) -> str:
-    """A sentence on the effects that an answer no longer names, because they make no sense; before: it did."""
+def left_out(answer: Explanation, before: Explanation, why: str) -> str:
+    """A sentence on the effects that an answer no longer names, and why; before: it did."""
     most = "explains some" if answer.effects else "explains most"
-    return f"{_sizes_beside(answer, before)} {most} from one sample to the next, but makes no sense: {why}"
+    return f"{_sizes_beside(answer, before)} {most} from one sample to the next, but {why}"
 
 
 def _sizes_beside(answer, other) -> str:

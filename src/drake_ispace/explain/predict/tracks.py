@@ -315,14 +315,18 @@ def _missed(channel, end_s):
 
     None is scheduled before the first fix or after the last: a camera may be switched on late, or off early. Stamps may
     be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture.
-    Where most captures without a fix are beside one that has two, fixes come at any time, and count no captures.
+    A fix that is late by more than half a period is of the capture before. Where more captures have two fixes than
+    none, fixes come at any time, and count no captures.
     """
     t = channel.t[channel.t <= end_s + 1e-6]
     if not channel.period_s or not len(t):
         return np.empty(0)
     captures = np.rint(np.diff(t) / channel.period_s).astype(int)  # from one fix to the next
-    if 2 * np.sum(captures == 0) > np.sum(np.maximum(captures - 1, 0)):
+    fixes = np.arange(len(t))
+    left_out = np.cumsum([0, *captures]) - fixes  # before each fix
+    left_out = np.maximum(np.minimum.accumulate(left_out[::-1])[::-1], 0)
+    if 0 < left_out[-1] < np.sum(captures == 0):
         return np.empty(0)
-    missed = np.ones(1 + captures.sum())
-    missed[np.cumsum([0, *captures])] = 0.0
+    missed = np.ones(len(t) + left_out[-1])
+    missed[fixes + left_out] = 0.0
     return missed

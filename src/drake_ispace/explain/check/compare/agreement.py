@@ -198,8 +198,15 @@ class _Choice:
         return given >= well and (read < _plainly_better(given) or self.is_others(i, self.hypotheses[k]))
 
     def is_better_than(self, other, well):
-        """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does."""
-        return self.follows() >= (well if other.number is None else _plainly_better(other.follows()))
+        """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does.
+
+        Of a run that follows least where most runs follow as well as a sound channel without any mistake.
+        """
+        if other.number is not None:
+            return self.follows() >= _plainly_better(other.follows())
+        if other.follows() < well:
+            return self.follows() >= well
+        return self.least() >= _plainly_better(other.least())
 
 
 def _plainly_better(share):

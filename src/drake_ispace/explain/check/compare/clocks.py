@@ -3,7 +3,7 @@
 Motion itself is the clock: what a channel says of it is compared with what the wheels say some time earlier or later.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -119,18 +119,20 @@ class _Trial:
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
         return np.nansum(losses(self.link, self.base, since, until), axis=-1)
 
-    def shifted(self, path: Path) -> Path:
-        """The path with the best lag near its own."""
-        return _least(_shifted(path), self.rough)
+    def unlikely(self, paths: Sequence[Path]) -> np.ndarray:
+        """(paths,) losses along each path, as of `scores`: slower than `rough`, and without its preference of rates."""
+        return -np.array(self.scores(paths))
 
-    def sharpened(self, path: Path) -> Path:
-        """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap."""
-        path = self.shifted(path)
-        if path.later_s and not self._is_at_gap(path):
-            return _least([replace(path, later_s=path.later_s + float(d)) for d in LATENCIES_S], self.rough)
-        while path.rate:
-            nearer = self.shifted(_least(_tilted(path, self.lasts_s), self.rough))
-            if not np.subtract(*self.rough([nearer, path])) < 0.0:
+    def sharpened(self, path: Path, losses_of: Callable[[Sequence[Path]], np.ndarray]) -> Path:
+        """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap.
+
+        losses_of: `rough` or `unlikely`.
+        """
+        path = _least(_shifted(path), losses_of)
+        while path.rate or (path.later_s and not self._is_at_gap(path)):
+            near = _tilted(path, self.lasts_s) if path.rate else _later(path)
+            nearer = _least(_shifted(_least(near, losses_of)), losses_of)
+            if not np.subtract(*losses_of([nearer, path])) < 0.0:
                 break
             path = nearer
         return path
@@ -139,11 +141,13 @@ class _Trial:
         """The most likely path, and its gain: that of no path where nothing promises enough."""
         rough = [path for path in (self.offset(), self.drift(), *self.jumps(), *self.gaps) if path is not None]
         least = float(self.total[self.usual].min()) - 0.5 * SAID
-        paths = [self.sharpened(path) for path in rough if self.rough([path])[0] < least]
-        paths = [path for path in paths if not path.rate or _is_drift(path.rate, self.lasts_s)]
-        paths = [path for path in paths if not path.later_s or self._is_followed(path)]
-        gained, path = max(((self.gain(path), i) for i, path in enumerate(paths)), default=(0.0, -1))
-        return (paths[path], gained) if path >= 0 else (Path(), 0.0)
+        paths = [self.sharpened(path, self.rough) for path in rough if self.rough([path])[0] < least]
+        paths = [path for path in paths if not path.rate or self.is_drift(path.rate)]
+        paths = [path for path in paths if not path.later_s or (self._is_jump(path) and self._is_followed(path))]
+        if not paths:
+            return Path(), 0.0
+        path = self.sharpened(max(paths, key=self.gain), self.unlikely)
+        return path, self.gain(path)
 
     def _is_followed(self, path):
         """Whether the wheels are followed before and after a jump, wherever the clock is off there.
@@ -187,13 +191,11 @@ class _Trial:
         """
         if self.link.any_share:
             return None
-        paths = [self.along(rate) for rate in _rates(self.lasts_s) if _is_drift(rate, self.lasts_s)]
+        paths = [self.along(rate) for rate in _rates(self.lasts_s) if self.is_drift(rate)]
         return min(paths, key=lambda found: found[0])[1] if paths else None
 
     def jumps(self) -> list[Path]:
         """The best paths with a clock that jumps once: one that is right until then, and any.
-
-        A camera's by more than RATE_S, as it has one latency, others by more than a latency.
 
         None of a plant of one's own, whose friction and weight nobody knows and whose runs may last for a second.
         """
@@ -209,9 +211,8 @@ class _Trial:
             until = until[:, ends - 1]
             end = int(np.argmin(until.min(axis=0) + after[:, ends].min(axis=0)))
             first = float(first_s[np.argmin(until[:, end])])
-            if abs(first - second[end]) > (RATE_S if self.link.channel == "kinect" else LATENCY_S):
-                at_s = float(self.link.since_s[ends[end]])
-                found.append(Path(first, 0.0, 0.0, float(second[end]) - first, at_s))
+            path = Path(first, 0.0, 0.0, float(second[end]) - first, float(self.link.since_s[ends[end]]))
+            found += [path] if self._is_jump(path) else []
         return found
 
     @cached_property
@@ -225,6 +226,14 @@ class _Trial:
         at = np.flatnonzero(left_out > LATENCY_S) if self.base.robot.in_room else ()
         lag = float(_LAGS_S[self.usual][np.argmin(self.total[self.usual])])
         return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
+
+    def _is_jump(self, path):
+        """Whether a clock jumps by more than latencies of the channel differ; all that jump at a gap do."""
+        return abs(path.later_s) > self.link.differ_s + 1e-9
+
+    def is_drift(self, rate):
+        """Whether a clock of that rate is no nearer to a constant one than a clock that jumps would be."""
+        return abs(rate) * self.lasts_s >= 2.0 * self.link.differ_s
 
     def _is_at_gap(self, path):
         return path.jump_s in [gap.jump_s for gap in self.gaps]
@@ -320,21 +329,17 @@ def _common_drift(trials):
     """For each run its best offset with the drift that all runs may share; empty where they are too short."""
     if len(trials) < 2:
         return []
-    lasts = [trial.lasts_s for trial in trials]
-    rates = [rate for rate in _rates(max(lasts)) if _is_drift(rate, min(lasts))]
+    longest, shortest = (of(trials, key=lambda trial: trial.lasts_s) for of in (max, min))
+    rates = [rate for rate in _rates(longest.lasts_s) if shortest.is_drift(rate)]
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
-    tilted = [_tilted(trial.shifted(trial.along(rate)[1]), max(lasts)) for trial in trials]
-    best = int(np.argmin(sum(trial.rough(near) for trial, near in zip(trials, tilted, strict=True))))
-    if not _is_drift(tilted[0][best].rate, min(lasts)):
-        return []
-    return [trial.shifted(near[best]) for trial, near in zip(trials, tilted, strict=True)]
-
-
-def _is_drift(rate, lasts_s):
-    """Whether a clock of that rate passes all latencies that a sound channel may have in a run that lasts so long."""
-    return abs(rate) * lasts_s >= 2.0 * LATENCY_S
+    paths = [_least(_shifted(trial.along(rate)[1]), trial.rough) for trial in trials]
+    for losses_of in ([trial.rough for trial in trials], [trial.unlikely for trial in trials]):
+        tilted = [_tilted(path, longest.lasts_s) for path in paths]
+        best = int(np.argmin(sum(of(near) for of, near in zip(losses_of, tilted, strict=True))))
+        paths = [_least(_shifted(near[best]), of) for of, near in zip(losses_of, tilted, strict=True)]
+    return paths if shortest.is_drift(paths[0].rate) else []
 
 
 def _rates(lasts_s: float) -> list[float]:
@@ -359,6 +364,11 @@ def _common(trials, own):
 def _shifted(path):
     """The path with every lag near its own."""
     return [replace(path, lag_s=path.lag_s + float(d)) for d in LATENCIES_S]
+
+
+def _later(path):
+    """The path with every jump near its own."""
+    return [replace(path, later_s=path.later_s + float(d)) for d in LATENCIES_S]
 
 
 def _tilted(path, lasts_s):

@@ -140,6 +140,11 @@ class Link:
         """
         return self.besides is not None and np.isinf(self.slack.besides)
 
+    @property
+    def differ_s(self) -> float:
+        """By how much [s] latencies of a sound channel may differ in a run: a camera has one, as far as shows."""
+        return RATE_S if self.channel == "kinect" else LATENCY_S
+
     def is_usual(self, lag_s):
         """Whether a sound channel may have this lag [s], or (n,) of several."""
         low, high = self.usual_s

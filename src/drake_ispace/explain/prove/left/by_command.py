@@ -44,7 +44,9 @@ def by_command(
         runs = [(tracks[i].name, motion[i][m]) for i in which]
         if (most := predicted(m, runs, may_be, NO_NOISE)) is not None:
             found.append(replace(most, ratio=most.size / may_be))
+        moving = np.mean(np.concatenate([told[i] for i in which]))
         size = left_at_changes([(changes[i][told[i]], motion[i][m].errors[told[i]]) for i in which])
+        size *= np.sqrt(moving)  # as what sensors leave, of all rows
         if size > may_be:
             because = f"after changes of the command the error over {m.horizon} is larger than at other times"
             found.append(going_with(m, runs, "changes of the command", size, size / may_be, because))
@@ -82,7 +84,7 @@ def told_to_move(command: np.ndarray, ends: np.ndarray, past: int) -> np.ndarray
 
 
 def left_at_changes(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """Root mean square, over all rows, of what errors are larger by after changes; 0 where it may be chance.
+    """Root mean square, over all of these rows, of what errors are larger by after changes; 0 where it may be chance.
 
     runs: of each, while it is told to move, by how much the command has changed over each past (k, c), and errors
         (k, d). They are larger by chance if they are as much larger after the same changes at other times.

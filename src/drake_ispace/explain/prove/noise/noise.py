@@ -325,7 +325,8 @@ def pooled_of(runs: Sequence[Errors]) -> Errors:
 def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
     """Strengths of a random walk: by the errors of free runs over 1 s, and by their growth from 1 s to 5 s.
 
-    Errors that do not grow are no walk, and errors that are small over 1 s are no strong one.
+    Errors that do not grow are no walk, and errors that are small over 1 s are no strong one; under command each may be
+    larger than it looks, by chance.
     """
     known = [m for m in (Measure(RPE, horizon_of(s), channel, unit, driven_by) for s in HORIZONS_S) if m in pooled]
     may_be = [_by_chance(pooled[m]) if driven_by == COMMAND else 0.0 for m in known]
