@@ -10,6 +10,7 @@ from planted.campaign import looked_for, planted, planted_together, sound, total
 from planted.corruptions import CORRUPTIONS
 from planted.files import Folder
 
+NO_DATA = "needs the measurements of other people in ../shared/data"
 FEW = ("encoder in degrees", "wheels 1 and 2 swapped", "camera in millimetres", "torque of the other sense",
        "angles wrapped to 0 to 2 pi", "clock of kinect off by -2.0 s", "camera outliers", "encoder of another run",
        "a robot with wheels elsewhere", "headings of a compass, in degrees")
@@ -31,6 +32,16 @@ def test_there_are_seventy_mistakes_and_each_has_names():
 def test_a_planted_mistake_is_found_under_its_own_name(originals, tmp_path, name):
     result = planted("omni", "omni_multirate", originals, name, tmp_path)
     assert result.shown and result.first and not result.error, result.found
+
+
+def test_wheels_elsewhere_are_told_where_swapped_ones_may_be_a_mirrored_room(tmp_path):
+    if not (chosen := bases(["diff"], 20.0, 100)):
+        pytest.skip(NO_DATA)
+    model, runs = chosen["diff"]
+    for i, run in enumerate(runs):
+        run.save(tmp_path / str(i))
+    paths = [tmp_path / str(i) for i in range(len(runs))]
+    assert planted("diff", model, paths, "a robot with wheels elsewhere", tmp_path / "planted").first
 
 
 def test_every_mistake_changes_the_files_that_it_fits(originals, tmp_path):
@@ -65,7 +76,7 @@ def test_sound_sets_have_no_finding():
 def test_planted_mistakes_are_found(base, tmp_path):
     chosen = bases([base], 20.0, 100)
     if not chosen:
-        pytest.skip("needs the measurements of other people in ../shared/data")
+        pytest.skip(NO_DATA)
     model, runs = chosen[base]
     for i, run in enumerate(runs):
         run.save(tmp_path / "sound" / str(i))

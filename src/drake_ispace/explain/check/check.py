@@ -287,9 +287,11 @@ class _Search:
     def _of_another_robot(self, recorded, found):
         """Make one finding of three mistakes or more of wheels and model in one run, and take their repairs back.
 
+        A room that is mirrored to the data as wheels are that are swapped may be theirs.
+
         recorded: the runs before wheels and camera were compared. found: the findings of that.
         """
-        wrong = [finding for finding in found if finding.channel in ("encoder", "model")]
+        wrong = [f for f in found if f.channel in ("encoder", "model") or "wheels_swapped" in f.rivals]
         another = [i for i in range(len(self.runs)) if sum(i in finding.runs for finding in wrong) > 2]
         if not another:
             return
