@@ -120,7 +120,10 @@ class _Trial:
         return np.nansum(losses(self.link, self.base, since, until), axis=-1)
 
     def unlikely(self, paths: Sequence[Path]) -> np.ndarray:
-        """(paths,) losses along each path, as of `scores`: slower than `rough`, and without its preference of rates."""
+        """(paths,) losses along each path, as of `scores`: without the preference of rates that `rough` has.
+
+        For a path that is right but for its last digit: it prefers those along which windows leave the run.
+        """
         return -np.array(self.scores(paths))
 
     def sharpened(self, path: Path, losses_of: Callable[[Sequence[Path]], np.ndarray]) -> Path:
@@ -146,8 +149,11 @@ class _Trial:
         paths = [path for path in paths if not path.later_s or (self._is_jump(path) and self._is_followed(path))]
         if not paths:
             return Path(), 0.0
-        path = self.sharpened(max(paths, key=self.gain), self.unlikely)
-        return path, self.gain(path)
+        path = max(paths, key=self.gain)
+        gained = self.gain(path)
+        if path.rate and gained >= SAID:
+            path = self.sharpened(path, self.unlikely)
+        return path, gained
 
     def _is_followed(self, path):
         """Whether the wheels are followed before and after a jump, wherever the clock is off there.
@@ -289,6 +295,8 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
         gains = [trial.gain(path) for trial, path in zip(trials, drift, strict=True)]
         # a steady motion shows no drift but a gain, and runs of the same motion show as little
         if sum(gains) - SAID * len(trials) >= max(0.0, apart) and min(gains) > -SAID:
+            lasts_s = max(trial.lasts_s for trial in trials)
+            drift = _tilted_alike(drift, lasts_s, [trial.unlikely for trial in trials])
             return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
     if len(own) < len(trials):  # the other clocks are right, and motion that comes again looks alike a period later
         own = [
@@ -334,12 +342,17 @@ def _common_drift(trials):
     if not rates:
         return []
     rate = min(rates, key=lambda rate: sum(trial.along(rate)[0] for trial in trials))
-    paths = [_least(_shifted(trial.along(rate)[1]), trial.rough) for trial in trials]
-    for losses_of in ([trial.rough for trial in trials], [trial.unlikely for trial in trials]):
-        tilted = [_tilted(path, longest.lasts_s) for path in paths]
-        best = int(np.argmin(sum(of(near) for of, near in zip(losses_of, tilted, strict=True))))
-        paths = [_least(_shifted(near[best]), of) for of, near in zip(losses_of, tilted, strict=True)]
+    rough = [trial.rough for trial in trials]
+    paths = [_least(_shifted(trial.along(rate)[1]), of) for trial, of in zip(trials, rough, strict=True)]
+    paths = _tilted_alike(paths, longest.lasts_s, rough)
     return paths if shortest.is_drift(paths[0].rate) else []
+
+
+def _tilted_alike(paths, lasts_s, losses_of):
+    """The path of each run with the rate that is best for all together, and its best lag; losses_of: of each run."""
+    tilted = [_tilted(path, lasts_s) for path in paths]
+    best = int(np.argmin(sum(of(near) for of, near in zip(losses_of, tilted, strict=True))))
+    return [_least(_shifted(near[best]), of) for of, near in zip(losses_of, tilted, strict=True)]
 
 
 def _rates(lasts_s: float) -> list[float]:
