@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.compare.latencies import other_latencies
+from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.links import LATENCIES_S
 from hidden import two_wheels
 

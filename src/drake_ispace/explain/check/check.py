@@ -13,7 +13,8 @@ import numpy as np
 from drake_ispace.effects.library import library
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
-from drake_ispace.explain.check.compare.clocks import LATEST_S, clocks, late_since
+from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
+from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
 from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings

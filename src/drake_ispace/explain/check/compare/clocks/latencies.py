@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import SAID
+from drake_ispace.explain.check.compare.clocks.paths import OFFSET
 from drake_ispace.explain.check.compare.links import LATENCIES_S, RATE_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
@@ -39,6 +40,6 @@ def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.nd
             later = "later" if off_s < 0 else "earlier"
             what = f"clock {abs(off_s):.3g} s {later} against the wheels' than in the other runs"
             yield Finding(
-                "clock_offset", what, channel, drop_in_deviance=2.0 * gain, runs=(number,),
+                OFFSET, what, channel, drop_in_deviance=2.0 * gain, runs=(number,),
                 repairs=(Clock(channel, 1.0, off_s),),
             )

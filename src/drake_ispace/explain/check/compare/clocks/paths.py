@@ -1,0 +1,67 @@
+"""What a clock may do: be off, drift or jump."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, RATE_S, lags
+
+LATEST_S = 5.0  # by which a clock may be off that is looked for
+LAGS_S = lags(LATEST_S, RATE_S)
+_FASTEST = 0.05  # rate at which a clock may drift
+OFFSET = "clock_offset"  # name of a clock that is off by the same throughout
+
+
+@dataclass(frozen=True)
+class Path:
+    """Times t of a channel on the wheels' clock: t + lag_s + rate (t - middle_s), and later_s more from jump_s on."""
+
+    lag_s: float = 0.0
+    rate: float = 0.0
+    middle_s: float = 0.0
+    later_s: float = 0.0
+    jump_s: float = np.inf
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """(n,) times [s] on the wheels' clock."""
+        return t + self.lag_s + self.rate * (t - self.middle_s) + np.where(t >= self.jump_s, self.later_s, 0.0)
+
+    @property
+    def fault(self) -> str:
+        """Name of the mistake."""
+        return "clock_jump" if self.later_s else "clock_drift" if self.rate else OFFSET
+
+    def shifted(self) -> list["Path"]:
+        """The path with every lag near its own."""
+        return [replace(self, lag_s=self.lag_s + float(d)) for d in LATENCIES_S]
+
+    def jumping(self, at: np.ndarray) -> list["Path"]:
+        """The path with its jump at other times (n,) [s]."""
+        return [replace(self, jump_s=float(jump_s)) for jump_s in at]
+
+    def later(self) -> list["Path"]:
+        """The path with every jump near its own."""
+        return [replace(self, later_s=self.later_s + float(d)) for d in LATENCIES_S]
+
+    def tilted(self, lasts_s: float) -> list["Path"]:
+        """The path with every rate near its own: from one to the next by a tick more during a run that lasts so long.
+        """
+        near = self.rate + LATENCIES_S / lasts_s
+        return [replace(self, rate=float(rate)) for rate in near[np.abs(near) <= _FASTEST]] or [self]
+
+
+Losses = Callable[[Sequence[Path]], np.ndarray]
+
+
+def least(paths: Sequence[Path], losses_of: Losses) -> Path:
+    """The path with the least loss; losses_of: gives those of several."""
+    return paths[int(np.argmin(losses_of(paths)))]
+
+
+def rates_of(lasts_s: float) -> list[float]:
+    """Rates at which a clock may drift: from one to the next by a latency more during a run that lasts so long.
+
+    Of a longer run than one in which the fastest clock passes all offsets that are looked at, as many as of that one.
+    """
+    return lags(_FASTEST, LATENCY_S / min(lasts_s, np.ptp(LAGS_S) / _FASTEST)).tolist()
