@@ -91,3 +91,14 @@ def test_a_model_that_never_objects_enough_ends_it_after_so_many_doublings():
     parabola = 1.645 / 100.0
     assert (best - low, high - best) == pytest.approx((32.0 * parabola, 32.0 * parabola), rel=0.1) or (
         low, high) == candidate("torque_gain_error").bounds[0]
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_interval_ends_where_residuals_have_no_squares_any_more():
+    """From 0.05 on they are 1e200, whatever the other coordinate, and the fit of that cannot begin."""
+    def residuals(z):
+        return np.array([20.0 * (z[0] - 0.01), 20.0 * z[1], 1e200 * (z[0] > 0.05)])
+
+    low, best, high = interval("floor_tilt", residuals, [0.0, 0.0])
+    assert best == pytest.approx(0.01, abs=1e-4) and low == pytest.approx(0.01 - 0.0823, rel=0.04)
+    assert 0.047 <= high <= 0.05

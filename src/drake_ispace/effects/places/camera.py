@@ -191,7 +191,8 @@ class CameraDistortion(PoseEffect):
     """p (1 + k |p|^2), from the room's middle, over which the camera hangs."""
 
     card = Card(
-        name="camera_distortion", title="Lens distortion", home="camera", equation="p' = (1 + k |p|^2) p",
+        name="camera_distortion", title="Lens distortion", home="camera",
+        equation="p' = (1 + k |p|^2) p, phi' along the picture of the heading",
         source="a lens that is not corrected; k > 0: pincushion, k < 0: barrel",
         signature="places off in proportion to the cube of their distance from the room's middle",
         look_alikes=("camera_scale", "camera_keystone"),
@@ -205,7 +206,8 @@ class CameraKeystone(PoseEffect):
     """p / (1 - a x - b y): the camera does not look straight down, and its picture was not rectified."""
 
     card = Card(
-        name="camera_keystone", title="Keystone of the camera", home="camera", equation="p' = p / (1 - a x - b y)",
+        name="camera_keystone", title="Keystone of the camera", home="camera",
+        equation="p' = p / (1 - a x - b y), phi' along the picture of the heading",
         source="a camera that hangs askew, or a floor calibrated by too few points",
         signature="places too far out on one side of the room and too far in on the other",
         look_alikes=("camera_scale", "camera_distortion", "camera_rotation"),

@@ -33,7 +33,8 @@ class Checked:
     @property
     def serious(self) -> list[Finding]:
         """Findings on whole runs in spite of which no model can be judged."""
-        return [finding for finding in self.findings if not finding.limited and not FAULTS[finding.fault].harmless]
+        bearable = [finding.limited or finding.harmless or FAULTS[finding.fault].harmless for finding in self.findings]
+        return [finding for finding, passes in zip(self.findings, bearable, strict=True) if not passes]
 
     @property
     def limited(self) -> list[Finding]:

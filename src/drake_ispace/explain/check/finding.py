@@ -18,6 +18,7 @@ class Finding:
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
         repairs: what undoes it, in this order; empty: nothing can. advice: what to do instead, in words, where not the
             data should be changed. runs: numbers of the runs that have it. run: their names; all: every run has it.
+        harmless: whether a model can be judged by the repaired data.
     """
 
     fault: str
@@ -32,6 +33,7 @@ class Finding:
     advice: str = ""
     runs: tuple[int, ...] = ()
     run: str = ""
+    harmless: bool = False
 
     @property
     def limited(self) -> bool:

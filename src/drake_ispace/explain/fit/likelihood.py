@@ -93,10 +93,14 @@ class Likelihood:
         return remainder.reshape(vectors.shape)
 
     def products(self, vectors: np.ndarray) -> np.ndarray:
-        """(k, k) scalar products of (k, rows) vectors with what is left of them when they are marginalised."""
-        remembered, products = self._seen(vectors)
-        explained = sum(alike(own, own) for own in remembered)
-        return vectors @ vectors.T - explained - products @ self.inner @ products.T
+        """(k, k) scalar products of (k, rows) vectors with what is left of them when they are marginalised.
+
+        Infinite or no numbers where the model runs away.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            remembered, products = self._seen(vectors)
+            explained = sum(alike(own, own) for own in remembered)
+            return vectors @ vectors.T - explained - products @ self.inner @ products.T
 
     def _seen(self, vectors):
         """Amounts of every memory's basis in vectors (k, rows), and products (k, q) of what it leaves with offsets."""
@@ -109,8 +113,7 @@ class Likelihood:
 
         Infinite or no number where the model runs away.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
-            return float(self.products(w[None])[0, 0])
+        return float(self.products(w[None])[0, 0])
 
     def parts(self, w: np.ndarray) -> np.ndarray:
         """(rows,) what each of the whitened residuals (rows,) adds to the deviance."""
@@ -190,7 +193,7 @@ def fit(
     order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
     w = likelihood.whitened(point)
     for _ in range(_SHORTENINGS):  # a start at which the model runs away
-        if np.isfinite(w).all() or held is not None:
+        if np.isfinite(likelihood.deviance(w)) or held is not None:
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
@@ -214,6 +217,8 @@ def _descended(likelihood, start, iterations, tolerance) -> tuple[Fit, list[tupl
     point, deviance, order, w, damping, idle = start.point, start.deviance, start.order, start.w, 1e-3, []
     for _ in range(iterations):
         products = likelihood.products(np.vstack([likelihood.slopes(point, order, w), w]))
+        if not np.isfinite(products).all():  # the model runs away
+            break
         normal, gradient = products[:-1, :-1], products[:-1, -1]
         free = _free(point, order, normal, gradient)
         drop = 0.0

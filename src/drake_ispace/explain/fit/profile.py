@@ -1,5 +1,7 @@
 """Profile likelihood: how far a coordinate may be off before the deviance rises too much, all others fitted anew."""
 
+import math
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -43,7 +45,10 @@ def _interval(likelihood, best, covariance, at, rise) -> tuple[float, float]:
 
 
 def _reach(excess, guess, most, rise):
-    """Distance at which `excess` crosses zero, at most `most`; after all doublings the last distance."""
+    """Distance at which `excess` crosses zero, at most `most`; after all doublings the last distance.
+
+    Where the model runs away before, the last distance at which it does not.
+    """
     if most <= 0.0:
         return 0.0
     inner, outer = 0.0, min(guess, most)
@@ -56,7 +61,17 @@ def _reach(excess, guess, most, rise):
         inner, outer = outer, min(2.0 * outer, most)
     else:
         return outer
+    for _ in range(math.ceil(-math.log2(_TOLERANCE))):
+        if np.isfinite(value):
+            break
+        middle = 0.5 * (inner + outer)
+        at_middle = excess(middle)
+        if at_middle < 0.0:
+            inner = middle
+        else:
+            outer, value = middle, at_middle
+    if not np.isfinite(value):
+        return inner
     known = {0.0: -rise, outer: value}
-    far = np.finfo(float).max  # where the model runs away
-    finite = lambda t: np.nan_to_num(known[t] if t in known else excess(t), nan=far, posinf=far)  # noqa: E731
+    finite = lambda t: known[t] if t in known else np.nan_to_num(excess(t), nan=value, posinf=value)  # noqa: E731
     return float(brentq(finite, inner, outer, xtol=_TOLERANCE * outer, rtol=1e-3))

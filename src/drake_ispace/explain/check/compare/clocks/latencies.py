@@ -18,6 +18,8 @@ from drake_ispace.robots.robot import COMMAND
 def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Iterator[Finding]:
     """Findings of runs whose camera or command is late or early by a usual time, but not by that of most other runs.
 
+    A model can be judged by what is then repaired.
+
     These must lie within RATE_S of their median, and as clearly not have the time of the run. Runs that tell no time
     are left out.
 
@@ -41,5 +43,5 @@ def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.nd
             what = f"clock {abs(off_s):.3g} s {later} against the wheels' than in the other runs"
             yield Finding(
                 OFFSET, what, channel, drop_in_deviance=2.0 * gain, runs=(number,),
-                repairs=(Clock(channel, 1.0, off_s),),
+                repairs=(Clock(channel, 1.0, off_s),), harmless=True,
             )

@@ -252,5 +252,10 @@ class Trial:
             what = f"clock {abs(path.lag_s):.3g} s {'late' if path.lag_s < 0 else 'early'} against the wheels'"
         return Finding(
             path.fault, what, self.link.channel, since, until, drop, rivals, runs=(self.number,), interval=interval,
-            repairs=(self.repair(path),),
+            repairs=(self.repair(path),), harmless=self._is_usual(path),
         )
+
+    def _is_usual(self, path):
+        """Whether along a path the channel is never later or earlier than a sound one may be."""
+        t = np.array([self.link.since_s[0], self.link.until_s[-1]])
+        return bool(np.all(self.link.is_usual(path.at(t) - t)))
