@@ -23,10 +23,11 @@ class Toy(Likelihood):
         return self.of(np.array(z))
 
 
-def interval(name, residuals, start, i=0):
-    """(low, best, high) of coordinate i."""
+def interval(name, residuals, start, i=0, size=1.0):
+    """(low, best, high) of coordinate i; size: natural one of each."""
     tried = candidate(name)
     toy = Toy(tried, residuals)
+    toy.sizes[tried] = [size] * len(start)
     best = fit(toy, {tried: start}, iterations=30, tolerance=1e-9)
     low, high = profile_intervals(toy, best, tried, RISE)[i]
     return low, best.point[tried][i], high
@@ -99,6 +100,6 @@ def test_an_interval_ends_where_residuals_have_no_squares_any_more():
     def residuals(z):
         return np.array([20.0 * (z[0] - 0.01), 20.0 * z[1], 1e200 * (z[0] > 0.05)])
 
-    low, best, high = interval("floor_tilt", residuals, [0.0, 0.0])
+    low, best, high = interval("floor_tilt", residuals, [0.0, 0.0], size=0.01)
     assert best == pytest.approx(0.01, abs=1e-4) and low == pytest.approx(0.01 - 0.0823, rel=0.04)
     assert 0.047 <= high <= 0.05
