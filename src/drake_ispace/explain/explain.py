@@ -110,9 +110,15 @@ def explain(
             best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
             if best.proof.may_stand is not None:
                 rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
-            if best.answer.verdict != "incomplete":
+            if best.answer.verdict != "incomplete" or best.answer.drifts:
                 tell("looking at each run by itself")
+            if best.answer.verdict != "incomplete":
                 add_runs_apart(best.answer, _runs_apart(case, best.decision, tried, seed))
+            elif best.answer.drifts:  # of an effect of one run all runs have some of it
+                none = best.decision.without_effects()
+                if apart := _runs_apart(case, none, tried, seed, sound_others=True):
+                    best = _answered(case, none, seed, tell)
+                    add_runs_apart(best.answer, apart)
     answer = best.answer
     add_chance(answer)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
@@ -126,12 +132,12 @@ def explain(
     return answer
 
 
-def _runs_apart(case, decision, tried, seed) -> list[OfOneRun]:
-    """What single runs show beside the effects of the decision, held-out ones as well."""
+def _runs_apart(case, decision, tried, seed, sound_others=False) -> list[OfOneRun]:
+    """What single runs show beside the effects of the decision, held-out ones as well; sound_others: as there."""
     every = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
     point, end = decision.named.point if decision.named else {}, decision.end
     known = end.view if end.changes is not None and end.point.keys() == point.keys() else None
-    return shown_by_one(every, point, tried, seed, known)
+    return shown_by_one(every, point, tried, seed, known, sound_others)
 
 
 def _answered(case, decision, seed, tell) -> Answered:

@@ -31,10 +31,10 @@ def shown_in(recordings):
     return {(one.run, one.candidate.name) for one in found_in(recordings)}
 
 
-def found_in(recordings):
+def found_in(recordings, sound_others=False):
     case = prepare(two_wheels.model(), recordings)
     tried = candidates(case.effects_to_try, case.replay.body)
-    return shown_by_one(case.prediction, {}, tried, 0)
+    return shown_by_one(case.prediction, {}, tried, 0, sound_others=sound_others)
 
 
 def until(end_s, recording):
@@ -81,6 +81,11 @@ def test_a_view_of_all_runs_serves_for_each():
 @pytest.mark.parametrize("where", [pytest.param(0, marks=pytest.mark.slow), 3])
 def test_the_run_in_which_the_marker_was_moved_is_told(where):
     assert shown(MARKER, [where]) == {(f"run {where + 1}", "marker_offset")}
+
+
+@pytest.mark.parametrize("moved, are_told", [((3,), True), ((2, 3), False)], ids=["a minority", "half of them"])
+def test_single_runs_are_no_answer_for_all_unless_the_others_are_sound(moved, are_told):
+    assert bool(found_in(runs(MARKER, moved), sound_others=True)) is are_told
 
 
 def test_a_camera_that_is_late_in_the_unseen_run_only_is_not_nothing():

@@ -42,6 +42,7 @@ class OfOneRun:
 
 def shown_by_one(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int, known: View | None = None,
+    sound_others: bool = False,
 ) -> list[OfOneRun]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
@@ -52,7 +53,8 @@ def shown_by_one(
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
-            runs near `point`, where there is one already.
+            runs near `point`, where there is one already. sound_others: whether none is wanted but of a minority of
+            runs, beside which no other run shows anything.
     """
     if len(prediction.tracks) < 2:
         return []
@@ -74,6 +76,9 @@ def shown_by_one(
             detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
             if _is_clear(detection):
                 shown.append(leader.in_run(prediction.tracks[i].name, detection.p_value))
+    clear = sum(leader is not None for leader in leaders)
+    if sound_others and (clear > len(shown) or 2 * clear >= len(leaders)):
+        return []
     return shown
 
 
