@@ -64,7 +64,7 @@ def _preferred(case, first, answered) -> Answered:
         return replace(without, dropped=best.dropped)
     best = _without_small(case, best, answered)
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
-        best = _without(best, {best.proof.unconfirmed[0]}, f"makes no sense: {UNCONFIRMED}", answered)
+        best = _without(best, {best.proof.unconfirmed[0]}, f"is not confirmed: {UNCONFIRMED}", answered)
     return best
 
 
