@@ -114,8 +114,8 @@ def _coarse(wheel_t, moved, seen_t, seen, where):
     if alike[best] < _LEAST_ALIKE or likelier < _LIKELIER:
         raise InputError(
             f"{where}: the motion does not tell the offset of the clocks (alike by {alike[best]:.2f} at "
-            f"{lags[best]:.2f} s, by {second:.2f} elsewhere), expected a run that turns and stops, or offset_s: 0 tells "
-            "`drake-ispace check` to find it, and wheels in another order or sense, which go with no camera either"
+            f"{lags[best]:.2f} s, by {second:.2f} elsewhere), expected a run that turns and stops, or offset_s: 0 "
+            "for `drake-ispace check` to find it, and wheels in another order or sense, which go with no camera either"
         )
     return float(lags[best])
 
