@@ -117,7 +117,7 @@ def _without_small(case, best, answered) -> Answered:
     why = {name: said for name, said in why.items() if name not in best.proof.unconfirmed}
     if not why:
         return best
-    without = _without(best, why.keys(), "; ".join(why.values()), answered)
+    without = _without(best, why.keys(), f"is doubtful: {'; '.join(why.values())}", answered)
     return without if without.too_large <= best.too_large else best
 
 

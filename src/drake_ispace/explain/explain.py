@@ -38,7 +38,7 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_chance, add_proof, add_runs_apart
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, add_runs_apart, left_out
 from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
@@ -117,7 +117,9 @@ def explain(
             elif best.answer.drifts:  # of an effect of one run all runs have some of it
                 none = best.decision.without_effects()
                 if apart := _runs_apart(case, none, tried, seed, sound_others=True):
-                    best = _answered(case, none, seed, tell)
+                    named, best = best, _answered(case, none, seed, tell)
+                    taken_back = left_out(best.answer, named.answer, "comes of what single runs show")
+                    best.answer.warnings += [*named.dropped, taken_back]
                     add_runs_apart(best.answer, apart)
     answer = best.answer
     add_chance(answer)

@@ -40,6 +40,18 @@ def test_a_clock_that_jumps_by_less_than_a_usual_latency_is_told_with_its_jump()
     assert finding.repairs[0].offset_s == pytest.approx(-0.15, abs=0.03)
 
 
+@pytest.mark.parametrize("seed, later_s", [(8300, 0.15), (8300, 0.2), (8330, 0.2)])
+def test_a_jump_within_a_window_is_no_drift_and_no_robot_that_is_carried(seed, later_s):
+    fast = SOUND | {"in_step": True, "speeds_m_s": (-0.5, 0.5), "rates_rad_s": (-1.0, 1.0)}
+    first, second = (two_wheels.drive(seed + i, 40.0, **fast) for i in range(2))
+    kinect = first.channels["kinect"]
+    later = replace(kinect, t=kinect.t + np.where(kinect.t > 20.0, later_s, 0.0))
+    first = replace(first, channels=first.channels | {"kinect": later})
+    (finding,) = check(two_wheels.model(), [first, second]).findings
+    assert (finding.fault, finding.runs) == ("clock_jump", (0,)) and finding.from_s == pytest.approx(20.2, abs=0.4)
+    assert finding.repairs[0].offset_s == pytest.approx(-later_s, abs=0.0101)
+
+
 @pytest.mark.parametrize("late_s", [(0.0, 0.1), (0.1, 0.1, 0.1), (0.0, 0.03, 0.0)])
 def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
     assert not findings(late_s)
@@ -84,3 +96,20 @@ def test_a_command_that_may_as_well_be_no_earlier_than_the_wheels_is_no_finding(
     assert not list(other_latencies("command", [0, 1, 2], [lags, lags, vague + steep]))
     (finding,) = other_latencies("command", [0, 1, 2], [lags, lags, early])
     assert finding.runs == (2,)
+
+
+def test_outliers_are_left_out_by_the_clock_by_which_they_were_found():
+    """Repairs act one after the other: fixes that are off are found before the clock of their run is."""
+    first, second, late = (two_wheels.drive(7300 + i, 20.0, in_step=True, **SOUND | {"late_s": lag}) for i, lag in (
+        (0, 0.0), (1, 0.0), (2, 0.15),
+    ))
+    kinect = late.channels["kinect"]
+    off = np.isin(np.arange(len(kinect.t)), [200, 300, 400])
+    values = kinect.values + 3.0 * off[:, None] * np.array([1.0, 0.0, 0.0])
+    late = replace(late, channels=late.channels | {"kinect": replace(kinect, values=values)})
+    checked = check(two_wheels.model(), [first, second, late])
+    assert {finding.fault for finding in checked.findings} == {"camera_outliers", "clock_offset"}
+    assert not checked.serious
+    ((_,), (_,), (kept,)) = checked.masked([first, second, late])
+    assert np.array_equal(kept.channels["kinect"].values, kinect.values[~off])
+    assert np.allclose(kept.channels["kinect"].t, kinect.t[~off] - 0.15, atol=0.0101)

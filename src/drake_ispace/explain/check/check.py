@@ -143,11 +143,12 @@ class _Search:
         fits = [i not in odd for i in range(len(self.runs))]
         self._each(lambda run, found, fits: found if fits else (), steps, fits)
         self._each(lambda run, fits: gyro_findings(run, self.robot) if fits else (), fits)
-        findings = sorted(self.findings, key=lambda finding: (
-            finding.limited, FAULTS[finding.fault].harmless,
+        made = [_complete(finding, self.names) for finding in self.findings]
+        findings = sorted(made, key=lambda finding: (
+            finding.limited, finding.is_bearable,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
         ))
-        return Checked(self.names, [_complete(finding, self.names) for finding in findings], self.runs)
+        return Checked(self.names, findings, self.runs, made)
 
     def _bases(self):
         return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(self.runs)]

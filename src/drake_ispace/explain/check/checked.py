@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import CutOut, parts
 from drake_ispace.files.recording import Recording
 
@@ -19,12 +18,14 @@ class Checked:
 
     Attributes:
         names: of the runs. findings: on whole runs, then on stretches of time; of each those that one channel shows
-            by itself, then the surest first. repaired: the runs after all repairs but cuts.
+            by itself, then the surest first. repaired: the runs after all repairs but cuts. made: the findings in the
+            order in which they were made, as each repair is of what those before left.
     """
 
     names: list[str]
     findings: list[Finding]
     repaired: list[Recording] = field(repr=False)
+    made: list[Finding] = field(repr=False, default_factory=list)
 
     def __str__(self) -> str:
         title = "What is wrong with the recordings" if self.findings else "The recordings agree with each other"
@@ -33,8 +34,7 @@ class Checked:
     @property
     def serious(self) -> list[Finding]:
         """Findings on whole runs in spite of which no model can be judged."""
-        bearable = [finding.limited or finding.harmless or FAULTS[finding.fault].harmless for finding in self.findings]
-        return [finding for finding, passes in zip(self.findings, bearable, strict=True) if not passes]
+        return [finding for finding in self.findings if not finding.limited and not finding.is_bearable]
 
     @property
     def limited(self) -> list[Finding]:
@@ -43,7 +43,7 @@ class Checked:
 
     def masked(self, runs: Sequence[Recording]) -> list[list[Recording]]:
         """The runs after the repairs of all that is not serious, each as the parts that remain of it."""
-        bearable = [finding for finding in self.findings if finding not in self.serious]
+        bearable = [finding for finding in self.made if finding.limited or finding.is_bearable]
         return [self._parts(i, self._repaired(i, run, bearable), self.limited) for i, run in enumerate(runs)]
 
     def repaired_parts(self) -> list[list[Recording]]:

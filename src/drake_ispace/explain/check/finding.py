@@ -41,6 +41,11 @@ class Finding:
         return self.from_s is not None
 
     @property
+    def is_bearable(self) -> bool:
+        """Whether a model can be judged in spite of it, or by what is repaired."""
+        return self.harmless or FAULTS[self.fault].harmless
+
+    @property
     def stretches(self) -> list[tuple[float, float]]:
         """Begin and end [s] of every stretch that is repaired, or else that is at fault; of a limited finding.
 

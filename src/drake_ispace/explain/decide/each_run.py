@@ -70,16 +70,15 @@ def shown_by_one(
         own = survey_by_itself(i)
         leaders.append(_leader(own, seed))
         surveys.append(own.light())
-    shown = []
+    shown, clear = [], sum(leader is not None for leader in leaders)
+    if sound_others and 2 * clear >= len(leaders):
+        return []
     for i, leader in enumerate(leaders):
         if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
             detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
             if _is_clear(detection):
                 shown.append(leader.in_run(prediction.tracks[i].name, detection.p_value))
-    clear = sum(leader is not None for leader in leaders)
-    if sound_others and (clear > len(shown) or 2 * clear >= len(leaders)):
-        return []
-    return shown
+    return [] if sound_others and clear > len(shown) else shown
 
 
 def _is_clear(detection: Detection) -> bool:

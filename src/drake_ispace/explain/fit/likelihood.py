@@ -192,12 +192,13 @@ def fit(
     point = {candidate: list(z) for candidate, z in start.items()}
     order = [(c, i) for c in point for i in range(len(c.parameters)) if (c, i) != held]
     w = likelihood.whitened(point)
+    best = Fit(point, likelihood.deviance(w), order, w)
     for _ in range(_SHORTENINGS):  # a start at which the model runs away
-        if np.isfinite(likelihood.deviance(w)) or held is not None:
+        if np.isfinite(best.deviance) or held is not None:
             break
         point = {c: [n + 0.5 * (a - n) for a, n in zip(z, c.neutral, strict=True)] for c, z in point.items()}
         w = likelihood.whitened(point)
-    best = Fit(point, likelihood.deviance(w), order, w)
+        best = Fit(point, likelihood.deviance(w), order, w)
     if not order:
         return best
     best, idle = _descended(likelihood, best, iterations, tolerance)

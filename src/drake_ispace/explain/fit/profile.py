@@ -1,7 +1,5 @@
 """Profile likelihood: how far a coordinate may be off before the deviance rises too much, all others fitted anew."""
 
-import math
-
 import numpy as np
 from scipy.optimize import brentq
 
@@ -10,6 +8,7 @@ from drake_ispace.explain.fit.likelihood import Fit, Likelihood, covariance_of, 
 from drake_ispace.explain.threads import each
 
 _DOUBLINGS = 5  # of a guessed distance
+_HALVINGS = 20  # of a distance at which the model runs away
 _TOLERANCE = 0.03  # of an end, as a share of its distance
 
 
@@ -61,8 +60,8 @@ def _reach(excess, guess, most, rise):
         inner, outer = outer, min(2.0 * outer, most)
     else:
         return outer
-    for _ in range(math.ceil(-math.log2(_TOLERANCE))):
-        if np.isfinite(value):
+    for _ in range(_HALVINGS):
+        if np.isfinite(value) or outer - inner <= _TOLERANCE * outer:
             break
         middle = 0.5 * (inner + outer)
         at_middle = excess(middle)

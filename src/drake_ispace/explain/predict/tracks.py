@@ -315,8 +315,8 @@ def _missed(channel, end_s):
 
     None is scheduled before the first fix or after the last: a camera may be switched on late, or off early. Stamps may
     be rounded or uneven: counted from the first fix on, a period that is off by a thousandth misses every capture.
-    A fix that is late by more than half a period is of the capture before. Where more captures have two fixes than
-    none, fixes come at any time, and count no captures.
+    A fix that is late by more than half a period is of the capture before. Where fewer captures are without a fix in
+    the end than have two, fixes come at any time, and count no captures.
     """
     t = channel.t[channel.t <= end_s + 1e-6]
     if not channel.period_s or not len(t):

@@ -197,16 +197,17 @@ class _Choice:
         given, read = (self._share(self.rows[i], j) for j in (0, k))
         return given >= well and (read < _plainly_better(given) or self.is_others(i, self.hypotheses[k]))
 
-    def is_better_than(self, other, well):
+    def is_better_than(self, other, well, least_share):
         """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does.
 
-        Of a run that follows least where most runs follow as well as a sound channel without any mistake.
+        Of any run below least_share, where most runs follow as well as a sound channel without any mistake.
         """
         if other.number is not None:
             return self.follows() >= _plainly_better(other.follows())
         if other.follows() < well:
             return self.follows() >= well
-        return self.least() >= _plainly_better(other.least())
+        both = zip(self._shares(), other._shares(), strict=True)
+        return any(mine >= _plainly_better(theirs) for mine, theirs in both if theirs < least_share)
 
 
 def _plainly_better(share):
@@ -235,7 +236,7 @@ def disagreement(
     if pairs is not None and (choice.number is not None or choice.follows() < well or choice.least() < least_share):
         two = [*hypotheses, *pairs()]
         at_once = _Choice(rows_of(two), two, well, against, is_others)
-        choice = at_once if at_once.is_better_than(choice, well) else choice
+        choice = at_once if at_once.is_better_than(choice, well, least_share) else choice
     follows = choice.follows()
     if choice.number is None:
         return Agreement([], follows, follows >= well)

@@ -44,7 +44,8 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     found = [trial.finding(best.path, 2.0 * best.gain, best.rivals) for trial, best in own]
     if found or not trials or trials[0].link.channel not in ("kinect", COMMAND):
         return found
-    scores = [np.array(trial.scores([Path(float(lag)) for lag in LATENCIES_S])) for trial in trials]
+    lags = [Path(float(lag)) for lag in LATENCIES_S]
+    scores = [np.array(trial.scores(lags, must_follow=False)) * any(trial.scores(lags)) for trial in trials]
     return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
 
 

@@ -18,10 +18,8 @@ from drake_ispace.robots.robot import COMMAND
 def other_latencies(channel: str, numbers: Sequence[int], scores: Sequence[np.ndarray]) -> Iterator[Finding]:
     """Findings of runs whose camera or command is late or early by a usual time, but not by that of most other runs.
 
-    A model can be judged by what is then repaired.
-
     These must lie within RATE_S of their median, and as clearly not have the time of the run. Runs that tell no time
-    are left out.
+    are left out. By what is then repaired a model can be judged.
 
     numbers: of the runs. scores: of each, (lags,) log likelihood of each of LATENCIES_S.
     """

@@ -55,8 +55,10 @@ Losses = Callable[[Sequence[Path]], np.ndarray]
 
 
 def least(paths: Sequence[Path], losses_of: Losses) -> Path:
-    """The path with the least loss; losses_of: gives those of several."""
-    return paths[int(np.argmin(losses_of(paths)))]
+    """The path with the least loss, of equal ones the middle one; losses_of: gives those of several."""
+    losses = losses_of(paths)
+    equal = np.flatnonzero(losses == losses.min())
+    return paths[int(equal[len(equal) // 2])]
 
 
 def rates_of(lasts_s: float) -> list[float]:

@@ -112,17 +112,24 @@ class Trial:
         while path.rate or (path.later_s and not self._is_at_gap(path)):
             if path.rate:
                 nearer = least(path.tilted(self.lasts_s), losses_of)
-            else:  # before the end of any window
-                nearer = least(least(path.jumping(self.link.until_s), losses_of).later(), losses_of)
+            else:
+                nearer = least(least(path.jumping(self._ends_near(path)), losses_of).later(), losses_of)
             nearer = least(nearer.shifted(), losses_of)
             if not np.subtract(*losses_of([nearer, path])) < 0.0:
                 break
             path = nearer
         return path
 
+    def _ends_near(self, path):
+        """Ends [s] of the windows about a jump; none near the run's own."""
+        ends = self.link.until_s[FEWEST // 2 : -(FEWEST // 2)]
+        at = int(np.searchsorted(ends, path.jump_s))
+        return ends[max(at - FEWEST, 0) : at + FEWEST]
+
     def best(self) -> Likeliest:
         """The likeliest path: no other than given where nothing promises enough."""
-        rough = [path for path in (self.offset(), self.drift(), *self.jumps(), *self.gaps) if path is not None]
+        at_gaps = [least(path.shifted(), self.rough) for path in self.gaps]
+        rough = [path for path in (self.offset(), self.drift(), *self.jumps(), *at_gaps) if path is not None]
         promising = float(self.total[self.usual].min()) - 0.5 * SAID
         paths = [self.sharpened(path, self.rough) for path in rough if self.rough([path])[0] < promising]
         paths = [path for path in paths if not path.rate or self.is_drift(path.rate)]
@@ -212,8 +219,7 @@ class Trial:
         left_out = steps - np.median(steps)
         at = np.flatnonzero(left_out > LATENCY_S) if self.base.robot.in_room else ()
         lag = float(LAGS_S[self.usual][np.argmin(self.total[self.usual])])
-        paths = [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
-        return [least(path.shifted(), self.rough) for path in paths]
+        return [Path(lag, 0.0, 0.0, -float(left_out[i]), float(self.link.t[i + 1])) for i in at]
 
     def _is_jump(self, path):
         """Whether a clock jumps by more than latencies of the channel differ; all that jump at a gap do."""
