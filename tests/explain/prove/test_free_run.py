@@ -81,6 +81,19 @@ def test_a_free_parameter_below_zero_is_found_and_stays_there():
     assert fitted(case.replay, case.prediction.tracks, {}).plant["gain"] <= 0.0
 
 
+def test_a_delay_is_found_in_short_runs():
+    late = []
+    for run in (step(volts, rest_s=0.2, noise=0.05, seed=i) for i, volts in enumerate((1.0, 2.0, 3.0, -1.5))):
+        torque = run.channels["torque"]
+        early = replace(torque, values=np.vstack([torque.values[7:], np.repeat(torque.values[-1:], 7, axis=0)]))
+        late.append(replace(run, channels=run.channels | {"torque": early}))
+    case = prepare(motor(), late, effects=[FRICTIONS[0], di.effects()["command_delay"]])
+    delay, viscous = sorted(candidates(case.replay.effects, case.replay.body), key=lambda candidate: candidate.name)
+    found = fitted(case.replay, case.prediction.tracks, {viscous: [VISCOUS], delay: [0.02]})
+    assert found.point[delay][0] == pytest.approx(0.007, abs=0.0005)
+    assert found.plant["lag_s"] == pytest.approx(LAG_S, rel=0.03)
+
+
 def test_the_spread_of_the_runs_is_the_uncertainty():
     sizes = np.array([0.02, 0.03, 0.04, 0.03, 0.025, 0.035])
     case = prepare(motor(), [step(2.0, viscous=size) for size in sizes], effects=FRICTIONS[:1])

@@ -18,6 +18,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body
 
 LEAST_LIMIT = 1e-6  # smallest limit that a scenario may set
+_WRITTEN_S = 0.005  # a tick as people write it: TICK_S is that but for its last bits
 
 
 @kernel
@@ -56,7 +57,8 @@ class Delay(BlockEffect):
         return (math.ceil(delay.high / TICK_S) + 1) * super().memory_size(body)
 
     def block_parameters(self, body, values):
-        return {"delay_ticks": round(values["delay_s"] / TICK_S, 6)}  # 0.005 s is one tick
+        # no coarser than that: a fit looks at changes by a hundred millionth
+        return {"delay_ticks": round(values["delay_s"] / _WRITTEN_S, 12)}
 
 
 @kernel
