@@ -1,5 +1,6 @@
 """Are the recordings of a plant of one's own checked, of which only torque and wheel angles are known?"""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -96,6 +97,24 @@ FAULTS = {
 def test_a_mistake_is_named_or_stands_beside_what_is_named(sound, fault):
     finding = check(MODEL, [FAULTS[fault](one) for one in sound]).findings[0]
     assert fault in (finding.fault, *finding.rivals) and "camera_latency" not in finding.rivals
+
+
+@pytest.mark.parametrize(("times", "may_be"), [(35.15, "57.3 (deg)"), (1.0 / 700.0, "1000 (mN m, N mm, mrad)")])
+def test_a_ratio_of_torques_and_angles_is_told_as_it_is_and_no_unit_is_put_in_its_place(sound, times, may_be):
+    runs = [mixed("torque", -np.eye(2) / times)(one) for one in sound]
+    checked = check(MODEL, runs)
+    sign, unit = sorted(checked.findings, key=lambda finding: finding.fault)
+    assert (sign.fault, unit.fault) == ("torque_sign", "wrong_unit") and not unit.repairs
+    ratio, said = max(times, 1.0 / times), re.search(r"about (\d+) times too (\w+)", unit.what)
+    assert float(said[1]) == pytest.approx(ratio, rel=0.1) and said[2] == ("small" if times > 1.0 else "large")
+    assert may_be in unit.what and "no unit" in unit.what
+    for before, after in zip(runs, checked.repaired, strict=True):
+        assert np.array_equal(after.channels["torque"].values, -before.channels["torque"].values)
+
+
+def test_a_ratio_that_no_known_unit_comes_near_is_said_to_be_none(sound):
+    (finding,) = check(MODEL, [mixed("torque", 2e4 * np.eye(2))(one) for one in sound]).findings
+    assert "20000 times too large" in finding.what and "no known unit" in finding.what and not finding.repairs
 
 
 @pytest.mark.parametrize("inertia", [0.4 * INERTIA, INERTIA, 2.5 * INERTIA])

@@ -10,6 +10,8 @@ from drake_ispace.faults.library import FAULTS, same_as
 def contradiction(examined: Examined, seconds: float) -> Explanation:
     """The answer where the recordings contradict each other, or the model's dimensions."""
     repair = "repair the recordings (`drake-ispace check RUN... --repair FOLDER`) and ask again"
+    if not any(finding.repairs for finding in examined.findings):
+        repair = "do what is said of each and ask again"
     return Explanation(
         "data", [], None, [], [], data=examined.findings, runs=examined.names[: examined.trained],
         held_out=examined.names[examined.trained :], seconds=seconds, warnings=examined.warnings,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.effects.library import library
-from drake_ispace.explain.check.checked import Checked
+from drake_ispace.explain.check.checked import Checked, repaired
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
@@ -87,7 +87,7 @@ class _Search:
     """The runs as far as they are repaired, and what was found so far."""
 
     def __init__(self, runs, names, robot, settings):
-        self.runs, self.names, self.robot, self.settings = list(runs), names, robot, settings
+        self.recorded, self.runs, self.names, self.robot, self.settings = runs, list(runs), names, robot, settings
         self.findings: list[Finding] = []
         self._times: dict[str, list[Finding]] = {}
 
@@ -148,7 +148,11 @@ class _Search:
             finding.limited, finding.is_bearable,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,
         ))
-        return Checked(self.names, findings, self.runs, made)
+        undone = [
+            repaired(run, (repair for finding in made if i in finding.runs for repair in finding.repairs))
+            for i, run in enumerate(self.recorded)
+        ]
+        return Checked(self.names, findings, undone, made)
 
     def _bases(self):
         return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(self.runs)]
@@ -300,9 +304,8 @@ class _Search:
         there = [finding for finding in wrong if set(finding.runs) & set(another)]
         self._take_back(wrong.__contains__, another)
         for i in another:
-            self.runs[i] = recorded[i]
-            for repair in (repair for f in found if f not in wrong and i in f.runs for repair in f.repairs):
-                self.runs[i] = repair.apply(self.runs[i])
+            kept = (repair for f in found if f not in wrong and i in f.runs for repair in f.repairs)
+            self.runs[i] = repaired(recorded[i], kept)
         drop, rivals = sum({f.drop_in_deviance for f in there}), dict.fromkeys(f.fault for f in there)
         self._add([another_robot(tuple(another), drop, tuple(rivals), "choose the model of that robot")])
 
@@ -314,10 +317,8 @@ class _Search:
                 continue
             self.findings.append(finding)
             self._times.clear()
-            for repair in finding.repairs:
-                for i in finding.runs:
-                    if not isinstance(repair, CutOut):
-                        self.runs[i] = repair.apply(self.runs[i])
+            for i in finding.runs:
+                self.runs[i] = repaired(self.runs[i], (*finding.repairs, *finding.for_now))
 
     def _spoilt(self, runs):
         """Stretches [s] of these runs at which something is at fault."""

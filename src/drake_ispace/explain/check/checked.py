@@ -1,12 +1,12 @@
 """What a check found, and what the runs are without it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import CutOut, parts
+from drake_ispace.faults.repair import CutOut, Repair, parts
 from drake_ispace.files.recording import Recording
 
 _SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
@@ -51,12 +51,15 @@ class Checked:
         return [self._parts(i, run, self.findings) for i, run in enumerate(self.repaired)]
 
     def _repaired(self, i, run, findings):
-        for finding in findings:
-            for repair in finding.repairs if i in finding.runs else ():
-                if not isinstance(repair, CutOut):
-                    run = repair.apply(run)
-        return run
+        return repaired(run, (repair for finding in findings if i in finding.runs for repair in finding.repairs))
 
     def _parts(self, i, run, findings):
         cuts = [r for f in findings if i in f.runs for r in f.repairs if isinstance(r, CutOut)]
         return parts(run, cuts, _SHORTEST_S) if cuts else [run]
+
+
+def repaired(run: Recording, repairs: Iterable[Repair]) -> Recording:
+    """The run after all repairs but cuts."""
+    for repair in repairs:
+        run = run if isinstance(repair, CutOut) else repair.apply(run)
+    return run

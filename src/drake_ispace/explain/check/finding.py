@@ -16,9 +16,10 @@ class Finding:
         drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
             plausible size included, -2 log likelihood ratio; None: it shows without comparing readings.
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
-        repairs: what undoes it, in this order; empty: nothing can. advice: what to do instead, in words, where not the
-            data should be changed. runs: numbers of the runs that have it. run: their names; all: every run has it.
-        harmless: whether a model can be judged by the repaired data.
+        repairs: what undoes it, in this order; empty: nothing can. for_now: what undoes it well enough to go on with
+            the comparisons, and no more. advice: what to do instead, in words, where not the data should be changed.
+            runs: numbers of the runs that have it. run: their names; all: every run has it. harmless: whether a model
+            can be judged by the repaired data.
     """
 
     fault: str
@@ -30,6 +31,7 @@ class Finding:
     rivals: tuple[str, ...] = ()
     interval: tuple[float, float] | None = None
     repairs: tuple[Repair, ...] = ()
+    for_now: tuple[Repair, ...] = ()
     advice: str = ""
     runs: tuple[int, ...] = ()
     run: str = ""

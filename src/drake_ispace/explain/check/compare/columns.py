@@ -8,13 +8,11 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
+from drake_ispace.explain.check.compare.links import UNKNOWN_INERTIA
+from drake_ispace.explain.check.compare.ratio import TORQUES
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
 
-#: Recorded unit -> what a number in it must be multiplied by to be in N m, or in m/s^2.
-TORQUES = {
-    "mN m": in_si("mN*m"), "N cm": in_si("N*cm"), "kgf cm": GRAVITY * in_si("cm"), "N mm": in_si("N*mm"),
-}
 _MOTORS = 1.0 / 0.3  # times as much torque as the weakest motor of the effects gives
 
 
@@ -68,7 +66,7 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
     """All readings of the torques of so many wheels, that as given first.
 
     in_si: whether torques and angles should be in N m and rad; else only their ratio is known. times: how many times as
-    large as the wheels say they seem to be; what a motor or a mass may be off by is no other unit.
+    large as the wheels say they seem to be; what a motor, a mass or an inertia may be off by is no other unit.
     """
     unit = np.eye(wheels)
     found = [*innocent(wheels), Columns("torque_sign", "all torques of the other sense", -unit)]
@@ -83,6 +81,8 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
             found.append(Columns("torques_swapped", f"the torques in the order {said}", unit[list(order)], moved > 2))
     if not in_si:
         ratios = {ratio for factor in (*TORQUES.values(), *ANGLES.values()) for ratio in (factor, 1.0 / factor)}
+        if times > 0.0 and abs(np.log(times)) > np.log(1.0 + UNKNOWN_INERTIA.most):
+            ratios.add(1.0 / times)
         for factor in sorted(ratios):
             said = f"{1.0 / factor:.3g} times too large" if factor < 1.0 else f"{factor:.3g} times too small"
             found.append(Columns("wrong_unit", f"torques {said} beside the wheels' angles", factor * unit))

@@ -27,6 +27,7 @@ from drake_ispace.explain.check.compare.links import (
     turn_link,
 )
 from drake_ispace.explain.check.compare.motion import arm
+from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -59,8 +60,9 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
         for run, own in zip(runs, bases, strict=True)
     ]
     of_run = {id(run): link for run, link in zip(runs, links, strict=True)}
-    times = _times(links, bases) if base.robot.in_si and not single else 1.0
-    given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si, times), base.settings.plant
+    lags_s = np.zeros(1) if single else base.lags_s
+    off_by = 1.0 if base.robot.in_si and single else times(links, bases, lags_s)
+    given, plant = torque_columns(len(base.geometry.wheels), base.robot.in_si, off_by), base.settings.plant
     effort = base.robot.effort(plant)[base.robot.unweighted]
     effort = effort / np.abs(effort).max(axis=1, keepdims=True)
 
@@ -72,8 +74,9 @@ def torque_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreeme
     found = _found(runs, bases, given, one, TORQUE, None, single)
     if base.robot.in_si:
         return found
+    told = unit_as_ratio(found.findings, runs, bases, lags_s)
     return replace(found, findings=[
-        replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault])) for finding in found.findings
+        replace(finding, rivals=(*finding.rivals, *_OF_THE_WHEELS[finding.fault])) for finding in told
     ])
 
 
@@ -101,32 +104,6 @@ def _of_wheels(run, base, link, given, effort, lags_s):
     gained = np.max([related.scored - unrelated.scored for related, unrelated in found], axis=0)
     related, unrelated = found[len(found) // 2]  # without a lag
     return replace(related, scored=gained + unrelated.scored[0])
-
-
-def _times(links, bases) -> float:
-    """How many times as large as the wheels say the torques are, in most runs; 1 where nothing is known."""
-    found = []
-    for link, base in zip(links, bases, strict=True):
-        kept = None if link is None else inside(base, link.since_s, link.until_s)
-        if kept is None or kept.sum() < FEWEST:
-            continue
-        since, until = link.since_s[kept], link.until_s[kept]
-        pushed = [_beside(*one) for one in zip(
-            link.predicted(since, until).T, link.measured[kept].T, link.besides(since, until).transpose(1, 0, 2),
-            strict=True,
-        )]
-        product, square = np.sum(pushed, axis=0)
-        found += [product / square] if square > 0.0 else []
-    return float(np.median(found)) if found else 1.0
-
-
-def _beside(x, y, z):
-    """x y and x x of motions (n,), less what z (n, k) may have of both; zeros where no wheel pushes that way."""
-    if not (np.isfinite(x).all() and np.isfinite(y).all() and np.isfinite(z).all()):
-        return 0.0, 0.0
-    both = np.column_stack([x, y])
-    both -= z @ np.linalg.lstsq(z, both, rcond=None)[0]
-    return both[:, 0] @ both[:, 1], both[:, 0] @ both[:, 0]
 
 
 def _related(given):
