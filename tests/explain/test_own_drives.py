@@ -235,3 +235,11 @@ def test_a_run_may_be_logged_more_rarely_than_those_to_train_on():
     seldom = run(42, 0.02, viscous=0.01, most_rad_s2=30.0, every=20)
     answer = di.explain(model(0.02), training, [seldom], told_apart("viscous_friction"))
     assert answer.verdict == "named" and [effect.name for effect in answer.effects] == ["viscous_friction"]
+
+
+def test_a_delay_adds_nothing_up_over_a_run_and_is_that_of_the_filter():
+    runs = [Clock("encoder", 1.0, 0.03).apply(run(1, 0.02, push=0.01))]
+    (effect,) = di.explain(model(0.02), runs, effects=told_apart("command_delay", "viscous_friction")).effects
+    delay = effect.parameters["delay_s"]
+    assert effect.name == "command_delay" and delay.least_squares is None
+    assert delay.estimate == pytest.approx(0.03, abs=0.002)

@@ -5,7 +5,7 @@ add up in such a simulation. Sizes that suit the innovations of a filter are the
 whole runs best; `fitted` finds the latter.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,19 +31,22 @@ class Sizes:
     Attributes:
         point: effects and their coordinates. plant: the plant's free parameters, name -> value. stds: coordinate ->
             standard deviation as the runs differ from each other (sandwich estimate); NaN of a single run.
+        held: effects whose coordinates no fit moves.
     """
 
     point: Point
     plant: Mapping[str, float]
     stds: Mapping[tuple[Candidate, int], float] = field(default_factory=dict)
+    held: Collection[Candidate] = ()
 
 
-def fitted(replay: OwnReplay, tracks: Sequence[Track], start: Point) -> Sizes:
+def fitted(replay: OwnReplay, tracks: Sequence[Track], start: Point, held: Collection[Candidate] = ()) -> Sizes:
     """Least-squares fit of free-run simulations to all ticks of all runs, within the bounds of the effects.
 
     start: coordinates of the effects to begin with; the plant's free parameters begin with the plant's own values.
+    held: effects that stay as they begin.
     """
-    begin = Sizes(start, replay.free)
+    begin = Sizes(start, replay.free, held=held)
     order, given = _numbers(begin)
     if not len(given):
         return begin
@@ -71,7 +74,8 @@ def _least_squares(replay, tracks, start, most=None):
 
 def _numbers(sizes):
     """(effect, number of the coordinate) of every coordinate, and (k,) the plant's parameters and then these."""
-    order = [(candidate, i) for candidate, z in sizes.point.items() for i in range(len(z))]
+    moved = {candidate: z for candidate, z in sizes.point.items() if candidate not in sizes.held}
+    order = [(candidate, i) for candidate, z in moved.items() for i in range(len(z))]
     return order, np.array([*sizes.plant.values(), *(sizes.point[candidate][i] for candidate, i in order)])
 
 
@@ -79,7 +83,13 @@ def _with(sizes, numbers):
     """The Sizes with other numbers (k,)."""
     left = iter(map(float, numbers))
     plant = {name: next(left) for name in sizes.plant}
-    return Sizes({candidate: [next(left) for _ in z] for candidate, z in sizes.point.items()}, plant)
+    point = {c: list(z) if c in sizes.held else [next(left) for _ in z] for c, z in sizes.point.items()}
+    return replace(sizes, point=point, plant=plant)
+
+
+def shifts_of(point: Point) -> list[Candidate]:
+    """The effects that shift steps in time. They add nothing up over a run: what a filter says of them is nearer."""
+    return [candidate for candidate in point if candidate.shifts]
 
 
 def _stds(solution, ends):

@@ -7,6 +7,7 @@ independent numbers.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import f as fisher
@@ -16,7 +17,7 @@ from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.decide.validate import start_of
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.free_run import Sizes, errors_of, fitted
+from drake_ispace.explain.fit.free_run import Sizes, errors_of, fitted, shifts_of
 from drake_ispace.explain.fit.likelihood import deviance_at
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
@@ -46,10 +47,10 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
     tried = [candidate for candidate in likelihood.sizes if candidate.name not in taken]
     if len(tracks) < 2 or not tried:
         return None
-    clearly = _clearly(FALSE_ALARM_RATE / (1 if is_lacking else len(tried)), replay, tracks)
-    alike = _clearly(FALSE_ALARM_RATE, replay, tracks)
-    base, scales = fitted(replay, tracks, named), scales_of(prediction)
-    enough = _left_out(replay, tracks, base) / clearly
+    enough_by = clearly(FALSE_ALARM_RATE / (1 if is_lacking else len(tried)), replay, tracks)
+    alike = clearly(FALSE_ALARM_RATE, replay, tracks)
+    base, scales = fitted(replay, tracks, named, shifts_of(named)), scales_of(prediction)
+    enough = _left_out(replay, tracks, base) / enough_by
     refused = max(deviance_at(likelihood, point) for point in (named, base.point)) + MARGIN
 
     def found_with(candidate):
@@ -77,7 +78,7 @@ def asked_for_own(prediction: Prediction, decision: Decision, is_lacking: bool) 
     return Asked(best, sizes.point, list(rivals.values()))
 
 
-def _clearly(level: float, replay: OwnReplay, tracks: Sequence[Track]) -> float:
+def clearly(level: float, replay: OwnReplay, tracks: Sequence[Track]) -> float:
     """The ratio of two squared errors of these runs that is exceeded by chance with the probability `level`."""
     numbers = len(tracks) * replay.body.wheels
     return float(fisher.isf(level, numbers, numbers))
@@ -99,17 +100,17 @@ def _fitted(
             candidate.parameters, usual, candidate.neutral, candidate.bounds, strict=True
         ):
             z.append(size if parameter.shape else min(max(neutral + share * (size - neutral), low), high))
-        return Sizes({**named.point, candidate: z}, named.plant)
+        return replace(named, point={**named.point, candidate: z})
 
     begun = [at(sign * share) for share in _SHARES for sign in (1.0, -1.0)]
-    return fitted(replay, tracks, min(begun, key=lambda sizes: _squared(replay, tracks, sizes)).point)
+    return fitted(replay, tracks, min(begun, key=lambda sizes: _squared(replay, tracks, sizes)).point, named.held)
 
 
 def _left_out(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> float:
     """Sum of the squared errors of all runs, each with sizes that are fitted to the others."""
     total = 0.0
     for i, track in enumerate(tracks):
-        others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], sizes.point)
+        others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], sizes.point, sizes.held)
         total += _squared(replay, [track], others)
     return total
 

@@ -12,7 +12,7 @@ from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.validate import Choice
-from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, unit_of
+from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, shifts_of, unit_of
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Prediction
@@ -55,7 +55,8 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     asked = None
     if isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS:
         asked = partial(asked_for_own, case.prediction, decision, bool(worst))
-    by, shown = "held-out runs" if parts else "", plain.point or None
+    by = "held-out runs" if parts else ""
+    shown = {c: [None] * len(z) if c in plain.held else z for c, z in plain.point.items()} or None
     return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
 
 
@@ -65,7 +66,7 @@ def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
         return decision.base, decision.sizes, decision.sizes
     tracks, point = case.prediction.tracks, {} if decision.named is None else decision.named.point
     base = fitted(case.replay, tracks, {})
-    plain = fitted(case.replay, tracks, point) if point else base
+    plain = fitted(case.replay, tracks, point, shifts_of(point)) if point else base
     return base, Sizes(point, plain.plant), plain
 
 

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
-from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, slopes
+from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, shifts_of, slopes
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
@@ -31,6 +31,8 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
     prediction: of the training runs. filtered, plain: sizes fitted to all of them. seed: of the draws.
     """
     likelihood = decision.end.likelihood
+    if len(shifts_of(filtered.point)) == len(filtered.point):  # of which both are the same
+        return False
     refused = likelihood.deviance(likelihood.whitened(plain.point)) - decision.named.deviance
     least = min(decision.gains.values())
     if not refused < (max(least, MARGIN) if decision.kept else least):  # nor where the model runs away with them
@@ -39,7 +41,7 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
         return _beats_chance(prediction, filtered, plain, seed)
     replay, tracks, squares = prediction.replay, prediction.tracks, np.zeros(2)
     for i, (point, _) in enumerate(sizes_without(decision, groups_of(decision, 1))):
-        others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], point)
+        others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], point, shifts_of(point))
         for k, sizes in enumerate((others, Sizes(point, others.plant))):
             squares[k] += np.sum(errors_of(replay, [tracks[i]], sizes) ** 2)
     return bool(squares[0] < squares[1])
@@ -49,7 +51,8 @@ def _beats_chance(prediction, filtered, plain, seed) -> bool:
     """Whether least squares leaves a smaller share of the errors than of most draws of what unknown torques do."""
     replay, (track,) = prediction.replay, prediction.tracks
     at, shares = errors_of(replay, [track], filtered), []
-    basis = np.linalg.svd(slopes(replay, [track], filtered), full_matrices=False)[2]
+    moved = replace(filtered, held=shifts_of(filtered.point))
+    basis = np.linalg.svd(slopes(replay, [track], moved), full_matrices=False)[2]
     for draw in range(round(1.0 / FALSE_ALARM_RATE)):
         change = errors_of(replay, [pushed(replay, track, [seed, 5, draw])], filtered) - at
         shares.append(1.0 - np.sum((basis @ change) ** 2) / np.sum(change**2))
