@@ -32,8 +32,9 @@ def decided(names, in_doubt=False):
     )
 
 
-def proved(decision, answer, asked=None, unconfirmed=()):
-    return Answered(decision, SimpleNamespace(by="leave-one-run-out", asked=asked, unconfirmed=unconfirmed), answer)
+def proved(decision, answer, asked=None, unconfirmed=(), instead=None):
+    proof = SimpleNamespace(by="leave-one-run-out", asked=asked, unconfirmed=unconfirmed, instead=instead)
+    return Answered(decision, proof, answer)
 
 
 class Named:
@@ -179,3 +180,16 @@ def test_effects_that_come_no_nearer_or_never_suffice_are_not_added():
 
 def test_effects_that_take_too_little_to_ever_suffice_are_no_longer_added():
     assert with_further([[4.8], [4.7], []], enough_at=2) == 0
+
+
+@pytest.mark.parametrize("ratio, name", [(1.5, "gain"), (2.5, "scale")])
+def test_a_look_alike_that_runs_prefer_takes_the_name_unless_more_is_left(ratio, name):
+    def answered(decision):
+        (effect,) = decision.named.point
+        left = [SimpleNamespace(ratio=2.0 if effect.name == "scale" else ratio)]
+        effects = [SimpleNamespace(name=effect.name, parameters={})]
+        answer = SimpleNamespace(verdict="unknown", effects=effects, warnings=[], gap=[], remainders=left)
+        return proved(decision, answer, instead=lambda: decided(["gain"]) if effect.name == "scale" else None)
+
+    best = best_answered(CASE, answered(decided(["scale"])), answered)
+    assert [effect.name for effect in best.answer.effects] == [name]

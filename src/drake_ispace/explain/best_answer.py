@@ -49,7 +49,7 @@ def best_answered(case: Case, first: Answered, answered: Callable[[Decision], An
 
 def _preferred(case, first, answered) -> Answered:
     """As `best_answered`, but for the sentences on what was dropped."""
-    best = _with_asked(first, answered)
+    best = _with_asked(_with_preferred(first, answered), answered)
     is_driven_by_command = case.replay.body.robot.driven == COMMAND
     if best.answer.verdict == "incomplete" or (best.answer.verdict == "unknown" and is_driven_by_command):
         best = _with_further(best, answered)
@@ -66,6 +66,15 @@ def _preferred(case, first, answered) -> Answered:
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
         best = _without(best, {best.proof.unconfirmed[0]}, f"is not confirmed: {UNCONFIRMED}", answered)
     return best
+
+
+def _with_preferred(first, answered) -> Answered:
+    """With the look-alike of a named effect that training runs prefer, unless the answer gets worse."""
+    if first.proof.instead is None or (instead := first.proof.instead()) is None:
+        return first
+    other = answered(instead)
+    worse = (first.suffices and not other.suffices) or other.too_large > first.too_large
+    return first if worse else other
 
 
 def _with_asked(first, answered) -> Answered:

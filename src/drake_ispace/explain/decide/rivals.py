@@ -5,6 +5,7 @@ from dataclasses import replace
 from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, NEXT_TO_NOTHING, Decision, Rival
 from drake_ispace.explain.decide.propose import clearest_effects, fits_beside, penalty
+from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit
 
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
@@ -19,6 +20,10 @@ def with_rivals(decision: Decision) -> Decision:
     effect's size makes none either. A rival whose best size makes sense takes the place of a named effect whose size
     makes none, of one that does no better with more parameters, and of one that becomes the rival at some value of its
     shape. An effect that was asked for stays, and has the rivals of what asked for it.
+
+    How alike two effects are is known under noise that was learned while all were missing, which may hide it. Of a
+    plant of the user's own, which few effects suit, all others are fitted: one that is no further behind than noise
+    makes it is a rival, too.
     """
     for effect in decision.named.point:
         if (known := decision.kept.get(effect)) is not None:
@@ -37,9 +42,14 @@ def with_rivals(decision: Decision) -> Decision:
             ]
         if better:
             best, fitted = min(better, key=lambda one: one[0].behind)
-            gains = {best.candidate if c is effect else c: gain for c, gain in decision.gains.items()}
-            return with_rivals(replace(decision.with_named(decision.end, fitted), rivals={}, gains=gains))
+            return with_rival_named(decision, effect, best.candidate, fitted)
     return decision
+
+
+def with_rival_named(decision: Decision, effect: Candidate, rival: Candidate, fitted: Fit) -> Decision:
+    """The Decision that names a rival in the place of an effect, under the same noise; fitted: with the others."""
+    gains = {rival if c is effect else c: gain for c, gain in decision.gains.items()}
+    return with_rivals(replace(decision.with_named(decision.end, fitted), rivals={}, gains=gains))
 
 
 def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
@@ -50,13 +60,19 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     others = [
         other for other, _ in clearest_effects(start)
         if other.name not in taken and screen.knows(effect) and not other.generalises(effect)
-        and (_changes_shape(effect, other) or screen.alike(effect, other, list(rest)) >= _LEAST_LIKENESS)
     ]
+    alike = [
+        other for other in others
+        if _changes_shape(effect, other) or screen.alike(effect, other, list(rest)) >= _LEAST_LIKENESS
+    ]
+    tried = alike if start.view.prediction.replay.body.robot.in_room else others
     likelihood, rivals, makes_sense = decision.end.likelihood, [], effect.makes_sense(named.point[effect])
-    for other, best in zip(others, fits_beside(rest, others, start, likelihood, iterations=6), strict=True):
+    for other, best in zip(tried, fits_beside(rest, tried, start, likelihood, iterations=6), strict=True):
         fitted = _sensible(likelihood, other, best) if makes_sense else best
         behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
+        limit = MARGIN
+        if other in alike:
+            limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind, fitted.point), best))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from drake_ispace.explain.decide.decision import Asked, Rival
+from drake_ispace.explain.decide.decision import Asked, Decision, Rival
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
 from drake_ispace.explain.prove.errors.gap import GapRow
@@ -37,6 +37,8 @@ class Proof:
             them, too; empty where other runs were held out. may_stand: tells whether a rival suffices on unseen runs
             as the named effects do; None where these do not, or where that cannot be told. unconfirmed: names of
             effects that free runs show, and with which those of unseen runs come no nearer, the worst first.
+            instead: computes the decision with a rival in the place of a named effect that training runs prefer, or
+            None; None where they are not asked.
     """
 
     by: str
@@ -51,3 +53,4 @@ class Proof:
     alone: list[str] = field(default_factory=list)
     may_stand: Callable[[Rival], bool] | None = None
     unconfirmed: Sequence[str] = ()
+    instead: Callable[[], Decision | None] | None = None

@@ -21,6 +21,7 @@ from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, r
 from drake_ispace.explain.prove.left.adequacy import too_large
 from drake_ispace.explain.prove.noise.noise import DRAWS
 from drake_ispace.explain.prove.own.asked import asked_for_own
+from drake_ispace.explain.prove.own.instead import preferred_by_runs
 from drake_ispace.explain.prove.own.sizes import leads_nearer, pushed
 from drake_ispace.explain.prove.proof import PlantParameter, Proof
 from drake_ispace.explain.threads import each
@@ -52,12 +53,14 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
             left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
-    asked = None
-    if isinstance(decision, Decision) and decision.unknown is None and len(answer.point) < MOST_EFFECTS:
-        asked = partial(asked_for_own, case.prediction, decision, bool(worst))
+    asked = instead = None
+    if isinstance(decision, Decision) and decision.unknown is None:
+        instead = partial(preferred_by_runs, case.prediction, decision)
+        if len(answer.point) < MOST_EFFECTS:
+            asked = partial(asked_for_own, case.prediction, decision, bool(worst))
     by = "held-out runs" if parts else ""
     shown = {c: [None] * len(z) if c in plain.held else z for c, z in plain.point.items()} or None
-    return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked)
+    return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked, instead=instead)
 
 
 def _sizes(case, decision) -> tuple[Sizes, Sizes, Sizes]:
