@@ -51,7 +51,7 @@ class Linear:
     shapes: Mapping[str, np.ndarray]
     offsets: tuple[tuple[int, np.ndarray], ...] = ()
 
-    replay = SimpleNamespace(body=SimpleNamespace(wheels=1, robot=SimpleNamespace(driven="torque")))
+    replay = SimpleNamespace(body=SimpleNamespace(wheels=1, robot=SimpleNamespace(driven="torque", in_room=True)))
     row_ticks = 1
     tracks = (SimpleNamespace(
         ticks=ROWS, command=np.ones((ROWS, 1)), measured=np.arange(ROWS)[:, None], fix_ticks=20 * np.arange(ROWS),

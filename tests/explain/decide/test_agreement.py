@@ -12,7 +12,7 @@ APART = np.array([6.0, 8.0])  # of the two fits, one row a run
 
 def scattered(position, driven="torque"):
     """The scatter if the robot lies there between the better fit (0) and the other one (1) in each run."""
-    body = SimpleNamespace(robot=SimpleNamespace(driven=driven))
+    body = SimpleNamespace(robot=SimpleNamespace(driven=driven, in_room=True))
     view = SimpleNamespace(prediction=SimpleNamespace(replay=SimpleNamespace(body=body)))
     likelihood = SimpleNamespace(marginalised=lambda w: w, parts=lambda w: w * w)
     survey = SimpleNamespace(view=view, likelihood=likelihood, runs=np.array([0, 1]))

@@ -73,7 +73,7 @@ def test_a_further_effect_must_be_as_clear_where_it_is_doubted(monkeypatch, leas
     (1, "torque", False), (RUNS, "torque", True), (1, "command", True),
 ])
 def test_what_does_not_show_is_tried_unless_there_is_a_single_run_under_torque(monkeypatch, tracks, driven, is_tried):
-    body = SimpleNamespace(wheels=1, robot=SimpleNamespace(driven=driven))
+    body = SimpleNamespace(wheels=1, robot=SimpleNamespace(driven=driven, in_room=True))
     monkeypatch.setattr(Linear, "replay", SimpleNamespace(body=body))
     monkeypatch.setattr(Linear, "tracks", Linear.tracks * tracks)
     decision = decide(Linear(noise() + 0.8 * SHAPES["tilt"], SHAPES), made(*SHAPES), 0, generics=no_generics)
