@@ -113,14 +113,14 @@ class _Search:
         earlier = len(self.findings)
         self._agreed("kinect", wheels_or_camera)
         self._of_another_robot(recorded[0], self.findings[earlier:])
-        repaired = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
+        of_wheels = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(frame_findings, self._bases())
         self._each(smoothed_fixes, self._bases())
         tell("comparing torque, command and IMU with the wheels")
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
-        follows = repaired and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
+        follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         drives = self._drives()
         self._add(setpoint_findings(drives))
