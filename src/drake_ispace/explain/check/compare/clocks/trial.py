@@ -121,7 +121,10 @@ class Trial:
         return path
 
     def _ends_near(self, path):
-        """Ends [s] of the windows about a jump; none near the run's own."""
+        """Ends [s] of the windows about a jump, none near the run's own; the jump itself beside motions of any share.
+        """
+        if self.link.any_share:
+            return np.array([path.jump_s])
         ends = self.link.until_s[FEWEST // 2 : -(FEWEST // 2)]
         at = int(np.searchsorted(ends, path.jump_s))
         return ends[max(at - FEWEST, 0) : at + FEWEST]
