@@ -36,6 +36,10 @@ class Answered:
         """How much unseen runs leave in the channels that have too much left."""
         return sum(remainder.ratio**2 for remainder in self.answer.remainders)
 
+    def is_worse_than(self, other: "Answered") -> bool:
+        """Whether unseen runs show what this answer lacks and the other one does not, or more than of the other."""
+        return (other.suffices and not self.suffices) or self.too_large > other.too_large
+
 
 def best_answered(case: Case, first: Answered, answered: Callable[[Decision], Answered]) -> Answered:
     """A first answer, or another one that unseen runs prefer.
@@ -73,8 +77,7 @@ def _with_preferred(first, answered) -> Answered:
     if first.proof.instead is None or (instead := first.proof.instead()) is None:
         return first
     other = answered(instead)
-    worse = (first.suffices and not other.suffices) or other.too_large > first.too_large
-    return first if worse else other
+    return first if other.is_worse_than(first) else other
 
 
 def _with_asked(first, answered) -> Answered:
@@ -86,7 +89,7 @@ def _with_asked(first, answered) -> Answered:
     while best.proof.asked is not None and (asked := best.proof.asked()) is not None:
         kept = {**best.decision.kept, asked.effect: asked.rivals}
         other = answered(replace(best.decision, kept=kept).with_effects(asked.point))
-        if (best.suffices and not other.suffices) or other.too_large > best.too_large:
+        if other.is_worse_than(best):
             break
         best = other
     return first if first.answer.verdict == "unknown" and not best.suffices else best

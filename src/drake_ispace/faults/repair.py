@@ -322,6 +322,13 @@ def from_zero(recording: Recording, channels: Iterable[str]) -> Recording:
     return recording
 
 
+def repaired(recording: Recording, repairs: Iterable[Repair]) -> Recording:
+    """The recording after all repairs but cuts, one after the other."""
+    for repair in repairs:
+        recording = recording if isinstance(repair, CutOut) else repair.apply(recording)
+    return recording
+
+
 def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[Recording]:
     """The stretches of a recording between its cuts; those shorter than shortest_s are left out.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.effects.library import library
-from drake_ispace.explain.check.checked import Checked, repaired
+from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
@@ -37,7 +37,7 @@ from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
-from drake_ispace.faults.repair import Clock, CutOut
+from drake_ispace.faults.repair import Clock, CutOut, repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario

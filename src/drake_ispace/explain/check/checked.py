@@ -1,12 +1,12 @@
 """What a check found, and what the runs are without it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import CutOut, Repair, parts
+from drake_ispace.faults.repair import CutOut, parts, repaired
 from drake_ispace.files.recording import Recording
 
 _SHORTEST_S = FEWEST * WINDOW_S  # part of a run that is kept: one that can be compared
@@ -56,10 +56,3 @@ class Checked:
     def _parts(self, i, run, findings):
         cuts = [r for f in findings if i in f.runs for r in f.repairs if isinstance(r, CutOut)]
         return parts(run, cuts, _SHORTEST_S) if cuts else [run]
-
-
-def repaired(run: Recording, repairs: Iterable[Repair]) -> Recording:
-    """The run after all repairs but cuts."""
-    for repair in repairs:
-        run = run if isinstance(repair, CutOut) else repair.apply(run)
-    return run

@@ -13,7 +13,7 @@ import numpy as np
 from drake_ispace.explain.check.compare.hypotheses import ANGLES
 from drake_ispace.explain.check.compare.links import FEWEST, UNKNOWN_INERTIA, Base, Link, inside, torque_link
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Mixed
+from drake_ispace.faults.repair import Mixed, repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
@@ -26,12 +26,12 @@ TORQUES = {
 _ADVICE = "log torques and angles in the model's units: the ratio tells neither which is off, nor the exact factor"
 
 
-def times(links: Sequence[Link | None], bases: Sequence[Base | None], lags_s: np.ndarray | None = None) -> float:
+def times(links: Sequence[Link | None], bases: Sequence[Base | None], lags_s: np.ndarray) -> float:
     """How many times as large as the wheels say the torques are, in most runs; 1 where nothing is known.
 
-    lags_s: (k,) of the wheels [s], of which that is taken at which torques go with them best; None: no lag.
+    lags_s: (k,) of the wheels [s], of which that is taken at which torques go with them best.
     """
-    lags_s, found = np.zeros(1) if lags_s is None else lags_s, []
+    found = []
     for link, base in zip(links, bases, strict=True):
         kept = [] if link is None else np.all([inside(base, link.since_s, link.until_s, lag) for lag in lags_s], axis=0)
         if np.sum(kept) < FEWEST:
@@ -73,9 +73,7 @@ def unit_as_ratio(
 def _told(finding, findings, runs, bases, lags_s):
     having, links = [i for i in finding.runs if bases[i] is not None and TORQUE in runs[i].channels], []
     for i in having:
-        run = runs[i]
-        for repair in (repair for one in findings if i in one.runs for repair in one.repairs):
-            run = repair.apply(run)
+        run = repaired(runs[i], (repair for one in findings if i in one.runs for repair in one.repairs))
         links.append(torque_link(run, bases[i]))
     (undo,) = finding.repairs
     left = times(links, [bases[i] for i in having], lags_s)

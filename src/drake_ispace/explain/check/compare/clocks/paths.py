@@ -41,7 +41,7 @@ class Path:
         return [replace(self, jump_s=float(jump_s)) for jump_s in at]
 
     def later(self) -> list["Path"]:
-        """The path with every jump near its own."""
+        """The path with every size of its jump near its own."""
         return [replace(self, later_s=self.later_s + float(d)) for d in LATENCIES_S]
 
     def tilted(self, lasts_s: float) -> list["Path"]:
