@@ -42,6 +42,7 @@ from drake_ispace.explain.answer.verdict import add_chance, add_proof, add_runs_
 from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
+from drake_ispace.explain.decide.camera_clocks import camera_clocks
 from drake_ispace.explain.decide.clocks_set import with_clocks_set
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
@@ -84,15 +85,17 @@ def explain(
     examined = examine(model, runs, held_out, trust_data, tell)
     if examined.serious and not trust_data:
         return contradiction(examined, time.perf_counter() - started)
-    runs, held_out = examined.runs, examined.held_out
 
     # 1 predict
     tell("preparing the predictions")
-    case = prepare(model, runs, held_out, effects, most_s)
+    case = prepare(model, examined.runs, examined.held_out, effects, most_s)
 
     with side_by_side(), solvable():
         if not trust_data:
             tell("comparing the clocks")
+            if drifts := camera_clocks(case):
+                examined = examined.with_repaired(drifts)
+                case = prepare(model, examined.runs, examined.held_out, effects, most_s)
             case, off = with_clocks_set(case, examined.names)
             examined = replace(examined, findings=[*examined.findings, *off])
 

@@ -112,7 +112,7 @@ class Clock(_OfChannel):
             at = channel.columns.index("t_received")
             values[:, at] = np.where(late, self.rate * values[:, at] + self.offset_s, values[:, at])
         latest = np.maximum.accumulate(np.concatenate([[-np.inf], t[:-1]]))
-        period_s = channel.period_s if self.rate == 1.0 else None
+        period_s = channel.period_s and channel.period_s * (self.rate if self.since_s == -math.inf else 1.0)
         return rows(replace(channel, t=t, values=values, period_s=period_s), t > latest)
 
 

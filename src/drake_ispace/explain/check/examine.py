@@ -1,5 +1,6 @@
 """Training and held-out runs, checked together, and without what is limited in time."""
 
+import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.runs import Runs, by_kind, listed, loaded, name_of
 from drake_ispace.explain.own_model import OwnModel
+from drake_ispace.faults.repair import repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.scenario import Scenario
 
@@ -32,6 +34,15 @@ class Examined:
     runs: list[Recording]
     held_out: Mapping[str, list[Recording]]
     warnings: list[str] = field(default_factory=list)
+
+    def with_repaired(self, found: Mapping[int, Finding]) -> "Examined":
+        """The runs after the repairs of further findings; found: by the number of the run, held-out ones after the
+        others."""
+        every = itertools.chain(self.runs, *self.held_out.values())
+        after = iter([repaired(run, found[i].repairs) if i in found else run for i, run in enumerate(every)])
+        runs = list(itertools.islice(after, len(self.runs)))
+        held_out = {kind: list(itertools.islice(after, len(some))) for kind, some in self.held_out.items()}
+        return replace(self, findings=[*self.findings, *found.values()], runs=runs, held_out=held_out)
 
 
 def examine(
