@@ -93,7 +93,7 @@ def explain(
     with side_by_side(), solvable():
         if not trust_data:
             tell("comparing the clocks")
-            if drifts := camera_clocks(case):
+            if drifts := camera_clocks(case, examined.every):
                 examined = examined.with_repaired(drifts)
                 case = prepare(model, examined.runs, examined.held_out, effects, most_s)
             case, off = with_clocks_set(case, examined.names)

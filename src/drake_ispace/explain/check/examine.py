@@ -35,11 +35,14 @@ class Examined:
     held_out: Mapping[str, list[Recording]]
     warnings: list[str] = field(default_factory=list)
 
+    @property
+    def every(self) -> list[Recording]:
+        """All runs, held-out ones after the others."""
+        return [*self.runs, *itertools.chain(*self.held_out.values())]
+
     def with_repaired(self, found: Mapping[int, Finding]) -> "Examined":
-        """The runs after the repairs of further findings; found: by the number of the run, held-out ones after the
-        others."""
-        every = itertools.chain(self.runs, *self.held_out.values())
-        after = iter([repaired(run, found[i].repairs) if i in found else run for i, run in enumerate(every)])
+        """The runs after the repairs of further findings, by the number of the run in `every`."""
+        after = iter([repaired(run, found[i].repairs) if i in found else run for i, run in enumerate(self.every)])
         runs = list(itertools.islice(after, len(self.runs)))
         held_out = {kind: list(itertools.islice(after, len(some))) for kind, some in self.held_out.items()}
         return replace(self, findings=[*self.findings, *found.values()], runs=runs, held_out=held_out)

@@ -1,7 +1,7 @@
 """Is the camera's clock of a run off against that of its wheels? What no effect explains of the fixes tells it.
 
 A clock that drifts by a thousandth is off by a tenth of a second after a hundred, and one that is set anew for every
-run is another one in each. What a model lacks is the same in all runs. Rates and offsets of every run are therefore
+run is another one in each. What a model lacks is the same in all runs. Offsets and drifts of every run are therefore
 fitted together with all effects and generic disagreements, of any size. An offset that all runs have is not looked for:
 it may be a latency.
 """
@@ -14,12 +14,12 @@ import numpy as np
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.clocks.paths import OFFSET
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.runs import name_of
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
 from drake_ispace.explain.decide.survey.generic import Generic, generic_signatures
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey
 from drake_ispace.explain.fit.candidates import Candidate, candidates
-from drake_ispace.explain.fit.directions import inverse_of
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
@@ -27,156 +27,154 @@ from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.faults.library import same_as
 from drake_ispace.faults.repair import Clock
+from drake_ispace.files.recording import Recording
 
 _MOST_S = LEAD_TICKS * TICK_S  # by which a clock may be off at any time of a run
 _PROBE_S = 0.1 * _MOST_S
 _CLOCK = Generic("the camera's clock", "clock", "time", 2)
-_TIMES = Candidate(_CLOCK, (), _CLOCK.parameters)
-_MOST_TURNS = 4  # in which rates and offsets are found
+_NUMBERS = Candidate(_CLOCK, (), _CLOCK.parameters)
+_MOST_TURNS = 8  # in which offsets and drifts are found
 _STAYS = 0.3  # standard deviations by which they may still move in the last turn
 
 
-def camera_clocks(case: Case) -> dict[int, Finding]:
-    """Number of a run, held-out ones after the others -> what is wrong with its camera's clock."""
+def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
+    """Number of a run -> what is wrong with its camera's clock.
+
+    runs: all of the case, held-out ones after the others. Where stretches stand for them nothing is looked for.
+    """
     prediction = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
-    if len(case.prediction.tracks) != len(case.runs) or not prediction.channels["room"]:
+    is_whole = [track.name for track in prediction.tracks] == [name_of(run, i) for i, run in enumerate(runs)]
+    if not is_whole or not prediction.channels["room"]:
         return {}
     tried = [
         c for c in candidates(case.effects_to_try, case.replay.body)
         if c.effect.kinematic and not c.effect.is_local and OFFSET not in same_as(c.name)
     ]
-    times = times_of(prediction, tried)
-    usual = _usual(list(times.values()))
-    findings = {i: _finding(prediction.tracks[i], one, usual) for i, one in times.items()}
+    told = _told(prediction, tried)
+    usual = _usual(list(told.values()))
+    findings = {i: _finding(prediction.tracks[i], of_run, usual) for i, of_run in told.items()}
     return {i: finding for i, finding in findings.items() if finding is not None}
 
 
 @dataclass(frozen=True)
-class Time:
-    """What a run tells of its camera's clock.
-
-    Attributes:
-        late_s: in the middle of the run, against other runs. drift_s: by how much later it is at the end of the run
-            than at its beginning. variances: (2,) of both. apart, of_apart: (seconds, 2) both numbers without each
-            second of the run, and their variances.
+class _Number:
+    """A number [s] of a run and its variance; without, variances: (seconds,) the same without each second of the run.
     """
 
-    late_s: float
-    drift_s: float
+    value: float
+    variance: float
+    without: np.ndarray
     variances: np.ndarray
-    apart: np.ndarray
-    of_apart: np.ndarray
 
-    @property
-    def drifts(self) -> bool:
-        """Whether the clock drifts for certain, whichever second of the run is left out."""
-        return bool(np.all(self.apart[:, 1] ** 2 >= LEAST_FURTHER * self.of_apart[:, 1]))
-
-    def differs_from(self, other: "Time") -> bool:
-        """Whether the clock is later or earlier than that of another run, in the same way."""
-        apart, variances = self.apart[:, 0] - other.late_s, self.of_apart[:, 0] + other.variances[0]
-        return bool(np.all(apart**2 >= LEAST_FURTHER * variances))
+    def differs_from(self, value: float = 0.0, variance: float = 0.0) -> bool:
+        """Whether it is another one for certain, whichever second of the run is left out."""
+        return bool(np.all((self.without - value) ** 2 >= LEAST_FURTHER * (self.variances + variance)))
 
 
-def _usual(times: Sequence[Time]) -> Time | None:
+@dataclass(frozen=True)
+class _Lateness:
+    """How late the camera's clock of a run is in the middle of it, and by how much more at its end than at its begin.
+    """
+
+    middle: _Number
+    drift: _Number
+
+    def certain(self, usual: "_Lateness") -> tuple[float, float]:
+        """By how much it is later than usual, and drifts [s]; zeros where that is not certain."""
+        same = self is usual or not self.middle.differs_from(usual.middle.value, usual.middle.variance)
+        return 0.0 if same else self.middle.value - usual.middle.value, self.drift.value * self.drift.differs_from()
+
+
+def _usual(told: Sequence[_Lateness]) -> _Lateness | None:
     """The one to which the others are nearest, each in its standard deviations."""
     def apart(usual):
-        return sum(abs(one.late_s - usual.late_s) / np.sqrt(one.variances[0]) for one in times)
+        return sum(abs(one.middle.value - usual.middle.value) / np.sqrt(one.middle.variance) for one in told)
 
-    return min(times, key=apart, default=None)
+    return min(told, key=apart, default=None)
 
 
-def _finding(track: Track, time: Time, usual: Time) -> Finding | None:
-    """What is wrong with the clock of a run, None where nothing is for certain; usual: of all runs."""
-    later_s, drift_s = _certain(time, usual)
-    middle_s, rate, said = track.since_s + float(np.mean(track.fix_t)), drift_s / np.ptp(track.fix_t), []
-    gain = later_s**2 / (time.variances[0] + usual.variances[0]) + drift_s**2 / time.variances[1]
+def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | None:
+    """What is wrong with the clock of a run; None where nothing is for certain."""
+    later_s, drift_s = of_run.certain(usual)
+    gain = later_s**2 / (of_run.middle.variance + usual.middle.variance) + drift_s**2 / of_run.drift.variance
+    middle_s, said = track.begun_s + float(np.mean(track.fix_t)), []
+    rate = drift_s / float(np.ptp(track.fix_t)) if drift_s else 0.0
     if rate:
         said.append(f"{100 * abs(rate):.2g} % {'fast' if rate > 0 else 'slow'} against the wheels'")
     if later_s:
-        where = "in the middle of the run" if said else "against the wheels'"
+        where = "in the middle of the run" if rate else "against the wheels'"
         said.append(f"{abs(later_s):.2g} s {'later' if later_s > 0 else 'earlier'} {where} than in other runs")
     return None if not said else Finding(
         "clock_drift" if rate else OFFSET, f"clock {', '.join(said)}", "kinect", run=track.name, harmless=True,
-        drop_in_deviance=float(gain), repairs=(Clock("kinect", 1.0 - rate, rate * middle_s - later_s),),
+        drop_in_deviance=gain, repairs=(Clock("kinect", 1.0 - rate, rate * middle_s - later_s),),
     )
 
 
-def times_of(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, Time]:
-    """Number of a run -> what it tells; runs that do not are left out."""
+def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Lateness]:
+    """Number of a run -> what it tells of its clock; a run whose numbers find no place is left out."""
     prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes alone
     late = np.zeros((len(prediction.tracks), 2))
     for _ in range(_MOST_TURNS):
-        found = _times(_survey(prediction, late, tried), late)
-        usual, before = _usual(found), late
-        late = np.array([_certain(one, usual) for one in found])
+        told, before = _of_runs(_survey(prediction, late, tried), late), late
+        usual = _usual(told)
+        common = [usual.middle.value if usual.middle.differs_from() else 0.0, 0.0]
+        late = np.array([of_run.certain(usual) for of_run in told]) + common
         late[np.abs(late) @ [1.0, 0.5] > _MOST_S] = 0.0
-        variances = np.array([one.variances for one in found])
-        stays = np.all((late - before) ** 2 <= _STAYS**2 * variances, axis=1)
+        variances = [(of_run.middle.variance, of_run.drift.variance) for of_run in told]
+        stays = np.all((late - before) ** 2 <= _STAYS**2 * np.array(variances), axis=1)
         if stays.all():
             break
-    return {i: one for i, one in enumerate(found) if stays[i]}
-
-
-def _certain(time: Time, usual: Time) -> tuple[float, float]:
-    """By how much the clock of a run is later than usual, and by how much it drifts; zeros where that is uncertain."""
-    later_s = time.late_s - usual.late_s if time is not usual and time.differs_from(usual) else 0.0
-    return later_s, time.drift_s if time.drifts else 0.0
-
-
-def _later(prediction: Prediction, late: np.ndarray) -> Prediction:
-    """The prediction of the runs as if their camera's clocks were late by (runs, 2) `late_s` and `drift_s`."""
-    tracks = []
-    for track, (late_s, drift_s) in zip(prediction.tracks, late, strict=True):
-        sightings, t = track.sightings.copy(), track.fix_t
-        if len(t) > 1:
-            sightings[track.fix_rows, SIGHTING.after_s] -= late_s + drift_s * (t - np.mean(t)) / np.ptp(t)
-        tracks.append(replace(track, sightings=sightings))
-    return replace(prediction, tracks=tracks)
+    return {i: of_run for i, of_run in enumerate(told) if stays[i]}
 
 
 def _survey(prediction, late, tried) -> Survey:
-    """The Survey with the cameras' clocks this late; last two signatures of each run: its offset and its drift."""
+    """The Survey with clocks this late, (runs, 2) as `_later`; last are two signatures of each run."""
     def disagreements(prediction, point, base):
-        nothing = [{name: np.zeros(rows.shape, np.float32) for name, rows in run.items()} for run in base]
-        later = [
-            difference(base, _later(prediction, np.tile(probe, (len(base), 1))).residuals(merged(point)))
-            for probe in _PROBE_S * np.eye(2)
+        nothing = [{name: np.zeros_like(rows, np.float32) for name, rows in run.items()} for run in base]
+        probes = [np.tile(probe, (len(base), 1)) for probe in _PROBE_S * np.eye(2)]
+        changes = [difference(base, _later(prediction, probe).residuals(merged(point))) for probe in probes]
+        return generic_signatures(prediction, point, base) + [
+            Signature(_NUMBERS, [1.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
+            for i in range(len(base)) for at, change in enumerate(changes)
         ]
-        return [*generic_signatures(prediction, point, base), *(
-            Signature(_TIMES, [1.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
-            for i in range(len(base)) for at, change in enumerate(later)
-        )]
 
     return survey(_later(prediction, late), {}, tried, generics=disagreements)
 
 
-def _times(own: Survey, late: np.ndarray) -> list[Time]:
-    """What each run tells; late: as it is in the Survey."""
-    inner, count = own.screen.inner, late.size
-    rows = np.hstack([own.changes.of_run(i) for i in range(len(late))])
-    wanted, others = np.arange(len(inner) - count, len(inner)), np.arange(len(inner) - count)
-    others = others[own.screen.length[others] > 0.0]
-    # one combination for each number wanted, of which nothing else has any
-    kept = np.concatenate([others, wanted])
-    unit = 1.0 / np.sqrt(np.maximum(np.diag(inner)[kept], 1e-300))
-    inverse = unit[:, None] * np.linalg.pinv(unit[:, None] * inner[np.ix_(kept, kept)] * unit, 1e-8, True) * unit
-    sums = own.tested.marginalised(inverse[len(others) :] @ rows[kept])
+def _later(prediction: Prediction, late: np.ndarray) -> Prediction:
+    """The prediction of the runs as if their cameras' clocks were late by (runs, 2): in the middle, and the drift."""
+    tracks = []
+    for track, (middle_s, drift_s) in zip(prediction.tracks, late, strict=True):
+        sightings, t = track.sightings.copy(), track.fix_t
+        if len(t) > 1:
+            sightings[track.fix_rows, SIGHTING.after_s] -= middle_s + drift_s * (t - np.mean(t)) / np.ptp(t)
+        tracks.append(replace(track, sightings=sightings))
+    return replace(prediction, tracks=tracks)
+
+
+def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
+    """What each run tells by a Survey with clocks this late, whatever the sizes of effects and disagreements are."""
+    known = np.flatnonzero(own.screen.length > 0.0)
+    inner = own.screen.inner[np.ix_(known, known)]
+    unit = 1.0 / np.sqrt(np.diag(inner))
+    inverse = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, rcond=1e-8, hermitian=True) * unit
+    alone = np.zeros((late.size, len(own.screen.length)))  # of each number a combination that has none of the others
+    first, wanted = len(own.screen.length) - late.size, known >= len(own.screen.length) - late.size
+    alone[np.ix_(known[wanted] - first, known)] = inverse[wanted]
+    changes = np.hstack([alone @ own.changes.of_run(i) for i in range(len(late))])
+    left = own.tested.marginalised(changes)
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
     begun = np.flatnonzero(np.diff(blocks, prepend=-1))
-    by_second = lambda rows: np.add.reduceat(rows, begun, axis=1)  # noqa: E731
-    products, noise = by_second(sums * own.w), by_second(sums * own.noise)
-    lengths = by_second(sums * (inverse[len(others) :] @ rows[kept]))
-    steps, total = products.sum(axis=1), lengths.sum(axis=1, keepdims=True)
-    more = np.maximum(np.sum(noise**2, axis=1) / total[:, 0], 1.0)
-    share = 1.0 - lengths / total
-    without = (steps[:, None] - products) / share
-    variances = _PROBE_S**2 * more * total[:, 0]
-    numbers = late.ravel() + _PROBE_S * steps
-    apart = late.ravel()[:, None] + _PROBE_S * without
-    own_runs = own.runs[begun]
-    found = []
-    for i in range(len(late)):
-        two, mine = slice(2 * i, 2 * i + 2), own_runs == i
-        found.append(Time(*numbers[two], variances[two], apart[two, mine].T, (variances[two, None] / share[two, mine]).T))
-    return found
+    products, noise, squares = (np.add.reduceat(left * rows, begun, axis=1) for rows in (own.w, own.noise, changes))
+
+    def number(i):
+        in_run, value, square = own.runs[begun] == i // 2, late.flat[i], squares[i].sum()
+        if not square:
+            return _Number(value, np.inf, np.array([value]), np.array([np.inf]))
+        share = 1.0 - squares[i, in_run] / square  # that the other seconds have
+        variance = _PROBE_S**2 * max(square, np.sum(noise[i] ** 2))
+        step = products[i].sum()
+        without = value + _PROBE_S * (step - products[i, in_run]) / share
+        return _Number(value + _PROBE_S * step, variance, without, variance / share)
+
+    return [_Lateness(number(2 * i), number(2 * i + 1)) for i in range(len(late))]

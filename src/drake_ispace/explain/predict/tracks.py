@@ -41,7 +41,7 @@ class Track:
         has: names of the recorded channels that are used.
         aim: (3,) pose [m, m, rad] of the first way point; None: no reference.
         force: (rows, 3) force of the ground on the plant besides the model's; None: none.
-        since_s: from the start of the recording to tick 0 [s].
+        since_s: from the start of the recording to tick 0 [s]. begun_s: the recorded time at tick 0 [s].
         unscored_ticks: at the start, in which the state of a moving robot is not known yet.
         count_rad: of the encoders; 0 where they show none (`count_of`).
         rounding: (rows, p) what `measured` has besides the straightest motion of the wheels, where velocity is
@@ -64,6 +64,7 @@ class Track:
     aim: np.ndarray | None
     force: np.ndarray | None = None
     since_s: float = 0.0
+    begun_s: float = 0.0
     unscored_ticks: int = 0
     count_rad: float = 0.0
     rounding: np.ndarray | None = None
@@ -146,7 +147,9 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
         raise InputError(f"{name}: has none of the channels {', '.join(wanted)}, expected at least one to compare with")
     check_sizes(recording, name)
     _check_clocks(recording, has, name, shortest_s)
-    recording = from_zero(recording, has)
+    felt, recording = recording, from_zero(recording, has)
+    last = next(iter(has))
+    begun_s = float(felt.channels[last].t[-1] - recording.channels[last].t[-1])
     # the run ends where the first of these does: nothing later can be predicted, or compared with
     dense = [c for c in has if c != "kinect"]
     end_s = min(recording.channels[c].t[-1] for c in dense or has)
@@ -158,7 +161,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) and not since_s else None
     return Track(
-        name, ticks, command, has=has, aim=aim, since_s=since_s,
+        name, ticks, command, has=has, aim=aim, since_s=since_s, begun_s=begun_s,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
         **_of_wheels(recording, robot, wheels, has, rows), **_of_camera(recording, driven, has, rows, end_s),
     )
