@@ -1,5 +1,6 @@
 """Cards of faults, and repairs that undo them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from drake_ispace.faults.repair import (
     Unwrapped,
     Without,
     parts,
+    with_channel,
 )
 from drake_ispace.files.recording import Channel, Recording
 
@@ -56,6 +58,9 @@ def test_a_counter_goes_on_where_it_started_anew(run):
 
 def test_a_clock_is_shifted_and_stretched(run):
     assert np.allclose(Clock("encoder", 1e-3, 0.5).apply(run).channels["encoder"].t, 1e-3 * T + 0.5)
+    even = with_channel(run, "encoder", replace(run.channels["encoder"], period_s=0.1))
+    assert Clock("encoder", 1.01, 0.0).apply(even).channels["encoder"].period_s == pytest.approx(0.101)
+    assert Clock("encoder", 1.01, 0.0, 0.5).apply(even).channels["encoder"].period_s == 0.1
     assert str(Clock("encoder", 1.0, -0.25, 3.0)) == "encoder: t = t - 0.25 s from 3 s on"
 
 
