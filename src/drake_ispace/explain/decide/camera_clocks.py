@@ -113,12 +113,15 @@ def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | Non
 def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Lateness]:
     """Number of a run -> what it tells of its clock; a run whose numbers find no place is left out."""
     prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes alone
-    late = np.zeros((len(prediction.tracks), 2))
+    late, common_s, stays = np.zeros((len(prediction.tracks), 2)), 0.0, np.zeros(len(prediction.tracks), bool)
     for _ in range(_MOST_TURNS):
-        told, before = _of_runs(_survey(prediction, late, tried), late), late
-        usual = _usual(told)
-        common = [usual.middle.value if usual.middle.differs_from() else 0.0, 0.0]
-        late = np.array([of_run.certain(usual) for of_run in told]) + common
+        told = _of_runs(_survey(prediction, late, tried), late)
+        usual, before_s, before = _usual(told), common_s, late
+        common_s = usual.middle.value if usual.middle.differs_from() else 0.0
+        late = np.tile([common_s, 0.0], (len(told), 1))
+        if abs(common_s - before_s) > _STAYS * np.sqrt(usual.middle.variance):
+            continue  # far from it all runs are late otherwise than they seem
+        late += [of_run.certain(usual) for of_run in told]
         late[np.abs(late) @ [1.0, 0.5] > _MOST_S] = 0.0
         variances = [(of_run.middle.variance, of_run.drift.variance) for of_run in told]
         stays = np.all((late - before) ** 2 <= _STAYS**2 * np.array(variances), axis=1)
