@@ -175,8 +175,9 @@ def _frozen(run, base, seen_of):
             first_fix, end = np.searchsorted(kinect.t, [since, until])
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
-            pair = Windows(kinect.t[[first_fix]], kinect.t[[end - 1]], np.array([first_fix]), np.array([end - 1]))
-            turned = base.geometry.inverse @ (seen(kinect, pair) @ of_seen)[0]
+            fixes = np.arange(first_fix, end)  # ways add up along an arc, and not along its chord
+            pairs = Windows(kinect.t[fixes[:-1]], kinect.t[fixes[1:]], fixes[:-1], fixes[1:])
+            turned = base.geometry.inverse @ (seen(kinect, pairs) @ of_seen).sum(axis=0)
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
             if missed < _SHOWS_M:
