@@ -11,9 +11,10 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.controller import FOREIGN
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, most_in, over, p_in_words
+from drake_ispace.explain.answer.sentences import most_in, over, p_in_words
 from drake_ispace.explain.prove.errors.free_run import RUN, STEP
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
+from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.faults.repair import from_zero
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Recording

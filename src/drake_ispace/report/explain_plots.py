@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-from drake_ispace.explain.answer.sentences import amount
 from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP, seconds_of
 from drake_ispace.explain.prove.errors.gap import GapRow
+from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.files.recording import Channel
 from drake_ispace.report.plots import plt, save
 

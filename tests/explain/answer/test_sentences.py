@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 import answers
-from drake_ispace.explain.answer.sentences import amount, gap_sentence, p_in_words, sentence_of, short
+from drake_ispace.explain.answer.sentences import gap_sentence, p_in_words, sentence_of, short
+from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.scenario import load_scenario
 
 ROW = answers.GAP[0]

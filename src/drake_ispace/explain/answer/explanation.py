@@ -231,7 +231,7 @@ class Explanation:
             return _ONLY_LEFT
         if self.verdict == "none" and self.detection is not None and shows:
             return _ONLY_TRACES.format("on unseen runs" if self.proof else "in free runs")
-        *names, last = [effect.name.replace("_", " ") for effect in self.effects] or [""]
+        *names, last = [_said(effect, self.verdict == "set") for effect in self.effects] or [""]
         return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
 
     @property
@@ -299,14 +299,24 @@ class Explanation:
 _TABLES = ("gap", "remainders", "validated", "plant")
 _TITLES = {
     "named": "The model lacks {}", "incomplete": "The model lacks {}, and something more",
-    "set": "The model lacks one of a few effects that these runs cannot tell apart",
+    "set": "The model lacks {}: these runs do not tell which",
     "none": "The model lacks nothing that these runs could show",
     "unknown": "The model lacks something that no effect of the library stands for",
     "data": "The recordings contradict each other, or the model's dimensions",
 }
+_MOST_SAID = 2  # look-alikes of an effect in the verdict
 _ONLY_TRACES = "Something is detectable, but {} the model is as good without it"
 _RUNS_APART = "Single runs show an effect that the others contradict: no one model is right for all"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
+
+
+def _said(effect, with_others: bool) -> str:
+    """The name of an effect in words; with_others: and what may be in its place."""
+    alike = [name for name in dict.fromkeys([*effect.equivalents, *effect.faults]) if name != effect.name]
+    if len(alike) > _MOST_SAID:
+        alike = [alike[0], f"one of {len(alike) - 1} others"]
+    names = [name.replace("_", " ") for name in [effect.name, *alike]]
+    return f"either {' or '.join(names)}" if with_others and alike else names[0]
 
 
 def plain(value):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from drake_ispace.explain.prove.errors.free_run import PREDICTION, RUN, STEP
 from drake_ispace.explain.prove.errors.gap import GapRow
-from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder
+from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder, amount
 
 _OVER = {RUN: "over whole runs", STEP: "at the next sample"}
 _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", "command": "simulated on the command",
@@ -71,10 +71,3 @@ def most_in(remainder: Remainder) -> str:
 def over(horizon: str) -> str:
     """A horizon in words."""
     return _OVER.get(horizon, f"over {horizon.removesuffix('s')} s" if horizon else "")
-
-
-def amount(value: float, unit: str) -> str:
-    """A number with its unit; metres below one as millimetres."""
-    if unit == "m" and abs(value) < 1.0:
-        return f"{1e3 * value:.3g} mm"
-    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"

@@ -5,7 +5,7 @@ from operator import attrgetter
 
 from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.sentences import amount, over, p_in_words
+from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_run import OfOneRun
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -14,6 +14,7 @@ from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.errors.free_run import ATE, RPE, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
+from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
 

@@ -62,7 +62,8 @@ def _spikes(t, distance, no_motion=None, least=0.0):
 def off(t, spikes):
     """The Finding that fixes are off; spikes: the first and the last of them, of each group."""
     repairs = tuple(Dropped("kinect", float(t[a]), float(t[b])) for a, b in spikes)
-    what = f"{sum(b - a + 1 for a, b in spikes)} fixes are off"
+    count = sum(b - a + 1 for a, b in spikes)
+    what = f"{count} fixes are off" if count > 1 else "a fix is off"
     return Finding("camera_outliers", what, "kinect", repairs[0].from_s, repairs[-1].to_s,
                    repairs=repairs)
 

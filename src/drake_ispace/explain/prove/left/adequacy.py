@@ -44,7 +44,7 @@ from drake_ispace.explain.prove.errors.repeats import repeated_share
 from drake_ispace.explain.prove.left.by_command import by_command
 from drake_ispace.explain.prove.left.drivers import drivers_of, of_wheel_angle
 from drake_ispace.explain.prove.left.predicted import PREDICTED, predicted
-from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder, Series, going_with, worst_runs
+from drake_ispace.explain.prove.left.remainder import NOTHING, Remainder, Series, amount, going_with, worst_runs
 from drake_ispace.explain.prove.noise.command_times import angles_left_by_command_times, left_by_command_times
 from drake_ispace.explain.prove.noise.fix_noise import error_of_each_fix, left_by_fixes
 from drake_ispace.explain.prove.noise.noise import INDEPENDENT, WALKS, ProcessNoise
@@ -139,7 +139,7 @@ def too_large(
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
         if size > max(max(TOO_LARGE[m.metric], _by_chance(m, errors)) * floor, most.get(m, 0.0), 1e-300):
-            because = f"sensors and plausible process noise leave {floor:.2g} {m.unit}"
+            because = f"sensors and plausible process noise leave {amount(floor, m.unit)}"
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"
             found.append(Remainder(

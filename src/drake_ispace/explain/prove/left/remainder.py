@@ -71,3 +71,10 @@ def since(times: np.ndarray, amounts: np.ndarray) -> str:
     if late[2] < 0.05:
         return f"from about {10 * int(np.argmax(late > 0.05))} % of a run on"
     return "mostly in the first third of a run" if late[2] > 0.6 else "from the start of a run"
+
+
+def amount(value: float, unit: str) -> str:
+    """A number with its unit; metres below one as millimetres."""
+    if unit == "m" and abs(value) < 1.0:
+        return f"{1e3 * value:.3g} mm"
+    return f"{value:.3g} {unit}" if unit != "1" else f"{value:.3g}"

@@ -273,7 +273,8 @@ def process_noise(
 
     Those of the forces follow from the covariances of all wheels and rates at the next sample and at the shortest
     horizon of the windows, those of slip from dead reckoning over 1 s. A drive leaves the commanded velocity by no more
-    than free runs on it show, over 1 s and from there to 5 s.
+    than free runs on it show, over 1 s and from there to 5 s, nor by more than most of them do: a wheel that does not
+    turn as told for a few seconds is no noise.
 
     Args:
         horizon: name of the shortest horizon. after: errors of each run. sensors: spread under sensor noise. unit:
@@ -288,9 +289,7 @@ def process_noise(
     for source, channel, unit_of in (("slip", "position", "m"), ("turn", "heading", "rad")):
         if source in unit and (strengths := _walk(pooled, noise, parts_of[source], channel, unit_of, WHEELS)):
             shortest = Measure(RPE, horizon_of(HORIZONS_S[0]), channel, unit_of, WHEELS)
-            of_walk = [errors[shortest] for errors in (pooled, noise, parts_of[source]) if shortest in errors]
-            most = most_of_most_errors(*of_walk, robot.most_slip) if len(of_walk) == 3 else np.inf
-            needed[source] = min([*strengths, most])
+            needed[source] = min([*strengths, _most(shortest, pooled, noise, parts_of[source], robot.most_slip)])
     forces = [source for source in (*FORCES, *JOLTS) if source in unit]
     blocks = [_shown(pooled, name) for name in (STEP, horizon)]
     if forces and all(blocks):
@@ -312,7 +311,9 @@ def process_noise(
         if robot.driven == COMMAND:  # noise that free runs on the command do not show is none
             for source in forces:
                 of = ("heading", "rad") if source in (FORCES[2], JOLTS[2]) else ("position", "m")
-                needed[source] = min([needed[source], *_walk(pooled, noise, parts_of[source], *of, COMMAND)])
+                shortest = Measure(RPE, horizon_of(HORIZONS_S[0]), *of, COMMAND)
+                most = _most(shortest, pooled, noise, parts_of[source], robot.most_unknown)
+                needed[source] = min([needed[source], *_walk(pooled, noise, parts_of[source], *of, COMMAND), most])
     limits = {source: robot.most_slip if source in WALKS else robot.most_unknown for source in needed}
     return ProcessNoise(needed, limits)
 
@@ -341,6 +342,12 @@ def _walk(pooled, noise, walk, channel, unit, driven_by) -> list[float]:
 def _by_chance(errors: np.ndarray) -> float:
     """By which share the mean square of errors (k, d) may be too small by chance, of errors that are Gaussian noise."""
     return CERTAIN * float(np.sqrt(2.0 / (INDEPENDENT * errors.size)))
+
+
+def _most(m: Measure, pooled: Errors, noise: Errors, unit: Errors, limit: float) -> float:
+    """The largest strength that most errors of a measure allow; infinite where it is not known of all."""
+    known = [errors[m] for errors in (pooled, noise, unit) if m in errors]
+    return most_of_most_errors(*known, limit) if len(known) == 3 else np.inf
 
 
 def most_of_most_errors(found: np.ndarray, noise: np.ndarray, walk: np.ndarray, limit: float) -> float:
