@@ -23,14 +23,13 @@ from drake_ispace.explain.fit.candidates import Candidate, candidates
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
+from drake_ispace.explain.predict.room_view import SIGHTING
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.faults.library import same_as
 from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Recording
 
-_MOST_S = LEAD_TICKS * TICK_S  # by which a clock may be off at any time of a run
-_PROBE_S = 0.1 * _MOST_S
+_PROBE_S = 4 * TICK_S  # that a clock is later, by which a change of the residuals is taken
 _CLOCK = Generic("the camera's clock", "clock", "time", 2)
 _NUMBERS = Candidate(_CLOCK, (), _CLOCK.parameters)
 _MOST_TURNS = 8  # in which offsets and drifts are found
@@ -122,7 +121,6 @@ def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Late
         if abs(common_s - before_s) > _STAYS * np.sqrt(usual.middle.variance):
             continue  # far from it all runs are late otherwise than they seem
         late += [of_run.certain(usual) for of_run in told]
-        late[np.abs(late) @ [1.0, 0.5] > _MOST_S] = 0.0
         variances = [(of_run.middle.variance, of_run.drift.variance) for of_run in told]
         stays = np.all((late - before) ** 2 <= _STAYS**2 * np.array(variances), axis=1)
         if stays.all():
@@ -131,26 +129,35 @@ def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Late
 
 
 def _survey(prediction, late, tried) -> Survey:
-    """The Survey with clocks this late, (runs, 2) as `_later`; last are two signatures of each run."""
+    """The Survey with clocks this late, (runs, 2) as in `_lateness`; last are two signatures of each run."""
     def disagreements(prediction, point, base):
         nothing = [{name: np.zeros_like(rows, np.float32) for name, rows in run.items()} for run in base]
-        probes = [np.tile(probe, (len(base), 1)) for probe in _PROBE_S * np.eye(2)]
-        changes = [difference(base, _later(prediction, probe).residuals(merged(point))) for probe in probes]
+        later = [_later(prediction, probe) for probe in _PROBE_S * np.eye(2)]
+        changes = [difference(base, one.residuals(merged(point))) for one in later]
         return generic_signatures(prediction, point, base) + [
             Signature(_NUMBERS, [1.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
             for i in range(len(base)) for at, change in enumerate(changes)
         ]
 
-    return survey(_later(prediction, late), {}, tried, generics=disagreements)
+    tracks = [
+        track.with_fixes_at(track.fix_t - _lateness(track, of_run))
+        for track, of_run in zip(prediction.tracks, late, strict=True)
+    ]
+    return survey(replace(prediction, tracks=tracks), {}, tried, generics=disagreements)
+
+
+def _lateness(track: Track, late: np.ndarray) -> np.ndarray:
+    """(k,) by how much each fix is late [s]; late: (2,) in the middle of the run, and the drift."""
+    t = track.fix_t
+    return late[0] + late[1] * (t - np.mean(t)) / np.ptp(t) if len(t) > 1 else np.zeros(len(t))
 
 
 def _later(prediction: Prediction, late: np.ndarray) -> Prediction:
-    """The prediction of the runs as if their cameras' clocks were late by (runs, 2): in the middle, and the drift."""
+    """The prediction of the runs as if all of their cameras' clocks were a little late, as in `_lateness`."""
     tracks = []
-    for track, (middle_s, drift_s) in zip(prediction.tracks, late, strict=True):
-        sightings, t = track.sightings.copy(), track.fix_t
-        if len(t) > 1:
-            sightings[track.fix_rows, SIGHTING.after_s] -= middle_s + drift_s * (t - np.mean(t)) / np.ptp(t)
+    for track in prediction.tracks:
+        sightings = track.sightings.copy()
+        sightings[track.fix_rows, SIGHTING.after_s] -= _lateness(track, late)
         tracks.append(replace(track, sightings=sightings))
     return replace(prediction, tracks=tracks)
 

@@ -109,6 +109,11 @@ class Track:
         wheels = self.measured.shape[1] - IMU
         return replace(self, measured=np.hstack([self.measured[:, :wheels], self.measured[at, wheels:]]))
 
+    def with_fixes_at(self, t: np.ndarray) -> "Track":
+        """The track with its fixes at other times (k,) [s], those of them that the run has a tick for."""
+        sightings, ticks, t = _seen_at(t, self.poses, len(self.sightings))
+        return replace(self, sightings=sightings, fix_ticks=ticks, fix_t=t)
+
     @property
     def scored_fixes(self) -> slice:
         """Which fixes are scored: not the first, from which the pose is taken, nor those of an unknown state."""
@@ -301,14 +306,26 @@ def _sightings(channel, rows, thinned):
     which each was sampled, and by ripple of the speed controller. Such a difference fits many shifts in time.
     """
     ticks = nearest_ticks(channel.t).astype(int)
-    keep = np.concatenate([[True], np.diff(ticks) > 0]) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
+    keep = _have_rows(ticks, rows)
     ticks, t, values = ticks[keep], channel.t[keep], channel.values[keep]
     if thinned and len(t) > 1 and np.median(np.diff(ticks)) < VISION_TICKS:
         every = int(np.ceil(BLOCK_TICKS * TICK_S / np.median(np.diff(t)) - 1e-6))
-        ticks, t, values = ticks[::every], t[::every], values[::every]
-    sightings = np.zeros((rows, len(SIGHTING)))
-    at = ticks + LEAD_TICKS
-    sightings[at, SIGHTING.is_there], sightings[at, SIGHTING.x : SIGHTING.phi + 1] = 1.0, values[:, :3]
+        t, values = t[::every], values[::every]
+    return _seen_at(t, values[:, :3], rows)
+
+
+def _have_rows(ticks, rows):
+    """(k,) whether a fix of each tick has a row of its own in `sightings`."""
+    return (np.diff(ticks, prepend=ticks[:1] - 1) > 0) & (ticks >= 0) & (ticks + LEAD_TICKS < rows)
+
+
+def _seen_at(t, poses, rows):
+    """sightings, fix_ticks, fix_t of a Track: poses (k, 3) seen at times t (k,) [s], those that have a row."""
+    ticks = nearest_ticks(t).astype(int)
+    keep = _have_rows(ticks, rows)
+    ticks, t = ticks[keep], t[keep]
+    sightings, at = np.zeros((rows, len(SIGHTING))), ticks + LEAD_TICKS
+    sightings[at, SIGHTING.is_there], sightings[at, SIGHTING.x : SIGHTING.phi + 1] = 1.0, poses[keep]
     sightings[at, SIGHTING.after_s] = t - ticks * TICK_S
     return sightings, ticks, t
 
