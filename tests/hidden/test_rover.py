@@ -187,3 +187,12 @@ def test_tyres_that_are_pressed_in_bends_are_no_wrong_track(effects):
     """Who turns at one speed cannot tell them apart; the turn that is lost grows with the square of the speed."""
     case, found = told({"lean_s2_m": -0.026}, effects)
     assert judged(case, found) == "unknown" and found.unknown.driver == "speed and turning"
+
+
+@pytest.mark.parametrize(("seed", "others", "seized"), [(840, {"least_rad_s": 1.0}, []), (830, {}, [1])])
+def test_a_wheel_that_does_not_turn_as_told_for_a_while_is_no_noise_of_the_drive(seed, others, seized):
+    drive = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "ramp_s": 0.3, "others": others}
+    runs = [two_wheels.drive(seed + i, 18.0, **drive, seized_s=(7.0, 12.0) if i in seized else ()) for i in range(4)]
+    library = ("velocity_lag", "velocity_gain", "velocity_coupling", "wheel_radius_errors", "marker_offset")
+    found = di.explain(two_wheels.model(), runs[:3], runs[3:], [di.effects()[name] for name in library])
+    assert found.verdict == "unknown" and found.remainders

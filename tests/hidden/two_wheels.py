@@ -60,7 +60,7 @@ def drive(
     seed: int, seconds: float = 30.0, left_share: float = 0.04, late_s: float = 0.08, lag_s: float = 0.06,
     camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
     in_step: bool = False, speeds_m_s: tuple[float, float] = (0.1, 0.5),
-    rates_rad_s: tuple[float, float] = (-1.0, 1.0), ramp_s: float = 0.0,
+    rates_rad_s: tuple[float, float] = (-1.0, 1.0), ramp_s: float = 0.0, seized_s: tuple[float, ...] = (),
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
@@ -69,7 +69,8 @@ def drive(
         late_s: by which motion capture stamps its poses late [s]. lag_s: time constant of the drive [s].
         others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
             it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how
-            long each change of a command takes [s].
+            long each change of a command takes [s]. seized_s: between which the left wheel turns a fifth as fast as
+            it is told.
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
@@ -93,6 +94,8 @@ def drive(
     sent = np.where(np.abs(sent) < o["least_rad_s"], 0.0, sent)
     if o["steps_rad_s"] > 0.0:
         sent = o["steps_rad_s"] * np.round(sent / o["steps_rad_s"])
+    if seized_s:
+        sent[(t >= seized_s[0]) & (t < seized_s[1]), 1] *= 0.2
     if o["swing_s2"] > 0.0:
         sent = _swung(sent, 1.0 / np.sqrt(o["swing_s2"]))
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0

@@ -168,3 +168,20 @@ def test_wheels_that_turn_in_the_air_before_the_robot_drives_are_no_clock_that_i
     (finding,) = check(two_wheels.model(), runs).findings
     assert finding.fault == "robot_lifted" and finding.runs == (0,)
     assert finding.from_s < 0.7 and 2.3 < finding.to_s < 3.5
+
+
+def test_a_wheel_that_stands_while_the_robot_turns_about_it_is_not_frozen():
+    """The other one goes three quarters round it: the way is longer than its chord."""
+    t = 0.02 * np.arange(900)
+    way = 2.0 * two_wheels.HALF_TRACK_M * 1.5 * np.pi
+    left = np.interp(t, [8.0, 10.0, 14.0, 16.0], [0.0, 0.4, 0.4, 0.8])
+    right = left + np.interp(t, [2.0, 6.0, 10.0, 14.0], [0.0, way, way, 2.0 * way])
+    phi = (right - left) / (2.0 * two_wheels.HALF_TRACK_M)
+    middle, steps = 0.5 * (phi[1:] + phi[:-1]), 0.5 * np.diff(right + left)
+    x, y = (np.concatenate([[0.0], np.cumsum(steps * of(middle))]) for of in (np.cos, np.sin))
+    seen = np.column_stack([x, y, phi]) + 5e-4 * np.random.default_rng(1).standard_normal((900, 3))
+    wheels = np.column_stack([right, left]) / two_wheels.RADIUS_M
+    run = Recording("mine", "velocity_base", {
+        "encoder": Channel(t, ("theta_1", "theta_2"), wheels), "kinect": Channel(t[::2], ("x", "y", "phi"), seen[::2]),
+    })
+    assert check(two_wheels.model(), [run]).findings == []
