@@ -49,9 +49,9 @@ def test_a_drift_by_less_than_its_motion_tells_is_none(sound, drifting):
     assert found(sound, -0.0018, drifting) == {}
 
 
-@pytest.mark.parametrize("share", [0.01, 0.015])
+@pytest.mark.parametrize("share", [0.01, 0.02])
 def test_a_clock_that_drifts_alike_in_short_runs_is_one_mistake_of_all(share):
-    """By itself hardly one of them shows it: in 18 s the clock comes to be some 0.2 s off."""
+    """By itself hardly one of them shows it: in 18 s the clock comes to be 0.18 or 0.36 s late."""
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
     rates = found([two_wheels.drive(680 + i, 18.0, **exact) for i in range(4)], share, 4)
     assert rates == {(i,): pytest.approx(1.0 / (1.0 + share), abs=5e-4) for i in range(4)}

@@ -7,7 +7,14 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
-from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, least, rates_of
+from drake_ispace.explain.check.compare.clocks.paths import (
+    LAGS_S,
+    OFFSET,
+    Path,
+    descended,
+    least,
+    rates_of,
+)
 from drake_ispace.explain.check.compare.clocks.trial import Trial
 from drake_ispace.explain.check.compare.links import LATENCIES_S, Base, Link, moves
 from drake_ispace.explain.check.finding import Finding
@@ -99,7 +106,8 @@ def _as_one_clock(trials, drift):
 def _tilted_alike(paths, lasts_s, losses_of):
     """The path of each run with the rate that is best for all together, and its best lag; losses_of: of each run."""
     tilted = [path.tilted(lasts_s) for path in paths]
-    best = int(np.argmin(sum(of(near) for of, near in zip(losses_of, tilted, strict=True))))
+    losses = sum(of(near) for of, near in zip(losses_of, tilted, strict=True))
+    best = descended(losses, paths[0].number_in(tilted[0]))
     return [least(near[best].shifted(), of) for of, near in zip(losses_of, tilted, strict=True)]
 
 

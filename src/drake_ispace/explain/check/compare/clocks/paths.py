@@ -50,6 +50,10 @@ class Path:
         near = self.rate + LATENCIES_S / lasts_s
         return [replace(self, rate=float(rate)) for rate in near[np.abs(near) <= _FASTEST]] or [self]
 
+    def number_in(self, paths: Sequence["Path"]) -> int:
+        """The number of the path whose rate is next to its own."""
+        return int(np.argmin([abs(path.rate - self.rate) for path in paths]))
+
 
 Losses = Callable[[Sequence[Path]], np.ndarray]
 
@@ -59,6 +63,19 @@ def least(paths: Sequence[Path], losses_of: Losses) -> Path:
     losses = losses_of(paths)
     equal = np.flatnonzero(losses == losses.min())
     return paths[int(equal[len(equal) // 2])]
+
+
+def descended(losses: np.ndarray, at: int) -> int:
+    """The number of the loss to which all lead down from number `at`.
+
+    Far from it windows leave the run, and a loss is of fewer of them.
+    """
+    while True:
+        near = range(max(at - 1, 0), min(at + 2, len(losses)))
+        lower = min(near, key=lambda i: losses[i])
+        if not losses[lower] < losses[at]:
+            return at
+        at = lower
 
 
 def rates_of(lasts_s: float) -> list[float]:

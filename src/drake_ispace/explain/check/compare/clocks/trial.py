@@ -8,7 +8,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import ALIKE, RELATED, SAID, following
 from drake_ispace.explain.check.compare.clocks.losses import losses
-from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, Losses, Path, least, rates_of
+from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, Losses, Path, descended, least, rates_of
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, inside
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
@@ -111,7 +111,8 @@ class Trial:
         path = least(path.shifted(), losses_of)
         while path.rate or (path.later_s and not self._is_at_gap(path)):
             if path.rate:
-                nearer = least(path.tilted(self.lasts_s), losses_of)
+                tilted = path.tilted(self.lasts_s)
+                nearer = tilted[descended(losses_of(tilted), path.number_in(tilted))]
             else:
                 nearer = least(least(path.jumping(self._ends_near(path)), losses_of).later(), losses_of)
             nearer = least(nearer.shifted(), losses_of)
