@@ -180,7 +180,8 @@ def test_a_wheel_that_stands_while_the_robot_turns_about_it_is_not_frozen():
     middle, steps = 0.5 * (phi[1:] + phi[:-1]), 0.5 * np.diff(right + left)
     x, y = (np.concatenate([[0.0], np.cumsum(steps * of(middle))]) for of in (np.cos, np.sin))
     seen = np.column_stack([x, y, phi]) + 5e-4 * np.random.default_rng(1).standard_normal((900, 3))
-    wheels = np.column_stack([right, left]) / two_wheels.RADIUS_M
+    count = 2.0 * np.pi / two_wheels.COUNTS
+    wheels = count * np.floor(np.column_stack([right, left]) / two_wheels.RADIUS_M / count)
     run = Recording("mine", "velocity_base", {
         "encoder": Channel(t, ("theta_1", "theta_2"), wheels), "kinect": Channel(t[::2], ("x", "y", "phi"), seen[::2]),
     })
