@@ -30,8 +30,9 @@ from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Recording
 
 _PROBE_S = 4 * TICK_S  # that a clock is later, by which a change of the residuals is taken
-_CLOCK = Generic("the camera's clock", "clock", "time", 2)
-_NUMBERS = Candidate(_CLOCK, (), _CLOCK.parameters)
+_OWN_SCALE = 0.01  # of all angles of a run, by which a change of the residuals is taken
+_CLOCK = Generic("a run's own clock and scale", "clock", "time", 3)
+_OF_RUN = Candidate(_CLOCK, (), _CLOCK.parameters)
 _MOST_TURNS = 8  # in which offsets and drifts are found
 _STAYS = 0.3  # standard deviations by which they may still move in the last turn
 
@@ -129,14 +130,20 @@ def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Late
 
 
 def _survey(prediction, late, tried) -> Survey:
-    """The Survey with clocks this late, (runs, 2) as in `_lateness`; last are two signatures of each run."""
+    """The Survey with clocks this late, (runs, 2) as in `_lateness`; last are the signatures of each run.
+
+    These are its clock, in the middle and at its ends, and a scale of its wheels' angles, for which a clock that drifts
+    passes where the motion is steady.
+    """
     def disagreements(prediction, point, base):
         nothing = [{name: np.zeros_like(rows, np.float32) for name, rows in run.items()} for run in base]
-        later = [_later(prediction, probe) for probe in _PROBE_S * np.eye(2)]
-        changes = [difference(base, one.residuals(merged(point))) for one in later]
+        values = merged(point)
+        later = [_later(prediction, probe).residuals(values) for probe in _PROBE_S * np.eye(2)]
+        scaled = [_OWN_SCALE * track.measured[:, : prediction.replay.body.wheels] for track in prediction.tracks]
+        changes = [difference(base, after) for after in (*later, prediction.read_off(scaled, values))]
         return generic_signatures(prediction, point, base) + [
-            Signature(_NUMBERS, [1.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
-            for i in range(len(base)) for at, change in enumerate(changes)
+            Signature(_OF_RUN, [1.0, 0.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
+            for at, change in enumerate(changes) for i in range(len(base))
         ]
 
     tracks = [
@@ -167,11 +174,11 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
     known = np.flatnonzero(own.screen.length > 0.0)
     inner = own.screen.inner[np.ix_(known, known)]
     unit = 1.0 / np.sqrt(np.diag(inner))
-    inverse = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, rcond=1e-8, hermitian=True) * unit
-    alone = np.zeros((late.size, len(own.screen.length)))  # of each number a combination that has none of the others
-    first, wanted = len(own.screen.length) - late.size, known >= len(own.screen.length) - late.size
-    alone[np.ix_(known[wanted] - first, known)] = inverse[wanted]
-    changes = np.hstack([alone @ own.changes.of_run(i) for i in range(len(late))])
+    alone = np.zeros_like(own.screen.inner)  # for each signature a combination that has none of the others
+    alone[np.ix_(known, known)] = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, 1e-8, True) * unit
+    middles, drifts, _ = np.arange(len(alone) - 3 * len(late), len(alone)).reshape(3, -1)
+    wanted = alone[np.column_stack([middles, drifts]).ravel()]
+    changes = np.hstack([wanted @ own.changes.of_run(i) for i in range(len(late))])
     left = own.tested.marginalised(changes)
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
     begun = np.flatnonzero(np.diff(blocks, prepend=-1))
