@@ -50,13 +50,12 @@ def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
         c for c in candidates(case.effects_to_try, case.replay.body)
         if c.effect.kinematic and not c.effect.is_local and OFFSET not in same_as(c.name)
     ]
-    told = _told(prediction, tried)
-    usual = _usual(list(told.values()))
+    told, usual = _told(prediction, tried)
     findings = {i: _finding(prediction.tracks[i], of_run, usual) for i, of_run in told.items()}
     return {i: finding for i, finding in findings.items() if finding is not None}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Number:
     """A number [s] of a run and its variance; without, variances: (seconds,) the same without each second of the run.
     """
@@ -71,7 +70,7 @@ class _Number:
         return bool(np.all((self.without - value) ** 2 >= LEAST_FURTHER * (self.variances + variance)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Lateness:
     """How late the camera's clock of a run is in the middle of it, and by how much more at its end than at its begin.
     """
@@ -85,12 +84,12 @@ class _Lateness:
         return 0.0 if same else self.middle.value - usual.middle.value, self.drift.value * self.drift.differs_from()
 
 
-def _usual(told: Sequence[_Lateness]) -> _Lateness | None:
-    """The one to which the others are nearest, each in its standard deviations."""
-    def apart(usual):
-        return sum(abs(one.middle.value - usual.middle.value) / np.sqrt(one.middle.variance) for one in told)
+def _usual(told: Sequence[_Lateness]) -> int:
+    """The number of the one to which the others are nearest, each in its standard deviations."""
+    def apart(i):
+        return sum(abs(one.middle.value - told[i].middle.value) / np.sqrt(one.middle.variance) for one in told)
 
-    return min(told, key=apart, default=None)
+    return min(range(len(told)), key=apart)
 
 
 def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | None:
@@ -110,23 +109,27 @@ def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | Non
     )
 
 
-def _told(prediction: Prediction, tried: Sequence[Candidate]) -> dict[int, _Lateness]:
-    """Number of a run -> what it tells of its clock; a run whose numbers find no place is left out."""
+def _told(prediction: Prediction, tried: Sequence[Candidate]) -> tuple[dict[int, _Lateness], _Lateness]:
+    """Number of a run -> what it tells of its clock, and the usual lateness; runs whose numbers do not settle are left
+    out."""
     prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes alone
-    late, common_s, stays = np.zeros((len(prediction.tracks), 2)), 0.0, np.zeros(len(prediction.tracks), bool)
+    late, common_s, usual = np.zeros((len(prediction.tracks), 2)), 0.0, None
+    stays = np.zeros(len(late), bool)
     for _ in range(_MOST_TURNS):
         told = _of_runs(_survey(prediction, late, tried), late)
-        usual, before_s, before = _usual(told), common_s, late
-        common_s = usual.middle.value if usual.middle.differs_from() else 0.0
+        of_usual = told[_usual(told) if usual is None else usual]
+        before_s, before = common_s, late
+        common_s = of_usual.middle.value if of_usual.middle.differs_from() else 0.0
         late = np.tile([common_s, 0.0], (len(told), 1))
-        if abs(common_s - before_s) > _STAYS * np.sqrt(usual.middle.variance):
+        if usual is None and abs(common_s - before_s) > _STAYS * np.sqrt(of_usual.middle.variance):
             continue  # far from it all runs are late otherwise than they seem
-        late += [of_run.certain(usual) for of_run in told]
+        usual = told.index(of_usual)
+        late += [of_run.certain(of_usual) for of_run in told]
         variances = [(of_run.middle.variance, of_run.drift.variance) for of_run in told]
         stays = np.all((late - before) ** 2 <= _STAYS**2 * np.array(variances), axis=1)
         if stays.all():
             break
-    return {i: of_run for i, of_run in enumerate(told) if stays[i]}
+    return {i: of_run for i, of_run in enumerate(told) if stays[i]}, of_usual
 
 
 def _survey(prediction, late, tried) -> Survey:
@@ -192,6 +195,6 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
         variance = _PROBE_S**2 * max(square, np.sum(noise[i] ** 2))
         step = products[i].sum()
         without = value + _PROBE_S * (step - products[i, in_run]) / share
-        return _Number(value + _PROBE_S * step, variance, without, variance / share)
+        return _Number(float(value + _PROBE_S * step), float(variance), without, variance / share)
 
     return [_Lateness(number(2 * i), number(2 * i + 1)) for i in range(len(late))]
