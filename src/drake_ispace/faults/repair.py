@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.files.recording import PERIOD_TOLERANCE, Channel, Recording
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Clock(_OfChannel):
         return np.where(t >= self.since_s, self.rate * t + self.offset_s, t)
 
     def repaired(self, channel: Channel) -> Channel:
-        """The channel by the other clock; the nominal period follows it.
+        """The channel by the other clock; the nominal period follows a clock that drifts.
 
         Samples that would come before an earlier one are left out.
         """
@@ -112,7 +112,8 @@ class Clock(_OfChannel):
             at = channel.columns.index("t_received")
             values[:, at] = np.where(late, self.rate * values[:, at] + self.offset_s, values[:, at])
         latest = np.maximum.accumulate(np.concatenate([[-np.inf], t[:-1]]))
-        period_s = channel.period_s and channel.period_s * (self.rate if self.since_s == -math.inf else 1.0)
+        is_sound = abs(self.rate - 1.0) <= PERIOD_TOLERANCE  # stamps in another unit need not have a period in it
+        period_s = channel.period_s * self.rate if is_sound and channel.period_s else None
         return rows(replace(channel, t=t, values=values, period_s=period_s), t > latest)
 
 

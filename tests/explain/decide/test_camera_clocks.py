@@ -44,6 +44,25 @@ def test_a_run_whose_camera_is_later_than_in_others_is_told(robot, late_s):
     assert finding.repairs == (Clock("kinect", 1.0, pytest.approx(-late_s, abs=0.003)),)
 
 
+@pytest.mark.parametrize(("seed", "seconds", "late_s"), [
+    (110, (60.0, 12.0, 12.0), 0.05), (110, (60.0, 12.0, 12.0), -0.08), (216, (20.0, 20.0), 0.05), (56, (15.0, 15.0), 0.1),
+])
+def test_the_run_that_is_off_is_told_however_long_it_is(seed, seconds, late_s):
+    """Of two runs that one is off whose clock is not what the model says."""
+    runs = [two_wheels.drive(seed + i, lasts_s, **SOUND) for i, lasts_s in enumerate(seconds)]
+    runs[0] = Clock("kinect", 1.0, late_s).apply(runs[0])
+    (i, finding), = found_in(runs).items()
+    assert i == 0 and finding.repairs[0].offset_s == pytest.approx(-late_s, abs=0.003)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_run_with_a_single_fix_tells_nothing():
+    runs = runs_of(SOUND)
+    seen = runs[1].channels["kinect"]
+    runs[1] = with_channel(runs[1], "kinect", replace(seen, t=seen.t[40:42], values=seen.values[40:42]))
+    assert found_in(runs) == {}
+
+
 @pytest.mark.parametrize("robot", [SOUND, LACKING], ids=["sound", "lacking"])
 def test_a_clock_that_drifts_is_told_with_its_rate(robot):
     (i, finding), = found_in(runs_of(robot, clock_2=(0.004, 0.0))).items()

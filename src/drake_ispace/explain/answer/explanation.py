@@ -231,8 +231,9 @@ class Explanation:
             return _ONLY_LEFT
         if self.verdict == "none" and self.detection is not None and shows:
             return _ONLY_TRACES.format("on unseen runs" if self.proof else "in free runs")
-        *names, last = [_said(effect, self.verdict == "set") for effect in self.effects] or [""]
-        return _TITLES[self.verdict].format(f"{', '.join(names)} and {last}" if names else last)
+        in_doubt = self.verdict == "set"
+        *names, last = [_said(effect, in_doubt) for effect in self.effects] or [""]
+        return _TITLES[self.verdict].format(f"{', '.join(names)}{',' * in_doubt} and {last}" if names else last)
 
     @property
     def warned(self) -> list[str]:
@@ -312,11 +313,13 @@ _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound r
 
 def _said(effect, with_others: bool) -> str:
     """The name of an effect in words; with_others: and what may be in its place."""
-    alike = [name for name in dict.fromkeys([*effect.equivalents, *effect.faults]) if name != effect.name]
-    if len(alike) > _MOST_SAID:
-        alike = [alike[0], f"one of {len(alike) - 1} others"]
-    names = [name.replace("_", " ") for name in [effect.name, *alike]]
-    return f"either {' or '.join(names)}" if with_others and alike else names[0]
+    name, alike = effect.name.replace("_", " "), [one for one in effect.equivalents if one != effect.name]
+    others = [one.replace("_", " ") for one in alike] + [
+        "a mistake of the data" for fault in effect.faults[:1] if fault not in alike
+    ]
+    if len(others) > _MOST_SAID:
+        others = [others[0], f"one of {len(others) - 1} others"]
+    return f"either {' or '.join([name, *others])}" if with_others and others else name
 
 
 def plain(value):

@@ -18,8 +18,8 @@ class Finding:
         rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
         repairs: what undoes it, in this order; empty: nothing can. for_now: what undoes it well enough to go on with
             the comparisons, and no more. advice: what to do instead, in words, where not the data should be changed.
-            runs: numbers of the runs that have it. run: their names; all: every run has it. harmless: whether a model
-            can be judged by the repaired data.
+            runs: numbers of the runs that have it, empty where no check found it. run: their names; all: every run has
+            it. harmless: whether a model can be judged by the repaired data.
     """
 
     fault: str

@@ -18,9 +18,10 @@ from drake_ispace.explain.check.runs import name_of
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
 from drake_ispace.explain.decide.survey.generic import Generic, generic_signatures
 from drake_ispace.explain.decide.survey.signatures import Signature, difference
-from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey
+from drake_ispace.explain.decide.survey.survey import MOST_TURNS, STAYS, Survey, blocks_of, survey
 from drake_ispace.explain.fit.candidates import Candidate, candidates
 from drake_ispace.explain.fit.likelihood import merged
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case, joined
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.room_view import SIGHTING
@@ -33,8 +34,6 @@ _PROBE_S = 4 * TICK_S  # that a clock is later, by which a change of the residua
 _OWN_SCALE = 0.01  # of all angles of a run, by which a change of the residuals is taken
 _CLOCK = Generic("a run's own clock and scale", "clock", "time", 3)
 _OF_RUN = Candidate(_CLOCK, (), _CLOCK.parameters)
-_MOST_TURNS = 8  # in which offsets and drifts are found
-_STAYS = 0.3  # standard deviations by which they may still move in the last turn
 
 
 def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
@@ -50,8 +49,8 @@ def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
         c for c in candidates(case.effects_to_try, case.replay.body)
         if c.effect.kinematic and not c.effect.is_local and OFFSET not in same_as(c.name)
     ]
-    told, usual = _told(prediction, tried)
-    findings = {i: _finding(prediction.tracks[i], of_run, usual) for i, of_run in told.items()}
+    times, usual = _times(prediction, tried)
+    findings = {i: _finding(prediction.tracks[i], of_run, usual) for i, of_run in times.items()}
     return {i: finding for i, finding in findings.items() if finding is not None}
 
 
@@ -69,6 +68,10 @@ class _Number:
         """Whether it is another one for certain, whichever second of the run is left out."""
         return bool(np.all((self.without - value) ** 2 >= LEAST_FURTHER * (self.variances + variance)))
 
+    def unless_chance(self, value: float) -> float:
+        """The number, or this value where it is that but for chance."""
+        return self.value if abs(self.value - value) > CERTAIN * np.sqrt(self.variance) else value
+
 
 @dataclass(frozen=True, eq=False)
 class _Lateness:
@@ -78,58 +81,61 @@ class _Lateness:
     middle: _Number
     drift: _Number
 
-    def certain(self, usual: "_Lateness") -> tuple[float, float]:
+    def differs_from(self, other: "_Lateness") -> bool:
+        """Whether it is later or earlier in the middle than another one for certain."""
+        return self.middle.differs_from(other.middle.value, other.middle.variance)
+
+    def certain_part(self, usual: "_Lateness") -> tuple[float, float]:
         """By how much it is later than usual, and drifts [s]; zeros where that is not certain."""
-        same = self is usual or not self.middle.differs_from(usual.middle.value, usual.middle.variance)
+        same = self is usual or not self.differs_from(usual)
         return 0.0 if same else self.middle.value - usual.middle.value, self.drift.value * self.drift.differs_from()
 
 
-def _usual(told: Sequence[_Lateness]) -> int:
-    """The number of the one to which the others are nearest, each in its standard deviations."""
-    def apart(i):
-        return sum(abs(one.middle.value - told[i].middle.value) / np.sqrt(one.middle.variance) for one in told)
-
-    return min(range(len(told)), key=apart)
+def _usual(found: Sequence[_Lateness]) -> _Lateness:
+    """The one from which the fewest others differ for certain; of several the one that is nearest to none."""
+    return min(found, key=lambda usual: (sum(one.differs_from(usual) for one in found), abs(usual.middle.value)))
 
 
 def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | None:
     """What is wrong with the clock of a run; None where nothing is for certain."""
-    later_s, drift_s = of_run.certain(usual)
+    later_s, drift_s = of_run.certain_part(usual)
     gain = later_s**2 / (of_run.middle.variance + usual.middle.variance) + drift_s**2 / of_run.drift.variance
-    middle_s, said = track.begun_s + float(np.mean(track.fix_t)), []
+    said = []
     rate = drift_s / float(np.ptp(track.fix_t)) if drift_s else 0.0
     if rate:
         said.append(f"{100 * abs(rate):.2g} % {'fast' if rate > 0 else 'slow'} against the wheels'")
     if later_s:
         where = "in the middle of the run" if rate else "against the wheels'"
         said.append(f"{abs(later_s):.2g} s {'later' if later_s > 0 else 'earlier'} {where} than in other runs")
-    return None if not said else Finding(
+    if not said:
+        return None
+    middle_s = track.begun_s + float(np.mean(track.fix_t))
+    return Finding(
         "clock_drift" if rate else OFFSET, f"clock {', '.join(said)}", "kinect", run=track.name, harmless=True,
         drop_in_deviance=gain, repairs=(Clock("kinect", 1.0 - rate, rate * middle_s - later_s),),
     )
 
 
-def _told(prediction: Prediction, tried: Sequence[Candidate]) -> tuple[dict[int, _Lateness], _Lateness]:
-    """Number of a run -> what it tells of its clock, and the usual lateness; runs whose numbers do not settle are left
-    out."""
-    prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes alone
-    late, common_s, usual = np.zeros((len(prediction.tracks), 2)), 0.0, None
+def _times(prediction: Prediction, tried: Sequence[Candidate]) -> tuple[dict[int, _Lateness], _Lateness]:
+    """Number of a run -> how late its clock is, and the usual lateness; runs whose numbers do not settle are left out.
+    """
+    prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes apart
+    late, common_s, is_near = np.zeros((len(prediction.tracks), 2)), 0.0, False
     stays = np.zeros(len(late), bool)
-    for _ in range(_MOST_TURNS):
-        told = _of_runs(_survey(prediction, late, tried), late)
-        of_usual = told[_usual(told) if usual is None else usual]
-        before_s, before = common_s, late
-        common_s = of_usual.middle.value if of_usual.middle.differs_from() else 0.0
-        late = np.tile([common_s, 0.0], (len(told), 1))
-        if usual is None and abs(common_s - before_s) > _STAYS * np.sqrt(of_usual.middle.variance):
+    for turn in range(MOST_TURNS):
+        found = _of_runs(_survey(prediction, late, tried), late)
+        usual, before, before_s = _usual(found), late, common_s
+        common_s = usual.middle.unless_chance(0.0)
+        late = np.tile([common_s, 0.0], (len(found), 1))
+        is_near |= abs(common_s - before_s) <= STAYS * np.sqrt(usual.middle.variance) or 2 * turn >= MOST_TURNS
+        if not is_near:
             continue  # far from it all runs are late otherwise than they seem
-        usual = told.index(of_usual)
-        late += [of_run.certain(of_usual) for of_run in told]
-        variances = [(of_run.middle.variance, of_run.drift.variance) for of_run in told]
-        stays = np.all((late - before) ** 2 <= _STAYS**2 * np.array(variances), axis=1)
+        late = np.array([(one.middle.unless_chance(common_s), one.drift.unless_chance(0.0)) for one in found])
+        variances = [(one.middle.variance, one.drift.variance) for one in found]
+        stays = np.all((late - before) ** 2 <= STAYS**2 * np.array(variances), axis=1)
         if stays.all():
             break
-    return {i: of_run for i, of_run in enumerate(told) if stays[i]}, of_usual
+    return {i: one for i, one in enumerate(found) if stays[i]}, usual
 
 
 def _survey(prediction, late, tried) -> Survey:
@@ -177,10 +183,10 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
     known = np.flatnonzero(own.screen.length > 0.0)
     inner = own.screen.inner[np.ix_(known, known)]
     unit = 1.0 / np.sqrt(np.diag(inner))
-    alone = np.zeros_like(own.screen.inner)  # for each signature a combination that has none of the others
-    alone[np.ix_(known, known)] = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, 1e-8, True) * unit
-    middles, drifts, _ = np.arange(len(alone) - 3 * len(late), len(alone)).reshape(3, -1)
-    wanted = alone[np.column_stack([middles, drifts]).ravel()]
+    apart = np.zeros_like(own.screen.inner)  # for each signature a combination that has none of the others
+    apart[np.ix_(known, known)] = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, 1e-8, True) * unit
+    middles, drifts, _ = np.arange(len(apart) - 3 * len(late), len(apart)).reshape(3, -1)
+    wanted = apart[np.column_stack([middles, drifts]).ravel()]
     changes = np.hstack([wanted @ own.changes.of_run(i) for i in range(len(late))])
     left = own.tested.marginalised(changes)
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
@@ -191,7 +197,7 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
         in_run, value, square = own.runs[begun] == i // 2, late.flat[i], squares[i].sum()
         if not square:
             return _Number(value, np.inf, np.array([value]), np.array([np.inf]))
-        share = 1.0 - squares[i, in_run] / square  # that the other seconds have
+        share = np.maximum(1.0 - squares[i, in_run] / square, np.finfo(float).tiny)  # that the other seconds have
         variance = _PROBE_S**2 * max(square, np.sum(noise[i] ** 2))
         step = products[i].sum()
         without = value + _PROBE_S * (step - products[i, in_run]) / share

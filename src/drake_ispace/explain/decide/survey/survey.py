@@ -17,8 +17,8 @@ from drake_ispace.explain.fit.whitening import Whitening
 from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction, Residuals, Speeds, past_speeds
 
-_MOST_TURNS = 8  # in which noise and sizes are fitted
-_STAYS = 0.3  # standard deviations by which a size may still move in the last turn
+MOST_TURNS = 8  # in which noise and sizes are fitted
+STAYS = 0.3  # standard deviations by which a size may still move in the last turn
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
     """As `fit_with_noise`; before both, by how many standard errors a size moved in the steadiest turn."""
     point, regression, begun, ended, least = start, None, [], [], np.inf
     residuals = view.prediction.residuals(merged(point))
-    for _ in range(_MOST_TURNS):
+    for _ in range(MOST_TURNS):
         likelihood = view.assuming_at(point, residuals).likelihood(point, residuals, near=near, start=regression)
         best = fit(likelihood, _with_best_shifts(likelihood, point))
         sizes = np.array([view.sizes[c][i] for c, i in best.order])
@@ -223,7 +223,7 @@ def _in_turns(view, start, near) -> tuple[float, Likelihood, Fit]:
         move = np.max(np.abs(np.subtract(ended[-1], begun[-1])) / stds, initial=0.0)
         if not move >= least:
             least, steadiest = move, (move, likelihood, best)
-        if move < _STAYS:
+        if move < STAYS:
             break
         step = expected_to_stay(begun / stds, ended / stds) * stds - ended[-1]
         regression = regression or view.regression(likelihood.whitening, residuals)
