@@ -54,6 +54,17 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
     assert "lacks nothing" in Explanation("none", [], hidden, [], []).title
 
 
+@pytest.mark.parametrize(("equivalents", "faults", "said"), [
+    ([], [], "coulomb friction: "), (["soft_floor"], [], "either coulomb friction or soft floor: "),
+    (["a", "b", "c"], [], "either coulomb friction or a or one of 2 others: "),
+    ([], ["coulomb_friction"], "either coulomb friction or a mistake of the data: "),
+])
+def test_a_title_of_a_set_says_what_is_in_doubt(equivalents, faults, said):
+    (effect,) = answers.named(MODEL).effects
+    answer = Explanation("set", [replace(effect, equivalents=equivalents, faults=faults)], None, [], [])
+    assert answer.title == f"The model lacks {said}these runs do not tell which"
+
+
 @pytest.mark.parametrize("before, said", [(0.03, True), (0.01, False)])
 def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, said):
     row = replace(answers.GAP[1], before=before, after=before, chance=before)

@@ -45,7 +45,8 @@ def test_a_run_whose_camera_is_later_than_in_others_is_told(robot, late_s):
 
 
 @pytest.mark.parametrize(("seed", "seconds", "late_s"), [
-    (110, (60.0, 12.0, 12.0), 0.05), (110, (60.0, 12.0, 12.0), -0.08), (216, (20.0, 20.0), 0.05), (56, (15.0, 15.0), 0.1),
+    (110, (60.0, 12.0, 12.0), 0.05), (110, (60.0, 12.0, 12.0), -0.08), (216, (20.0, 20.0), 0.05),
+    (56, (15.0, 15.0), 0.1),
 ])
 def test_the_run_that_is_off_is_told_however_long_it_is(seed, seconds, late_s):
     """Of two runs that one is off whose clock is not what the model says."""

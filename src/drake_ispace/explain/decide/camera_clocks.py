@@ -119,7 +119,7 @@ def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | Non
 def _times(prediction: Prediction, tried: Sequence[Candidate]) -> tuple[dict[int, _Lateness], _Lateness]:
     """Number of a run -> how late its clock is, and the usual lateness; runs whose numbers do not settle are left out.
     """
-    prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # the fixes apart
+    prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # nothing but the fixes
     late, common_s, is_near = np.zeros((len(prediction.tracks), 2)), 0.0, False
     stays = np.zeros(len(late), bool)
     for turn in range(MOST_TURNS):
@@ -197,10 +197,12 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
         in_run, value, square = own.runs[begun] == i // 2, late.flat[i], squares[i].sum()
         if not square:
             return _Number(value, np.inf, np.array([value]), np.array([np.inf]))
-        share = np.maximum(1.0 - squares[i, in_run] / square, np.finfo(float).tiny)  # that the other seconds have
-        variance = _PROBE_S**2 * max(square, np.sum(noise[i] ** 2))
-        step = products[i].sum()
-        without = value + _PROBE_S * (step - products[i, in_run]) / share
-        return _Number(float(value + _PROBE_S * step), float(variance), without, variance / share)
+        share = 1.0 - squares[i, in_run] / square  # that the other seconds have
+        variance, step = _PROBE_S**2 * max(square, np.sum(noise[i] ** 2)), products[i].sum()
+        without, variances = np.full(len(share), value), np.full(len(share), np.inf)
+        known = share > np.finfo(float).eps
+        without[known] += _PROBE_S * (step - products[i, in_run][known]) / share[known]
+        variances[known] = variance / share[known]
+        return _Number(float(value + _PROBE_S * step), float(variance), without, variances)
 
     return [_Lateness(number(2 * i), number(2 * i + 1)) for i in range(len(late))]
