@@ -10,8 +10,6 @@ from drake_ispace.explain.decide.camera_clocks import camera_clocks
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.faults.repair import Clock, with_channel
 from hidden import two_wheels
-from hidden.generator import generate
-from stand_ins.tried import FEW
 
 SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
 LACKING = {"left_share": 0.04, "late_s": 0.08, "lag_s": 0.06}
@@ -98,18 +96,15 @@ def test_a_marker_that_was_moved_before_one_run_is_no_clock():
     assert found_in(runs) == {}
 
 
-def test_torques_of_a_robot_whose_camera_drifts_in_one_run():
-    runs = [generate("omni", motion, {}, 15.0, 80 + i) for i, motion in enumerate(("eight", "square", "eight"))]
-    runs[0] = Clock("kinect", 1.01, -0.075).apply(runs[0])
-    library = [*FEW, *LIBRARY[1:]]
-    (i, finding), = camera_clocks(prepare("omni_multirate", runs, (), library), runs).items()
-    assert (i, finding.fault) == (0, "clock_drift")
-    assert finding.repairs[0].rate == pytest.approx(0.99, abs=2e-3)
+def test_in_coarse_counts_no_clock_is_told(monkeypatch):
+    monkeypatch.setattr(two_wheels, "COUNTS", 400)
+    assert found_in(runs_of(SOUND, clock_0=(0.004, 0.05))) == {}
 
 
-def test_stretches_of_long_runs_are_left_as_they_are():
-    runs = [Clock("kinect", 1.01, 0.0).apply(generate("omni", "eight", {}, 45.0, 80))]
-    assert camera_clocks(prepare("omni_multirate", runs, (), FEW), runs) == {}
+def test_parts_that_stand_for_runs_are_left_as_they_are():
+    runs = runs_of(SOUND, clock_0=(0.004, 0.05))
+    case = prepare(two_wheels.model(), runs, (), LIBRARY)
+    assert camera_clocks(case, runs) and camera_clocks(case, runs[:2]) == {}
 
 
 def test_what_the_model_lacks_is_named_with_right_sizes_once_the_clocks_are_set():

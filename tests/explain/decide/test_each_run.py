@@ -88,8 +88,16 @@ def test_single_runs_are_no_answer_for_all_unless_the_others_are_sound(moved, ar
     assert bool(found_in(runs(MARKER, moved), sound_others=True)) is are_told
 
 
-def test_a_camera_that_is_late_in_the_unseen_run_only_is_not_nothing():
+def test_a_camera_that_is_late_in_the_unseen_run_only_has_another_clock_there():
     *training, unseen = runs(LATE, [3])
+    some = [di.effects()[name] for name in ("camera_latency", "marker_offset", "constant_slip")]
+    answer = di.explain(two_wheels.model(), training, [unseen], some)
+    assert answer.verdict == "none" and not answer.drifts
+    assert [(one.fault, one.run) for one in answer.data if one.channel == "kinect"] == [("clock_offset", "run 4")]
+
+
+def test_a_marker_that_was_moved_before_the_unseen_run_only_is_not_nothing():
+    *training, unseen = runs(MARKER, [3])
     some = [di.effects()[name] for name in ("camera_latency", "marker_offset", "constant_slip")]
     answer = di.explain(two_wheels.model(), training, [unseen], some)
     assert answer.verdict == "unknown" and not answer.effects

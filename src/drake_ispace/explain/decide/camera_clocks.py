@@ -23,9 +23,9 @@ from drake_ispace.explain.fit.candidates import Candidate, candidates
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case, joined
-from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.prediction import COARSE_COUNT, Prediction
 from drake_ispace.explain.predict.room_view import SIGHTING
-from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.predict.tracks import Track, coarsest_count
 from drake_ispace.faults.library import same_as
 from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Recording
@@ -39,11 +39,13 @@ _OF_RUN = Candidate(_CLOCK, (), _CLOCK.parameters)
 def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
     """Number of a run -> what is wrong with its camera's clock.
 
-    runs: all of the case, held-out ones after the others. Where stretches stand for them nothing is looked for.
+    runs: all of the case, held-out ones after the others. Where stretches stand for them, or in coarse counts, nothing
+        is looked for.
     """
     prediction = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
     is_whole = [track.name for track in prediction.tracks] == [name_of(run, i) for i, run in enumerate(runs)]
-    if not is_whole or not prediction.channels["room"]:
+    is_coarse = coarsest_count(prediction.tracks) > COARSE_COUNT  # how the wheels move between two counts is a guess
+    if not is_whole or is_coarse or not prediction.channels["room"]:
         return {}
     tried = [
         c for c in candidates(case.effects_to_try, case.replay.body)

@@ -31,7 +31,7 @@ from drake_ispace.robots.robot import COMMAND
 _SPEED_COUNTS, _SPEED_TICKS = 10, 20  # over which the speed of a wheel is averaged
 _CLASS_EDGES = (0.05, 0.1, 0.2, 0.4)  # between classes of motion, in root mean squares of wheel speed
 _RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has forgotten it
-_COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
+COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
 _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, and its share of Robot.unknown_forces
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
@@ -215,7 +215,7 @@ class Prediction:
         """
         rows, p = track.measured.shape
         wheels, count = self.replay.body.wheels, track.count_rad
-        starts = range(0, track.ticks, _SEGMENT_TICKS) if count > _COARSE_COUNT else [0]
+        starts = range(0, track.ticks, _SEGMENT_TICKS) if count > COARSE_COUNT else [0]
         for column in range(wheels):
             for start in starts:
                 offset = np.zeros((rows, p))
