@@ -7,14 +7,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
-from drake_ispace.explain.check.compare.clocks.paths import (
-    LAGS_S,
-    OFFSET,
-    Path,
-    descended,
-    least,
-    rates_of,
-)
+from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, least, rates_of
 from drake_ispace.explain.check.compare.clocks.trial import Trial
 from drake_ispace.explain.check.compare.links import LATENCIES_S, Base, Link, moves
 from drake_ispace.explain.check.finding import Finding
@@ -38,9 +31,8 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     drift = _common_drift(trials)
     for paths in (drift, [_as_one_clock(trials, drift)] * len(trials)) if drift else ():
         gains = [trial.gain(path) for trial, path in zip(trials, paths, strict=True)]
-        clocks = len(set(paths))
         # a steady motion shows no drift but a gain, and runs of the same motion show as little
-        if sum(gains) - SAID * clocks >= max(0.0, apart) and min(gains) > -SAID:
+        if sum(gains) - SAID * len(set(paths)) >= max(0.0, apart) and min(gains) > -SAID:
             lasts_s = max(trial.lasts_s for trial in trials)
             drift = _tilted_alike(drift, lasts_s, [trial.unlikely for trial in trials])
             return [trial.finding(path, 2.0 * sum(gains)) for trial, path in zip(trials, drift, strict=True)]
