@@ -17,6 +17,7 @@ PATCH_M = (0.0, 0.9, -0.7, 0.4)  # x_min, x_max, y_min, y_max of another floor
 CABLE_M = (1.0, 0.8)  # where the cable is tied
 COGS = 12  # torque ripples per turn of a wheel
 WARM_S = 8.0  # time constant of the warm-up
+DROP_S = 7.0  # when the supply drops
 
 EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 
@@ -98,6 +99,7 @@ UNKNOWN = {
     "carpet_patch_slip": "1",  # slip inside of PATCH_M
     "motor_warm_up": "N m",  # Coulomb friction that fades with WARM_S
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
+    "supply_drop": "1",  # share of the torque missing from DROP_S on
     "cogging": "N m",  # A sin(COGS theta_i)
     "cable_pull": "N/m",  # spring to CABLE_M
     "tight_spot": "N m",  # largest Coulomb friction of a wheel that rubs once a turn, each at an angle of its own
@@ -144,6 +146,7 @@ class Effects(NamedTuple):
     patch_slip: float
     warm_n_m: float
     warm_gain: float
+    drop: float
     cogging_n_m: float
     tight_n_m: float
     cable_n_m: float
@@ -225,6 +228,7 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         patch_slip=sizes["carpet_patch_slip"],
         warm_n_m=sizes["motor_warm_up"],
         warm_gain=sizes["motor_warm_up_gain"],
+        drop=sizes["supply_drop"],
         cogging_n_m=sizes["cogging"],
         tight_n_m=sizes["tight_spot"],
         cable_n_m=sizes["cable_pull"],
@@ -266,6 +270,7 @@ def motor_torque(held, time_s, step_s, tick_s, e, lagged, gap, out):
     """
     index = int(np.floor((time_s - e.delay_s) / tick_s))
     supply = (1.0 - e.sag_per_s * time_s) * (1.0 - e.warm_gain * np.exp(-time_s / WARM_S))
+    supply *= 1.0 - e.drop * (time_s > DROP_S)
     follow = 1.0 - np.exp(-step_s / e.lag_s) if e.lag_s > 0.0 else 1.0
     half = 0.5 * e.gap_rad
     for i in range(out.shape[0]):

@@ -36,6 +36,13 @@ def test_a_motor_that_warms_up_is_no_battery_that_charges():
     assert answer.verdict == "unknown" and "time" in answer.unknown.driver, answer
 
 
+@pytest.mark.parametrize("robot", ["omni", "pendulum"])
+def test_a_supply_that_drops_half_way_is_no_battery_that_sags(robot):
+    names = [*FEW, "battery_sag_time", "torque_gain_error", "battery_sag_load"]
+    answer = told(robot, "supply_drop", 0.25, names)
+    assert answer.verdict == "unknown" and answer.unknown.driver == "time and command", answer
+
+
 def test_a_mirrored_room_is_a_mistake_of_the_data():
     answer = told("omni", "mirrored_room", 1.0)
     assert answer.verdict == "data" and answer.data[0].fault == "camera_axis_mirrored"

@@ -239,8 +239,8 @@ def _size(replay, candidate, i, z) -> float:
 def _unknown(decision, explained) -> Unknown:
     generic, gain = decision.unknown
     nearest, nearest_gain = decision.nearest or (None, 0.0)
-    memory = "wears off with time" if "time" in generic.driver else "none beyond the model's own"
-    symmetry = "alike in both directions" if generic.columns == 1 else "differs with place or phase"
+    memory = "changes with time" if "time" in generic.driver else "none beyond the model's own"
+    symmetry = "alike in both directions" if generic.columns == 1 else f"differs with {generic.driver}"
     share = gain / max(gain + decision.total_gain, 1e-12)
     return Unknown(
         generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, explained),

@@ -25,7 +25,7 @@ from drake_ispace.plants.wheels import WheelGeometry
 from drake_ispace.robots.robot import COMMAND
 
 _CELLS = 3  # along each side of the area that the runs have visited
-_DEGREES = 5  # of the polynomial of the way that a user's own plant went, which makes it local
+_DEGREES = 5  # of polynomials of time, and of the way that a user's own plant went, which make them local
 _FINEST_RIPPLE = 24  # periods per wheel turn
 WARM_S = 5.0  # time constant of what wears off
 _LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero
@@ -52,8 +52,9 @@ class Generic:
 
     @property
     def is_local(self) -> bool:
-        """Whether it has an amplitude for every part of the room or way, with which it can explain slow noise, too."""
-        return self.columns > 4 and self.driver.startswith("place")
+        """Whether it has an amplitude for each part of the room, way or time, with which it can explain slow noise, too.
+        """
+        return self.columns > 4 and self.driver.startswith(("place", "time"))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -170,8 +171,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         [resist(m, np.exp(-m.t / WARM_S)) for m in motions], [resist(m, m.t / STRETCH_S) for m in motions],
     ]
     if not body.robot.in_room:
-        low, high = min(way.min() for way in ways), max(way.max() for way in ways)
-        along = [legvander((2.0 * way - low - high) / max(high - low, 1e-9), _DEGREES) for way in ways]
+        along = _polynomials(ways)
         yield Generic("resistance_along_the_way", "force", "place and direction", _DEGREES), [
             [resist(m, x[:, degree]) for m, x in zip(motions, along, strict=True)] for degree in range(1, _DEGREES + 1)
         ]
@@ -187,6 +187,11 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
     body, size = prediction.replay.body, _tenth_of_usual_command(motions)
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / WARM_S)[:, None] for m in motions]
+    ]
+    in_time = _polynomials([m.t for m in motions])
+    yield Generic("command_in_time", "force", "time and command", _DEGREES + 1), [
+        [0.1 * m.command * x[:, degree, None] for m, x in zip(motions, in_time, strict=True)]
+        for degree in range(_DEGREES + 1)
     ]
     if body.robot.driven == COMMAND:
         return
@@ -264,6 +269,12 @@ def _is_motion(motions, around, axes: slice) -> bool:
 def _tenth_of_usual_command(motions):
     """A tenth of the root mean square of all commands."""
     return 0.1 * np.sqrt(np.mean(np.vstack([m.command for m in motions]) ** 2)) or 0.01
+
+
+def _polynomials(xs):
+    """Legendre polynomials, over the range that all runs have, of a variable of each run: (rows, _DEGREES + 1) each."""
+    low, high = min(x.min() for x in xs), max(x.max() for x in xs)
+    return [legvander((2.0 * x - low - high) / max(high - low, 1e-9), _DEGREES) for x in xs]
 
 
 def _cells(motions):
