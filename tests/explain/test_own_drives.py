@@ -81,7 +81,7 @@ def test_the_friction_of_a_heavy_drive_is_seen():
 
 def test_what_unknown_torques_add_up_to_is_not_taken_for_the_effect():
     """Least squares of a free run is off by half of the size or more; the filter is not."""
-    runs = [run(3, 0.02, sag_per_s=0.012, push=0.03)]
+    runs = [run(5, 0.02, sag_per_s=0.012, push=0.03)]
     found = di.explain(model(0.02), runs, effects=told_apart("battery_sag_time"))
     size = found.effects[0].parameters["rate_per_s"]
     assert size.estimate == pytest.approx(0.012, rel=0.25)

@@ -27,6 +27,7 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 _SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
+_APART = 2.0  # times the next smaller one of a run, and what chance makes, from which on a short step stands out
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
@@ -111,7 +112,9 @@ def _camera_steps(run, base, seen_of):
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
     difference = _unexplained(kinect, base, seen_of, each)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
-    is_large = short & (difference > max(_SHOWS_M, largest_by_chance(len(k), 2) * usual))
+    most = largest_by_chance(len(k), 2) * usual
+    brief = short & (each.until_s - each.since_s <= WINDOW_S)
+    is_large = short & (difference > max(_SHOWS_M, most)) | brief & _stands_out(difference, most)
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
             np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
@@ -136,6 +139,13 @@ def _camera_steps(run, base, seen_of):
         yield Finding("camera_jump", what, "kinect", since, until, repairs=(CutOut(since, until),))
     if spikes:
         yield off(kinect.t, list(dict.fromkeys(spikes)))  # a step away and one back are the same spike
+
+
+def _stands_out(differences, most):
+    """Which differences (k,) are far beyond all smaller ones, and beyond the `most` that chance makes of one."""
+    ordered = np.sort(differences)
+    lower = np.maximum(np.concatenate([[0.0], ordered[:-1]]), most)
+    return differences >= ordered[ordered > _APART * lower].min(initial=np.inf)
 
 
 def _largest_step(encoder, since_s, until_s):

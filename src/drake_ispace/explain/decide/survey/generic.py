@@ -52,9 +52,8 @@ class Generic:
 
     @property
     def is_local(self) -> bool:
-        """Whether it has an amplitude for each part of the room, way or time, with which it can explain slow noise, too.
-        """
-        return self.columns > 4 and self.driver.startswith(("place", "time"))
+        """Whether it has amplitudes for parts of the room, way, time or commands: these can explain slow noise, too."""
+        return self.columns > 4 and self.driver.startswith(("place", "time", "command"))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -188,11 +187,15 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / WARM_S)[:, None] for m in motions]
     ]
-    in_time = _polynomials([m.t for m in motions])
-    yield Generic("command_in_time", "force", "time and command", _DEGREES + 1), [
-        [0.1 * m.command * x[:, degree, None] for m, x in zip(motions, in_time, strict=True)]
-        for degree in range(_DEGREES + 1)
-    ]
+    for name, driver, of in (
+        ("command_in_time", "time and command", [np.broadcast_to(m.t[:, None], m.command.shape) for m in motions]),
+        ("command_of_its_size", "command", [np.abs(m.command) for m in motions]),
+    ):
+        gains = _polynomials(of)
+        yield Generic(name, "force", driver, _DEGREES + 1), [
+            [0.1 * m.command * gain[..., degree] for m, gain in zip(motions, gains, strict=True)]
+            for degree in range(_DEGREES + 1)
+        ]
     if body.robot.driven == COMMAND:
         return
     yield Generic("constant_torque", "force", "nothing", body.wheels), [
@@ -272,7 +275,7 @@ def _tenth_of_usual_command(motions):
 
 
 def _polynomials(xs):
-    """Legendre polynomials, over the range that all runs have, of a variable of each run: (rows, _DEGREES + 1) each."""
+    """(..., _DEGREES + 1) Legendre polynomials of a variable of each run, over the range that it has in all of them."""
     low, high = min(x.min() for x in xs), max(x.max() for x in xs)
     return [legvander((2.0 * x - low - high) / max(high - low, 1e-9), _DEGREES) for x in xs]
 
