@@ -42,6 +42,7 @@ def test_every_encoder_shows_a_share_more():
 def test_one_encoder_loses_counts_to_and_fro():
     assert passed("encoder_lost_counts", OMNI, [1, 2, 3, 4], wheel=3, share=0.5) == pytest.approx([1, 2, 1.5, 4])
     assert passed("encoder_lost_counts", PENDULUM, [-8, -8], wheel=1, share=0.25) == pytest.approx([-6, -8])
+    assert passed("encoder_lost_counts", PENDULUM, [-8, -8], wheel=2, share=-0.25) == pytest.approx([-8, -10])
 
 
 def test_an_eccentric_encoder_errs_once_a_turn():
@@ -51,10 +52,12 @@ def test_an_eccentric_encoder_errs_once_a_turn():
     assert np.array(shown)[:, 0] == pytest.approx(quarters)
 
 
-def test_which_counts_go_missing_is_chance():
-    angles, count, share = np.outer(np.arange(20000), [0.94, 0.0, 2.0, 1.0]), 0.5, 0.06
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_which_counts_go_missing_or_come_twice_is_chance(sign):
+    share = 0.06
+    angles, count = np.outer(np.arange(20000), [1.0 - sign * share, 0.0, 2.0, 1.0]), 0.5
     effect, random = library()["encoder_lost_counts"], np.random.default_rng(0)
-    added = effect.scattered(angles, {"wheel": 1, "share": share}, count, random) - angles
+    added = effect.scattered(angles, {"wheel": 1, "share": sign * share}, count, random) - angles
     lost = random.binomial(2, share, 20000) * count  # of two counts a step
     assert np.diff(added[:, 0]).std() == pytest.approx(lost.std(), rel=0.03)
     assert not added[:, 1:].any()

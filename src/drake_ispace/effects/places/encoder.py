@@ -40,20 +40,22 @@ class EncoderScale(WheelAngleEffect):
 
 
 class EncoderLostCounts(WheelAngleEffect):
-    """(1 - share) theta of one wheel: of the counts of any turn, to and fro, that share goes missing."""
+    """(1 - share) theta of one wheel: of the counts of any turn, to and fro, that share goes missing, or comes twice
+    where it is below zero."""
 
     choices = ("wheel",)
     card = Card(
         name="encoder_lost_counts", title="Encoder loses counts", home="encoder",
         equation="theta_measured_i = (1 - share) theta_i for i = wheel",
-        source="dirt on one code disc, a loose plug, an interrupt that comes too late",
-        signature="one wheel seems to turn less than the room's pose asks of it; odometry turns where the robot goes "
-        "straight, in proportion to the way and with its sign",
+        source="dirt on one code disc, a loose plug, an interrupt that comes too late; too many counts (a share below "
+        "zero): edges that bounce, or a disc with more lines than the others",
+        signature="one wheel seems to turn less, or more, than the room's pose asks of it; odometry turns where the "
+        "robot goes straight, in proportion to the way and with its sign",
         look_alikes=("single_wheel_radius_error", "encoder_scale", "weak_motor", "track_error"),
         excitation="straight lines in several directions, forward and back, and acceleration: one wheel's radius also "
         "changes the force that its torque gives",
     )
-    parameters = (Parameter("share", "1", 0.0, 0.0, 0.5, (0.02, 0.1), tolerance=5e-4),)
+    parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.02, 0.1), tolerance=5e-4),)
     output = scaled
     scales = True
 
@@ -61,10 +63,11 @@ class EncoderLostCounts(WheelAngleEffect):
         return {"gain": one_wheel(body, values, 1.0 - values["share"])}
 
     def scattered(self, angles, values, count_rad, generator):
-        """Which counts go missing is chance: each with the probability `share`."""
+        """Which counts go missing, or come twice, is chance: each with the probability |share|."""
         moved, wheel, share = angles.copy(), int(values["wheel"]) - 1, values["share"]
         counted = np.abs(np.diff(angles[:, wheel], prepend=angles[0, wheel])) / (1.0 - share)
-        jumps = generator.standard_normal(len(angles)) * np.sqrt(share * (1.0 - share) * count_rad * counted)
+        variance = abs(share) * (1.0 - abs(share)) * count_rad * counted
+        jumps = generator.standard_normal(len(angles)) * np.sqrt(variance)
         moved[:, wheel] += np.cumsum(jumps)
         return moved
 
