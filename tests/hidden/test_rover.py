@@ -196,3 +196,12 @@ def test_a_wheel_that_does_not_turn_as_told_for_a_while_is_no_noise_of_the_drive
     library = ("velocity_lag", "velocity_gain", "velocity_coupling", "wheel_radius_errors", "marker_offset")
     found = di.explain(two_wheels.model(), runs[:3], runs[3:], [di.effects()[name] for name in library])
     assert found.verdict == "unknown" and found.remainders
+
+
+def test_a_tyre_that_goes_flat_half_way_is_no_smaller_wheel():
+    drive = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "others": {"punctured_share": 0.04}}
+    runs = [two_wheels.drive(850 + i, 18.0, ramp_s=0.3, **drive) for i in range(4)]
+    library = ("velocity_lag", "velocity_coupling", "wheel_radius_errors", "marker_offset", "camera_keystone")
+    found = di.explain(two_wheels.model(), runs[:3], runs[3:], [di.effects()[name] for name in library])
+    assert found.verdict == "unknown" and found.unknown.driver.startswith("time"), found
+    assert "repeat one motion" in found.next_experiment

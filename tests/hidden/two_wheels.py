@@ -38,6 +38,7 @@ OTHERS = {
     "lean_s2_m": 0.0,  # the outer wheel is pressed: share of the radius over speed times turning rate
     "belt_m_s": 0.0,  # the floor moves along x of W
     "deflating_share": 0.0,  # of the left radius, lost until the end of the run
+    "punctured_share": 0.0,  # of the left radius, lost at once in the middle of the run
     "patch_share": 0.0,  # slip where x > 1 m
     "fast_slip_s2_m2": 0.0,  # slip over the square of the speed
     "skewed_share": 0.0,  # motion capture's x grows with y
@@ -102,7 +103,7 @@ def drive(
     rate = lfilter([1.0 - keep], [1.0, -keep], sent, axis=0)
     angle = np.vstack([np.zeros(2), np.cumsum(rate[:-1] * _STEP_S, axis=0)])
     slip = 1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], random.standard_normal((n, 2)), axis=0) / 0.16
-    left = 1.0 + left_share - o["deflating_share"] * t / seconds
+    left = 1.0 + left_share - o["deflating_share"] * t / seconds - o["punctured_share"] * (2.0 * t > seconds)
     pressed = o["lean_s2_m"] * RADIUS_M**2 / (4.0 * HALF_TRACK_M) * (rate[:, 0] ** 2 - rate[:, 1] ** 2)  # of the right
     ground = rate * slip * (1.0 + o["radius_share"]) * RADIUS_M * np.column_stack([1.0 - pressed, left + pressed])
     turn = (ground[:, 0] - ground[:, 1]) / (2.0 * HALF_TRACK_M * (1.0 + o["track_share"]))

@@ -74,6 +74,30 @@ def test_a_camera_that_jumps_is_no_counter_that_was_set_anew():
     assert found("kinect", moved) == [("camera_jump", "kinect", (0,))]
 
 
+def test_a_camera_that_is_moved_by_a_few_centimetres_jumps():
+    def moved(t, values):
+        values[t > 6.0, :2] += [0.03, -0.02]
+        return values
+
+    assert found("kinect", moved) == [("camera_jump", "kinect", (0,))]
+
+
+@pytest.mark.parametrize("dash_s", [0.04, 0.1, 0.4])
+def test_a_short_dash_under_a_late_camera_is_no_jump_and_no_fix_that_is_off(dash_s):
+    t = 0.02 * np.arange(600)
+    way = 0.6 * np.clip(t - 5.0, 0.0, dash_s)
+    fix_t = np.arange(0.0, 11.9, 0.1)
+    seen = np.interp(fix_t - 0.15, t, way)[:, None] * [1.0, 0.0, 0.0]
+    seen += 0.001 * np.random.default_rng(3).standard_normal(seen.shape)
+    run = Recording("mine", "velocity_base", {
+        "command": Channel(t, ("vx", "vy", "wz"), np.gradient(way, t)[:, None] * [1.0, 0.0, 0.0]),
+        "encoder": Channel(t, ("theta_1", "theta_2"), np.repeat(way[:, None] / two_wheels.RADIUS_M, 2, axis=1)),
+        "kinect": Channel(fix_t, ("x", "y", "phi"), seen),
+    })
+    found = {finding.fault for finding in check(two_wheels.model(), [run]).findings}
+    assert not found & {"camera_jump", "camera_outliers", "counter_reset", "robot_carried"}
+
+
 def test_a_command_that_turns_the_other_way_in_degrees_is_told_as_both():
     turned = found("command", lambda t, values: values * [1.0, 1.0, -np.degrees(1.0)])
     assert {(fault, runs) for fault, _, runs in turned} == {("wrong_unit", (0,)), ("command_sign", (0,))}

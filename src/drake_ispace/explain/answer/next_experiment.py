@@ -25,10 +25,10 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
         if effect.equivalents:
             return f"to tell {effect.name} from {', '.join(effect.equivalents)}: {effect.excitation}"
     if unknown is not None:
-        return (
-            f"drive so that {unknown.driver} changes while everything else stays as it is, and log the same channels; "
-            f"nearest known effect: {unknown.nearest}"
-        )
+        drive = f"drive so that {unknown.driver} changes while everything else stays as it is"
+        if unknown.driver.startswith("time"):
+            drive = "repeat one motion several times in a run, so that nothing but time changes"
+        return f"{drive}, and log the same channels; nearest known effect: {unknown.nearest}"
     if untestable:
         first, *others = untestable
         listed = [entry.effect for entry in others[:_MOST_LISTED]]

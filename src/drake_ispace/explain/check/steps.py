@@ -113,8 +113,8 @@ def _camera_steps(run, base, seen_of):
     difference = _unexplained(kinect, base, seen_of, each)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
-    brief = short & (each.until_s - each.since_s <= WINDOW_S)
-    is_large = short & (difference > max(_SHOWS_M, most)) | brief & _stands_out(difference, most)
+    is_far = difference > max(_SHOWS_M, most)
+    is_large = short & (is_far | _alone(each, _stands_out(difference, most)))
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
             np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
@@ -126,7 +126,8 @@ def _camera_steps(run, base, seen_of):
         since, until = float(kinect.t[i]), float(kinect.t[i + 1])
         spike = _spike(kinect, base, seen_of, i, difference[i])
         if spike is not None:
-            spikes.append(spike)
+            if is_far[i]:  # of a late camera a short dash of the wheels goes and comes back, too
+                spikes.append(spike)
             continue
         if faster[1][i] and not faster[0][i]:
             row = _largest_step(run.channels["encoder"], since, until)
@@ -146,6 +147,15 @@ def _stands_out(differences, most):
     ordered = np.sort(differences)
     lower = np.maximum(np.concatenate([[0.0], ordered[:-1]]), most)
     return differences >= ordered[ordered > _APART * lower].min(initial=np.inf)
+
+
+def _alone(steps, which):
+    """Which of some steps are at once, and none of the others soon before or after."""
+    begins, ends = steps.since_s[which], steps.until_s[which]
+    near = (begins[:, None] < ends + WINDOW_S) & (ends[:, None] > begins - WINDOW_S)
+    alone = which.copy()
+    alone[which] = (near.sum(axis=1) == 1) & (ends - begins <= WINDOW_S)
+    return alone
 
 
 def _largest_step(encoder, since_s, until_s):

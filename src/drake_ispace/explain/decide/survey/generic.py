@@ -53,7 +53,12 @@ class Generic:
     @property
     def is_local(self) -> bool:
         """Whether it has amplitudes for parts of the room, way, time or commands: these can explain slow noise, too."""
-        return self.columns > 4 and self.driver.startswith(("place", "time", "command"))
+        return self.is_in_time or self.columns > 4 and self.driver.startswith(("place", "command"))
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether it may go with time in any way."""
+        return self.columns > 4 and self.driver.startswith("time")
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -253,6 +258,13 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
         [_travelled(m, 0.0, 0.0, -0.2 * m.body[:, 2] * _speed(m) ** 2) for m in motions]
     ]
     yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / STRETCH_S) for m in motions]]
+    in_time = _polynomials([m.t for m in motions])
+    for i, moved in enumerate(wheels.forward.T):
+        further = [np.outer(moved, m.rates[:, i]) for m in motions]
+        yield Generic(f"radius_of_wheel_{i + 1}_in_time", "motion", f"time and way of wheel {i + 1}", _DEGREES + 1), [
+            [-0.05 * _travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
+            for degree in range(_DEGREES + 1)
+        ]
     yield Generic("drift", "motion", "distance", 2), [
         [_travelled(m, 0.0, 0.02 * _speed(m), 0.0) for m in motions],
         [_travelled(m, 0.0, 0.0, 0.05 * _speed(m)) for m in motions],
