@@ -5,7 +5,9 @@ from dataclasses import replace
 import pytest
 
 from drake_ispace.explain.check.check import check
+from drake_ispace.scenario import load_scenario
 from hidden import two_wheels
+from hidden.generator import generate
 
 
 @pytest.fixture(scope="module")
@@ -55,3 +57,11 @@ def test_a_clock_that_drifts_alike_in_short_runs_is_one_mistake_of_all(share):
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
     rates = found([two_wheels.drive(680 + i, 18.0, **exact) for i in range(4)], share, 4)
     assert rates == {(i,): pytest.approx(1.0 / (1.0 + share), abs=5e-4) for i in range(4)}
+
+
+@pytest.mark.parametrize("seed", [0, 300])
+def test_a_window_more_that_lies_in_the_run_is_no_evidence_of_a_drift(seed):
+    """Runs of 16.0 s end so that a faster clock has one or two windows of the camera more."""
+    motions = ("square", "circle", "back_and_forth", "eight")
+    runs = [generate("pendulum", motion, {}, 16.0, seed=seed + i) for i, motion in enumerate(motions)]
+    assert check(load_scenario("pendulum_multirate"), runs).findings == []

@@ -10,6 +10,7 @@ from drake_ispace.explain.decide.camera_clocks import camera_clocks
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.faults.repair import Clock, with_channel
 from hidden import two_wheels
+from hidden.generator import generate
 
 SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
 LACKING = {"left_share": 0.04, "late_s": 0.08, "lag_s": 0.06}
@@ -121,3 +122,11 @@ def test_data_that_are_trusted_keep_their_clocks():
     runs = runs_of(SOUND, clock_0=(0.004, 0.05))
     answer = di.explain(two_wheels.model(), runs, (), LIBRARY[:1], trust_data=True)
     assert "kinect" not in [finding.channel for finding in answer.data]
+
+
+def test_runs_that_no_camera_saw_have_no_clock_of_one():
+    runs = [generate("pendulum", motion, {}, 6.0, seed=90 + i) for i, motion in enumerate(("square", "eight"))]
+    runs = [replace(run, channels={n: c for n, c in run.channels.items() if n != "kinect"}) for run in runs]
+    assert found_in(runs, di.load_scenario("pendulum_multirate")) == {}
+    library = [di.effects()[name] for name in ("coulomb_friction", "mass_error")]
+    assert di.explain("pendulum_multirate", runs, (), library).verdict == "none"

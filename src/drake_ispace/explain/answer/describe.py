@@ -245,7 +245,17 @@ def _unknown(decision, explained) -> Unknown:
     return Unknown(
         generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, explained),
         nearest.name if nearest else "none", float(np.sqrt(max(gain - nearest_gain, 0.0))),
+        _course(decision.start, generic),
     )
+
+
+def _course(start, generic):
+    """How something unknown goes with time, where it may in any way and all of it shows; else empty."""
+    amounts, _ = start.screen.use_of(generic, start.products)
+    if not generic.is_in_time or len(amounts) < generic.columns:
+        return ()
+    (candidate,) = {s.candidate for s in start.screen.signatures if s.candidate.effect is generic}
+    return generic.course(amounts, start.screen.covariance_of(candidate))
 
 
 def _untestable(case, decision) -> list[Untestable]:

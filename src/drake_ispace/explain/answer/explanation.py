@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -91,7 +92,9 @@ class Unknown:
         link: "force" or "motion", as which it acts. driver: variable that it goes with. share: of the drop in deviance
             that named effects and this disagreement bring together. symmetry, memory, onset: in words.
         nearest: library effect that explains most of it. distance: square root of the deviance that the nearest effect
-            leaves of it, in standard deviations.
+            leaves of it, in standard deviations. course: of what may go with time in any way, (t [s], share by which
+            the command does more than in the model, or the wheel rolls further, its standard deviation) at a few
+            instants; else empty.
     """
 
     link: str
@@ -102,6 +105,7 @@ class Unknown:
     onset: str
     nearest: str
     distance: float
+    course: Sequence[tuple[float, float, float]] = ()
 
 
 @dataclass(frozen=True)
@@ -283,6 +287,9 @@ class Explanation:
         if self.unknown is not None:
             unknown = self.unknown
             lines.append(f"  a {unknown.link} that goes with {unknown.driver}; nearest: {unknown.nearest}")
+            if unknown.course:
+                shares = [f"{100 * share:+.0f}±{100 * std:.0f} % at {t_s:.3g} s" for t_s, share, std in unknown.course]
+                lines.append(f"    more than in the model: {', '.join(shares)}")
         lines += [f"  left: {sentence_of(remainder)}" for remainder in self.remainders[:3]]
         lines += [f"  {line}" for line in self.gap_in_words()]
         lines += [f"  {row.name}: {row.before:.4g} -> {row.after:.4g}" for row in self.plant]

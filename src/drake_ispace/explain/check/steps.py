@@ -9,6 +9,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
+    LATENCIES_S,
     LATENCY_S,
     Base,
     camera_link,
@@ -114,7 +115,7 @@ def _camera_steps(run, base, seen_of):
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
     is_far = difference > max(_SHOWS_M, most)
-    is_large = short & (is_far | _alone(each, _stands_out(difference, most)))
+    is_large = short & (is_far | _small_jumps(kinect, base, seen_of, each, difference, most))
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
             np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
@@ -142,20 +143,23 @@ def _camera_steps(run, base, seen_of):
         yield off(kinect.t, list(dict.fromkeys(spikes)))  # a step away and one back are the same spike
 
 
-def _stands_out(differences, most):
-    """Which differences (k,) are far beyond all smaller ones, and beyond the `most` that chance makes of one."""
+def _small_jumps(kinect, base, seen_of, steps, differences, most):
+    """Which steps (k,) are at once, far beyond all smaller ones and the `most` that chance makes of one, and alone.
+
+    Whatever usual latency the camera has: wheels that start at once lead a late one. differences: of `_unexplained`.
+    """
     ordered = np.sort(differences)
     lower = np.maximum(np.concatenate([[0.0], ordered[:-1]]), most)
-    return differences >= ordered[ordered > _APART * lower].min(initial=np.inf)
-
-
-def _alone(steps, which):
-    """Which of some steps are at once, and none of the others soon before or after."""
-    begins, ends = steps.since_s[which], steps.until_s[which]
-    near = (begins[:, None] < ends + WINDOW_S) & (ends[:, None] > begins - WINDOW_S)
-    alone = which.copy()
-    alone[which] = (near.sum(axis=1) == 1) & (ends - begins <= WINDOW_S)
-    return alone
+    far = differences >= ordered[ordered > _APART * lower].min(initial=np.inf)
+    which = np.zeros_like(far)
+    for i in np.flatnonzero(far):
+        since, until = steps.since_s[i], steps.until_s[i]
+        near = far & (steps.since_s < until + WINDOW_S) & (steps.until_s > since - WINDOW_S)
+        one = slice(i, i + 1)
+        way = seen(kinect, Windows(steps.since_s[one], steps.until_s[one], steps.first[one], steps.last[one]))
+        left = way - base.moved(since + LATENCIES_S, until + LATENCIES_S) @ seen_of
+        which[i] = until - since <= WINDOW_S and near.sum() == 1 and np.hypot(*left[:, :2].T).min() > _APART * most
+    return which
 
 
 def _largest_step(encoder, since_s, until_s):

@@ -45,7 +45,7 @@ def camera_clocks(case: Case, runs: Sequence[Recording]) -> dict[int, Finding]:
     prediction = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
     is_whole = [track.name for track in prediction.tracks] == [name_of(run, i) for i, run in enumerate(runs)]
     is_coarse = coarsest_count(prediction.tracks) > COARSE_COUNT  # how the wheels move between two counts is a guess
-    if not is_whole or is_coarse or not prediction.channels["room"]:
+    if not is_whole or is_coarse or not any(len(track.fix_t) for track in prediction.tracks):
         return {}
     tried = [
         c for c in candidates(case.effects_to_try, case.replay.body)

@@ -42,13 +42,16 @@ class Generic:
 
     Attributes:
         name: tells it from other disagreements. link: "force" or "motion". driver: the variable that it goes with.
-        columns: number of its amplitudes.
+        columns: number of its amplitudes. until_s: of what may go with time in any way, how long runs are [s]; else 0.
+        share: then of an amplitude of one.
     """
 
     name: str
     link: str
     driver: str
     columns: int
+    until_s: float = 0.0
+    share: float = 0.0
 
     @property
     def is_local(self) -> bool:
@@ -58,7 +61,17 @@ class Generic:
     @property
     def is_in_time(self) -> bool:
         """Whether it may go with time in any way."""
-        return self.columns > 4 and self.driver.startswith("time")
+        return self.until_s > 0.0
+
+    def course(self, amounts: np.ndarray, covariance: np.ndarray) -> list[tuple[float, float, float]]:
+        """(t [s], share by which there is more, its standard deviation) at a few instants.
+
+        amounts, covariance: of its amplitudes.
+        """
+        t = np.linspace(0.0, 1.0, self.columns)
+        shares = self.share * legvander(2.0 * t - 1.0, _DEGREES)
+        stds = np.sqrt(np.maximum(np.sum(shares @ covariance * shares, axis=1), 0.0))
+        return [tuple(map(float, row)) for row in zip(self.until_s * t, shares @ amounts, stds, strict=True)]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -192,12 +205,13 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
     yield Generic("command_that_wears_in", "force", "time and command", 1), [
         [0.1 * m.command * np.exp(-m.t / WARM_S)[:, None] for m in motions]
     ]
-    for name, driver, of in (
-        ("command_in_time", "time and command", [np.broadcast_to(m.t[:, None], m.command.shape) for m in motions]),
-        ("command_of_its_size", "command", [np.abs(m.command) for m in motions]),
+    times = [np.broadcast_to(m.t[:, None], m.command.shape) for m in motions]
+    for generic, of in (
+        (_in_time("command_in_time", "force", "time and command", 0.1, motions), times),
+        (Generic("command_of_its_size", "force", "command", _DEGREES + 1), [np.abs(m.command) for m in motions]),
     ):
         gains = _polynomials(of)
-        yield Generic(name, "force", driver, _DEGREES + 1), [
+        yield generic, [
             [0.1 * m.command * gain[..., degree] for m, gain in zip(motions, gains, strict=True)]
             for degree in range(_DEGREES + 1)
         ]
@@ -261,8 +275,9 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
     in_time = _polynomials([m.t for m in motions])
     for i, moved in enumerate(wheels.forward.T):
         further = [np.outer(moved, m.rates[:, i]) for m in motions]
-        yield Generic(f"radius_of_wheel_{i + 1}_in_time", "motion", f"time and way of wheel {i + 1}", _DEGREES + 1), [
-            [-0.05 * _travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
+        driver = f"time and way of wheel {i + 1}"
+        yield _in_time(f"radius_of_wheel_{i + 1}_in_time", "motion", driver, 0.05, motions), [
+            [0.05 * _travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
             for degree in range(_DEGREES + 1)
         ]
     yield Generic("drift", "motion", "distance", 2), [
@@ -284,6 +299,11 @@ def _is_motion(motions, around, axes: slice) -> bool:
 def _tenth_of_usual_command(motions):
     """A tenth of the root mean square of all commands."""
     return 0.1 * np.sqrt(np.mean(np.vstack([m.command for m in motions]) ** 2)) or 0.01
+
+
+def _in_time(name, link, driver, share, motions):
+    """The Generic that may go with time in any way; share: of an amplitude of one."""
+    return Generic(name, link, driver, _DEGREES + 1, max(m.t.max() for m in motions), share)
 
 
 def _polynomials(xs):

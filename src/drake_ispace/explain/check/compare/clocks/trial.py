@@ -44,15 +44,20 @@ class Trial:
         at = int(np.argmin(self.total[self.usual]))
         usual, self.peaks_as_given = LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
         near = usual + LATENCIES_S[link.is_usual(usual + LATENCIES_S)]
-        self.given = max(0.0, *self.scores([Path(float(lag)) for lag in near], must_follow=False))
+        self.latencies = [Path(float(lag)) for lag in near]
+        self.given = max(0.0, *self.scores(self.latencies, must_follow=False))
 
-    def scores(self, paths: Sequence[Path], must_follow: bool = True) -> list[float]:
+    def scores(
+        self, paths: Sequence[Path], must_follow: bool = True, among: np.ndarray | None = None
+    ) -> list[float]:
         """For each path the log likelihood along it over that without any relation, of the windows inside of the run.
 
-        0 where the channel follows the wheels too little to tell the time, if it must follow them.
+        0 where the channel follows the wheels too little to tell the time, if it must follow them. among: (windows,)
+        those that count, default all.
         """
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
         inner, found = inside(self.base, since, until), np.zeros(len(paths))
+        inner &= True if among is None else among
         for kept in np.unique(inner, axis=0):
             if kept.sum() >= FEWEST:
                 same = np.flatnonzero((inner == kept).all(axis=1))
@@ -88,8 +93,19 @@ class Trial:
         return np.where([f is not None and f >= RELATED for f in followed], related - unrelated, 0.0)
 
     def gain(self, path: Path) -> float:
-        """By how much a path is more likely than any latency that a sound channel may have."""
-        return self.scores([path])[0] - self.given
+        """By how much a path is more likely than any latency that a sound channel may have.
+
+        Each is compared with it by the windows that lie inside of the run along both: one more is not evidence.
+        """
+        since, until = (np.stack([p.at(t) for p in (path, *self.latencies)])
+                        for t in (self.link.since_s, self.link.until_s))
+        along, *others = inside(self.base, since, until)
+        both, gains = along & np.array(others), []
+        for among in np.unique(both, axis=0):
+            same = [self.latencies[i] for i in np.flatnonzero((both == among).all(axis=1))]
+            own = self.scores([path], among=among)[0]
+            gains.append(own - max(0.0, *self.scores(same, must_follow=False, among=among)))
+        return min(gains)
 
     def rough(self, paths: Sequence[Path]) -> np.ndarray:
         """(paths,) losses along each path: smooth, without physics."""
