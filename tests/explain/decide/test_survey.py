@@ -1,6 +1,7 @@
 """Score tests by hand, of signatures of two numbers, and shapes of generic disagreements on made-up motions."""
 
 import importlib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -262,9 +263,26 @@ def test_a_way_that_is_turned_is_that_of_a_robot_that_turns_otherwise():
 
 def test_only_a_robot_that_moves_sideways_may_slip_by_the_direction():
     def has(wheels):
-        return {generic.name for generic, _ in _losses(wheels, [motion(np.zeros(400), np.zeros(400), 0.5)])}
+        still = np.zeros((3, 400, len(wheels.wheels)))
+        driven = replace(motion(np.zeros(400), np.zeros(400), 0.5), angles=still[0], rates=still[1], command=still[2])
+        return {generic.name for generic, _ in _losses(wheels, [driven])}
 
-    assert has(WHEELS) - has(differential(0.05, 0.2)) == {"slip_of_direction"}
+    more = {f"radius_of_wheel_{i}_in_time" for i in range(3, len(WHEELS.wheels) + 1)}
+    assert has(WHEELS) - has(differential(0.05, 0.2)) == {"slip_of_direction", *more}
+
+
+def test_a_wheel_whose_radius_shrinks_turns_the_robot_the_more_the_later():
+    wheels, t = differential(0.05, 0.2), np.arange(4000) * TICK_S
+    rates = np.column_stack([np.full(4000, 4.0), np.full(4000, 4.0)])
+    straight = Motion(rates @ wheels.forward.T, np.zeros((4000, 3)), t, rates * t[:, None], rates, rates)
+    found = {generic.name: (generic, columns) for generic, columns in _losses(wheels, [straight])}
+    shrinking, columns = found["radius_of_wheel_1_in_time"]
+    amounts = np.array([-0.4, -0.4, 0.0, 0.0, 0.0, 0.0])  # from nothing at the begin to 4 % at the end
+    turned = sum(amount * column[0][:, 2] for amount, column in zip(amounts, columns, strict=True))
+    assert turned == pytest.approx(np.cumsum(-0.04 * t / t[-1] * 4.0 * wheels.forward[2, 0]) * TICK_S)
+    assert shrinking.is_in_time and shrinking.is_local
+    at_s, shares, stds = zip(*shrinking.course(amounts, 0.01 * np.eye(6)), strict=True)
+    assert shares == pytest.approx(np.linspace(0.0, -0.04, 6)) and at_s[-1] == pytest.approx(t[-1]) and min(stds) > 0.0
 
 
 def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():

@@ -56,7 +56,7 @@ class Generic:
     @property
     def is_local(self) -> bool:
         """Whether it has amplitudes for parts of the room, way, time or commands: these can explain slow noise, too."""
-        return self.is_in_time or self.columns > 4 and self.driver.startswith(("place", "command"))
+        return self.is_in_time or (self.columns > 4 and self.driver.startswith(("place", "command")))
 
     @property
     def is_in_time(self) -> bool:
