@@ -43,7 +43,8 @@ def test_a_supply_that_drops_half_way_is_no_battery_that_sags(robot):
     answer = told(robot, "supply_drop", 0.25, names)
     assert answer.verdict == "unknown" and answer.unknown.driver == "time and command", answer
     before, after = ([share for t_s, share, _ in answer.unknown.course if abs(t_s - at) < 2.0] for at in (4.0, 10.0))
-    assert np.mean(after) == pytest.approx(np.mean(before) - 0.25, abs=0.07) and "% at 9.75 s" in str(answer)
+    assert np.mean(after) == pytest.approx(np.mean(before) - 0.25, abs=0.07)
+    assert "more than in the model:" in str(answer)
 
 
 def test_a_mirrored_room_is_a_mistake_of_the_data():

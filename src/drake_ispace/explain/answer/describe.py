@@ -240,7 +240,8 @@ def _unknown(decision, explained) -> Unknown:
     generic, gain = decision.unknown
     nearest, nearest_gain = decision.nearest or (None, 0.0)
     memory = "changes with time" if "time" in generic.driver else "none beyond the model's own"
-    symmetry = "alike in both directions" if generic.columns == 1 else f"differs with {generic.driver}"
+    is_alike = generic.columns == 1 or generic.is_in_time or generic.driver == "command"
+    symmetry = "alike in both directions" if is_alike else "differs with place or phase"
     share = gain / max(gain + decision.total_gain, 1e-12)
     return Unknown(
         generic.link, generic.driver, float(share), symmetry, memory, onset(decision.start, explained),
@@ -251,11 +252,12 @@ def _unknown(decision, explained) -> Unknown:
 
 def _course(start, generic):
     """How something unknown goes with time, where it may in any way and all of it shows; else empty."""
-    amounts, _ = start.screen.use_of(generic, start.products)
-    if not generic.is_in_time or len(amounts) < generic.columns:
+    if not generic.is_in_time:
         return ()
-    (candidate,) = {s.candidate for s in start.screen.signatures if s.candidate.effect is generic}
-    return generic.course(amounts, start.screen.covariance_of(candidate))
+    amounts, _ = start.screen.use_of(generic, start.products)
+    candidate = next(candidate for candidate in start.screen.candidates if candidate.effect is generic)
+    covariance = start.screen.covariance_of(candidate)
+    return generic.course(amounts, covariance) if len(amounts) == generic.columns else ()
 
 
 def _untestable(case, decision) -> list[Untestable]:

@@ -107,6 +107,11 @@ class Unknown:
     distance: float
     course: Sequence[tuple[float, float, float]] = ()
 
+    @property
+    def course_in_words(self) -> str:
+        """The course, as shares in per cent; empty where there is none."""
+        return ", ".join(f"{100 * share:+.1f}±{100 * std:.1f} % at {t_s:.1f} s" for t_s, share, std in self.course)
+
 
 @dataclass(frozen=True)
 class Untestable:
@@ -288,8 +293,7 @@ class Explanation:
             unknown = self.unknown
             lines.append(f"  a {unknown.link} that goes with {unknown.driver}; nearest: {unknown.nearest}")
             if unknown.course:
-                shares = [f"{100 * share:+.0f}±{100 * std:.0f} % at {t_s:.3g} s" for t_s, share, std in unknown.course]
-                lines.append(f"    more than in the model: {', '.join(shares)}")
+                lines.append(f"    more than in the model: {unknown.course_in_words}")
         lines += [f"  left: {sentence_of(remainder)}" for remainder in self.remainders[:3]]
         lines += [f"  {line}" for line in self.gap_in_words()]
         lines += [f"  {row.name}: {row.before:.4g} -> {row.after:.4g}" for row in self.plant]

@@ -115,7 +115,8 @@ def _camera_steps(run, base, seen_of):
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
     is_far = difference > max(_SHOWS_M, most)
-    is_large = short & (is_far | _small_jumps(kinect, base, seen_of, each, difference, most))
+    is_large = short & is_far
+    is_large[short] |= _small_jumps(base, seen_of, Windows(*(one[short] for one in vars(each).values())), kinect, most)
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
             np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
@@ -143,22 +144,27 @@ def _camera_steps(run, base, seen_of):
         yield off(kinect.t, list(dict.fromkeys(spikes)))  # a step away and one back are the same spike
 
 
-def _small_jumps(kinect, base, seen_of, steps, differences, most):
-    """Which steps (k,) are at once, far beyond all smaller ones and the `most` that chance makes of one, and alone.
+def _small_jumps(base, seen_of, steps, kinect, most):
+    """Which steps (k,) of the camera are at once, far beyond all smaller ones and beyond `most` [m], and alone.
 
-    Whatever usual latency the camera has: wheels that start at once lead a late one. differences: of `_unexplained`.
+    Whatever usual latency the camera has: wheels that start at once lead a late one. A step over lost fixes is not at
+    once, and none to be compared with.
+
+    most: that chance makes of a step.
     """
-    ordered = np.sort(differences)
-    lower = np.maximum(np.concatenate([[0.0], ordered[:-1]]), most)
-    far = differences >= ordered[ordered > _APART * lower].min(initial=np.inf)
+    lasts = steps.until_s - steps.since_s
+    at_once = lasts <= min(1.5 * np.median(lasts), WINDOW_S) if len(lasts) else np.zeros(0, bool)
+    ways = seen(kinect, steps)
+    differences = np.linalg.norm((ways - base.moved(steps.since_s, steps.until_s) @ seen_of)[:, :2], axis=1)
+    ordered = np.sort(differences[at_once])
+    lower = np.maximum(np.concatenate([[0.0], ordered])[: len(ordered)], most)
+    far = at_once & (differences >= ordered[ordered > _APART * lower].min(initial=np.inf))
     which = np.zeros_like(far)
     for i in np.flatnonzero(far):
         since, until = steps.since_s[i], steps.until_s[i]
-        near = far & (steps.since_s < until + WINDOW_S) & (steps.until_s > since - WINDOW_S)
-        one = slice(i, i + 1)
-        way = seen(kinect, Windows(steps.since_s[one], steps.until_s[one], steps.first[one], steps.last[one]))
-        left = way - base.moved(since + LATENCIES_S, until + LATENCIES_S) @ seen_of
-        which[i] = until - since <= WINDOW_S and near.sum() == 1 and np.hypot(*left[:, :2].T).min() > _APART * most
+        if (far & (steps.since_s < until + WINDOW_S) & (steps.until_s > since - WINDOW_S)).sum() == 1:
+            left = ways[i] - base.moved(since + LATENCIES_S, until + LATENCIES_S) @ seen_of
+            which[i] = np.linalg.norm(left[:, :2], axis=1).min() > _APART * most
     return which
 
 

@@ -152,8 +152,8 @@ def _survey(prediction, late, tried) -> Survey:
         later = [_later(prediction, probe).residuals(values) for probe in _PROBE_S * np.eye(2)]
         scaled = [_OWN_SCALE * track.measured[:, : prediction.replay.body.wheels] for track in prediction.tracks]
         changes = [difference(base, after) for after in (*later, prediction.read_off(scaled, values))]
-        others = generic_signatures(prediction, point, base)  # what may go with time in any way would be a clock, too
-        return [other for other in others if not other.candidate.effect.is_in_time] + [
+        # what may go with time in any way would be a clock, too
+        return generic_signatures(prediction, point, base, in_time=False) + [
             Signature(_OF_RUN, [1.0, 0.0, 0.0], at, False, [*nothing[:i], change[i], *nothing[i + 1 :]])
             for at, change in enumerate(changes) for i in range(len(base))
         ]

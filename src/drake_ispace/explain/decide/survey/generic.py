@@ -42,14 +42,15 @@ class Generic:
 
     Attributes:
         name: tells it from other disagreements. link: "force" or "motion". driver: the variable that it goes with.
-        columns: number of its amplitudes. until_s: of what may go with time in any way, how long runs are [s]; else 0.
-        share: then of an amplitude of one.
+        columns: number of its amplitudes. since_s, until_s: of what may go with time in any way, between which [s];
+            else 0. share: of the command or radius that an amplitude of one then is.
     """
 
     name: str
     link: str
     driver: str
     columns: int
+    since_s: float = 0.0
     until_s: float = 0.0
     share: float = 0.0
 
@@ -68,10 +69,10 @@ class Generic:
 
         amounts, covariance: of its amplitudes.
         """
-        t = np.linspace(0.0, 1.0, self.columns)
-        shares = self.share * legvander(2.0 * t - 1.0, _DEGREES)
+        t = np.linspace(self.since_s, self.until_s, self.columns)
+        shares = self.share * legvander(np.linspace(-1.0, 1.0, self.columns), _DEGREES)
         stds = np.sqrt(np.maximum(np.sum(shares @ covariance * shares, axis=1), 0.0))
-        return [tuple(map(float, row)) for row in zip(self.until_s * t, shares @ amounts, stds, strict=True)]
+        return [tuple(map(float, row)) for row in zip(t, shares @ amounts, stds, strict=True)]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -80,12 +81,13 @@ class Generic:
 
 
 def generic_signatures(
-    prediction: Prediction, point: Point, base: Residuals
+    prediction: Prediction, point: Point, base: Residuals, in_time: bool = True
 ) -> list[Signature]:
     """A signature for every amplitude of every generic disagreement that these runs could show.
 
     Args:
-        prediction: model and runs. point: effects that the model already has. base: residuals at `point`.
+        prediction: model and runs. point: effects that the model already has. base: residuals at `point`. in_time:
+            whether those count that may go with time in any way.
     """
     motions = [motion_of(prediction, track, past_speeds) for track in prediction.tracks]
     shapes = []  # each behind the method of the prediction that takes it
@@ -97,6 +99,8 @@ def generic_signatures(
         shapes += [(prediction.displaced, loss) for loss in _losses(prediction.replay.body.plant.geometry, motions)]
     values, amplitudes = merged(point), []
     for predict, (generic, columns) in shapes:
+        if generic.is_in_time and not in_time:
+            continue
         candidate = Candidate(generic, (), generic.parameters)
         amplitudes += [(candidate, at, predict, column) for at, column in enumerate(columns)]
 
@@ -206,9 +210,11 @@ def _commands(prediction, motions) -> Iterator[_Shapes]:
         [0.1 * m.command * np.exp(-m.t / WARM_S)[:, None] for m in motions]
     ]
     times = [np.broadcast_to(m.t[:, None], m.command.shape) for m in motions]
+    largest = np.maximum(np.max([np.abs(m.command).max(axis=0) for m in motions], axis=0), 1e-9)
+    sizes = [np.abs(m.command) / largest for m in motions]
     for generic, of in (
         (_in_time("command_in_time", "force", "time and command", 0.1, motions), times),
-        (Generic("command_of_its_size", "force", "command", _DEGREES + 1), [np.abs(m.command) for m in motions]),
+        (Generic("command_of_its_size", "force", "command", _DEGREES + 1), sizes),
     ):
         gains = _polynomials(of)
         yield generic, [
@@ -303,7 +309,8 @@ def _tenth_of_usual_command(motions):
 
 def _in_time(name, link, driver, share, motions):
     """The Generic that may go with time in any way; share: of an amplitude of one."""
-    return Generic(name, link, driver, _DEGREES + 1, max(m.t.max() for m in motions), share)
+    since_s, until_s = min(m.t.min() for m in motions), max(m.t.max() for m in motions)
+    return Generic(name, link, driver, _DEGREES + 1, since_s, until_s, share)
 
 
 def _polynomials(xs):

@@ -144,14 +144,17 @@ class Screen:
         indices = [i for i, s in enumerate(self.signatures) if s.candidate.effect is effect and shown[i]]
         return self.amounts(indices, products), [self.signatures[i].change for i in indices]
 
-    def covariance_of(self, candidate: Candidate) -> np.ndarray:
-        """(n, n) of the amounts of a candidate's signatures that the runs show, fitted together."""
-        indices = self._shown(candidate)
-        return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) * self.overdispersion_of(candidate)
-
     def amounts(self, indices: Sequence[int], products: np.ndarray) -> np.ndarray:
         """(len(indices),) how much of each of these signatures, fitted together, explains most."""
-        return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8) @ products[indices]
+        return self._inverse(indices) @ products[indices]
+
+    def covariance_of(self, candidate: Candidate) -> np.ndarray:
+        """(n, n) of the amounts of a candidate's signatures that the runs show, fitted together."""
+        return self._inverse(self._shown(candidate)) * self.overdispersion_of(candidate)
+
+    def _inverse(self, indices):
+        """(n, n) inverse of the products of these signatures."""
+        return np.linalg.pinv(self.inner[np.ix_(indices, indices)], rcond=1e-8)
 
     def knows(self, candidate: Candidate) -> bool:
         """Whether the candidate has a signature."""

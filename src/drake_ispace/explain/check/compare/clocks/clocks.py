@@ -39,7 +39,8 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     if len(own) < len(trials):  # the other clocks are right, and motion that comes again looks alike a period later
         own = [
             (trial, best) for trial, best in own
-            if best.path.fault != OFFSET or not trial.peaks_as_given or best.gain >= RELATED * (trial.given + best.gain)
+            if best.path.fault != OFFSET or not trial.peaks_as_given
+            or best.gain >= RELATED * trial.scores([best.path])[0]
         ]
     found = [trial.finding(best.path, 2.0 * best.gain, best.rivals) for trial, best in own]
     if found or not trials or trials[0].link.channel not in ("kinect", COMMAND):

@@ -47,9 +47,7 @@ class Trial:
         self.latencies = [Path(float(lag)) for lag in near]
         self.given = max(0.0, *self.scores(self.latencies, must_follow=False))
 
-    def scores(
-        self, paths: Sequence[Path], must_follow: bool = True, among: np.ndarray | None = None
-    ) -> list[float]:
+    def scores(self, paths: Sequence[Path], must_follow: bool = True, among: np.ndarray | bool = True) -> list[float]:
         """For each path the log likelihood along it over that without any relation, of the windows inside of the run.
 
         0 where the channel follows the wheels too little to tell the time, if it must follow them. among: (windows,)
@@ -57,7 +55,7 @@ class Trial:
         """
         since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
         inner, found = inside(self.base, since, until), np.zeros(len(paths))
-        inner &= True if among is None else among
+        inner &= among
         for kept in np.unique(inner, axis=0):
             if kept.sum() >= FEWEST:
                 same = np.flatnonzero((inner == kept).all(axis=1))
@@ -101,11 +99,11 @@ class Trial:
                         for t in (self.link.since_s, self.link.until_s))
         along, *others = inside(self.base, since, until)
         both, gains = along & np.array(others), []
-        for among in np.unique(both, axis=0):
+        for among in np.unique(both[both.sum(axis=1) >= FEWEST], axis=0):
             same = [self.latencies[i] for i in np.flatnonzero((both == among).all(axis=1))]
             own = self.scores([path], among=among)[0]
             gains.append(own - max(0.0, *self.scores(same, must_follow=False, among=among)))
-        return min(gains)
+        return min(gains, default=self.scores([path])[0] - self.given)  # of runs too short to have enough in common
 
     def rough(self, paths: Sequence[Path]) -> np.ndarray:
         """(paths,) losses along each path: smooth, without physics."""
