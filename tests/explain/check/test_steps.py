@@ -82,6 +82,16 @@ def test_a_camera_that_is_moved_by_a_few_centimetres_jumps():
     assert found("kinect", moved) == [("camera_jump", "kinect", (0,))]
 
 
+@pytest.mark.parametrize("seed", [9101, 9115])
+def test_fixes_that_are_lost_on_a_bend_are_no_jump(seed):
+    run = two_wheels.drive(seed, 15.0, **SOUND, speeds_m_s=(0.1, 0.7), rates_rad_s=(-2.5, 2.5))
+    camera = run.channels["kinect"]
+    kept = (camera.t < 6.2) | (camera.t > 6.8)
+    lost = replace(camera, t=camera.t[kept], values=camera.values[kept])
+    run = replace(run, channels=run.channels | {"kinect": lost})
+    assert "camera_jump" not in {finding.fault for finding in check(two_wheels.model(), [run]).findings}
+
+
 @pytest.mark.parametrize("dash_s", [0.04, 0.1, 0.4])
 def test_a_short_dash_under_a_late_camera_is_no_jump_and_no_fix_that_is_off(dash_s):
     t = 0.02 * np.arange(600)
