@@ -111,16 +111,16 @@ def _camera_steps(run, base, seen_of):
     k = np.arange(len(kinect.t))
     each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    difference = _unexplained(kinect, base, seen_of, each)
+    ways, wheels_ways = seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of
+    difference = np.linalg.norm((ways - wheels_ways)[:, :2], axis=1)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
     is_far = difference > max(_SHOWS_M, most)
-    is_large = short & is_far
-    is_large[short] |= _small_jumps(base, seen_of, Windows(*(one[short] for one in vars(each).values())), kinect, most)
+    is_large = short & (is_far | _small_jumps(base, seen_of, each, ways, np.where(short, difference, np.nan), most))
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
-            np.linalg.norm(ways[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
-            for ways in (seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of)
+            np.linalg.norm(of[:, :2], axis=1) / np.maximum(each.until_s - each.since_s, TICK_S)
+            for of in (ways, wheels_ways)
         )
     ]
     spikes = []
@@ -144,18 +144,17 @@ def _camera_steps(run, base, seen_of):
         yield off(kinect.t, list(dict.fromkeys(spikes)))  # a step away and one back are the same spike
 
 
-def _small_jumps(base, seen_of, steps, kinect, most):
+def _small_jumps(base, seen_of, steps, ways, differences, most):
     """Which steps (k,) of the camera are at once, far beyond all smaller ones and beyond `most` [m], and alone.
 
     Whatever usual latency the camera has: wheels that start at once lead a late one. A step over lost fixes is not at
     once, and none to be compared with.
 
+    ways, differences: (k, 3), (k,) as the camera sees each, and beside the wheels', NaN for one that does not count.
     most: that chance makes of a step.
     """
-    lasts = steps.until_s - steps.since_s
-    at_once = lasts <= min(1.5 * np.median(lasts), WINDOW_S) if len(lasts) else np.zeros(0, bool)
-    ways = seen(kinect, steps)
-    differences = np.linalg.norm((ways - base.moved(steps.since_s, steps.until_s) @ seen_of)[:, :2], axis=1)
+    lasts, known = steps.until_s - steps.since_s, np.isfinite(differences)
+    at_once = known & (lasts <= min(1.5 * np.median(lasts[known]), WINDOW_S)) if known.any() else known
     ordered = np.sort(differences[at_once])
     lower = np.maximum(np.concatenate([[0.0], ordered])[: len(ordered)], most)
     far = at_once & (differences >= ordered[ordered > _APART * lower].min(initial=np.inf))

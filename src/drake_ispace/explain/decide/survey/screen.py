@@ -130,7 +130,7 @@ class Screen:
         firsts = self._firsts(candidate)
         if len(firsts) > 1:
             g = products[firsts]
-            gain = np.sum(g * (np.linalg.pinv(self.inner[np.ix_(firsts, firsts)], rcond=1e-8) @ g), axis=0)
+            gain = np.sum(g * (self._inverse(firsts) @ g), axis=0)
             yield len(firsts), gain / self.overdispersion[firsts].max()
 
     def joint_drop(self, candidate: Candidate, products: np.ndarray) -> float:

@@ -30,7 +30,7 @@ class Trial:
     """A channel of one run under other clocks.
 
     loss (lags, windows): of each window, less that without any relation. peaks_as_given: whether no lag nearby would do
-    better than one that a sound channel may have.
+    better than one that a sound channel may have. latencies: paths of such a channel; given: the best score of these.
     """
 
     def __init__(self, number: int, link: Link, base: Base):
