@@ -38,14 +38,14 @@ from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
-from drake_ispace.explain.answer.verdict import add_chance, add_proof, add_runs_apart, left_out
+from drake_ispace.explain.answer.verdict import add_chance, add_parts, add_proof, left_out
 from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.camera_clocks import camera_clocks
 from drake_ispace.explain.decide.clocks_set import with_clocks_set
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.each_run import OfOneRun, shown_by_one
+from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_one
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -113,17 +113,7 @@ def explain(
             best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
             if best.proof.may_stand is not None:
                 rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
-            if best.answer.verdict != "incomplete" or best.answer.drifts:
-                tell("looking at each run by itself")
-            if best.answer.verdict != "incomplete":
-                add_runs_apart(best.answer, _runs_apart(case, best.decision, tried, seed))
-            elif best.answer.drifts:  # of an effect of one run all runs have some of it
-                none = best.decision.without_effects()
-                if apart := _runs_apart(case, none, tried, seed, sound_others=True):
-                    named, best = best, _answered(case, none, seed, tell)
-                    taken_back = left_out(best.answer, named.answer, "comes of what single runs show")
-                    best.answer.warnings += [*named.dropped, taken_back]
-                    add_runs_apart(best.answer, apart)
+            best = _with_parts(case, best, tried, seed, tell)
     answer = best.answer
     add_chance(answer)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
@@ -137,7 +127,29 @@ def explain(
     return answer
 
 
-def _runs_apart(case, decision, tried, seed, sound_others=False) -> list[OfOneRun]:
+def _with_parts(case, best, tried, seed, tell) -> Answered:
+    """The answer with what single runs and halves of all runs show besides; the answer that nothing is named where an
+    effect is one of single runs."""
+    answer, decision = best.answer, best.decision
+    if answer.verdict == "incomplete" and not answer.drifts:
+        return best
+    tell("looking at each run by itself")
+    if answer.verdict != "incomplete":
+        point = decision.named.point if decision.named else {}
+        add_parts(answer, _runs_apart(case, decision, tried, seed))
+        tell("looking at the halves of the runs")
+        add_parts(answer, shown_by_half(case.prediction, point, tried, seed))
+        return best
+    none = decision.without_effects()  # of an effect of one run all runs have some of it
+    if not (apart := _runs_apart(case, none, tried, seed, sound_others=True)):
+        return best
+    sound = _answered(case, none, seed, tell)
+    sound.answer.warnings += [*best.dropped, left_out(sound.answer, answer, "comes of what single runs show")]
+    add_parts(sound.answer, apart)
+    return sound
+
+
+def _runs_apart(case, decision, tried, seed, sound_others=False) -> list[OfAPart]:
     """What single runs show beside the effects of the decision, held-out ones as well; sound_others: as there."""
     every = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
     point, end = decision.named.point if decision.named else {}, decision.end

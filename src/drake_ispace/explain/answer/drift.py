@@ -5,9 +5,7 @@ from scipy.stats import f
 
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.survey.survey import blocks_of
-from drake_ispace.explain.levels import CHANCE
-
-_LEAST_SPREAD = 0.2  # of the effect itself
+from drake_ispace.explain.levels import CHANCE, LEAST_SPREAD
 
 
 def drift(decision: Decision) -> list[str]:
@@ -26,7 +24,7 @@ def drift(decision: Decision) -> list[str]:
         spreads = _spreads(group, blocks, slopes, marginalised, named.w)
         for (candidate, i), spread in zip(named.order, spreads, strict=True):
             value = _length(named.point[candidate], candidate, likelihood)
-            if value > 0.0 and spread > _LEAST_SPREAD * value:
+            if value > 0.0 and spread > LEAST_SPREAD * value:
                 name = f"{candidate.parameters[i].name} of {candidate.name}"
                 sentences.append(f"{name} drifts {what}, by {100 * spread / value:.0f} %")
     return sentences

@@ -235,7 +235,7 @@ class Explanation:
         """The verdict in a sentence."""
         shows = self.detection is None or self.detection.found
         if self.verdict == "unknown" and self.unknown is None and self.drifts:
-            return _RUNS_APART
+            return _PARTS_APART
         if self.verdict == "unknown" and self.unknown is None and not shows:
             return _ONLY_LEFT
         if self.verdict == "none" and self.detection is not None and shows:
@@ -318,7 +318,7 @@ _TITLES = {
 }
 _MOST_SAID = 2  # look-alikes of an effect in the verdict
 _ONLY_TRACES = "Something is detectable, but {} the model is as good without it"
-_RUNS_APART = "Single runs show an effect that the others contradict: no one model is right for all"
+_PARTS_APART = "A part of the runs shows an effect that the rest contradicts: no one model is right for all"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 
 

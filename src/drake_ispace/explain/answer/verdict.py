@@ -7,7 +7,7 @@ from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.each_run import OfOneRun
+from drake_ispace.explain.decide.each_part import HALVES, OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
@@ -185,15 +185,18 @@ def _sizes_beside(answer, other) -> str:
     )
 
 
-def add_runs_apart(answer: Explanation, found: Sequence[OfOneRun]) -> None:
-    """Say which runs show an effect that the others contradict; an answer for all runs does not suffice then."""
+def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
+    """Say which parts of the runs show an effect that the rest contradicts; an answer for all does not suffice then."""
     for one in found:
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
+        rest = "other runs contradict it: explain it by itself"
+        if one.part in HALVES:
+            rest = "the other half contradicts it: it begins or ends on the way, or changes"
         answer.drifts.append(
-            f"{one.run} by itself is explained best by {one.candidate.label} ({sizes}; {p_in_words(one.p_value)})"
-            f"{alike}, and other runs contradict it: explain it by itself"
+            f"{one.part} by itself is explained best by {one.candidate.label} ({sizes}; {p_in_words(one.p_value)})"
+            f"{alike}, and {rest}"
         )
     if found:
         answer.verdict = "incomplete" if answer.effects else "unknown"

@@ -1,12 +1,15 @@
-"""Effects that one run shows by itself and the other runs contradict.
+"""Effects that a part of what was recorded shows by itself and the rest contradicts.
 
 All runs together have one size of an effect. If a marker was moved between two runs, the size is in between, unseen
 runs are no nearer to it, and nothing is named; a run to which nothing is fitted is only judged by how large its errors
-are. Every run, held out or not, is therefore tested by itself.
+are. Every run, held out or not, is therefore tested by itself. So are the first and the second halves of all training
+runs: what begins on the way, such as the friction of a bearing that seizes, is half as large in whole runs, and what
+it does in one half passes there for noise that is larger at times.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,26 +17,31 @@ from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.shown import alarm_of, held
-from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.generic import Generic, generic_signatures
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
 from drake_ispace.explain.decide.survey.view import View, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
-from drake_ispace.explain.levels import CERTAIN
+from drake_ispace.explain.levels import CERTAIN, LEAST_SPREAD
 from drake_ispace.explain.predict.case import part_of
-from drake_ispace.explain.predict.prediction import Prediction
+from drake_ispace.explain.predict.prediction import Prediction, predict
+from drake_ispace.explain.predict.stretches import equal_parts
+
+#: Names of the halves of all runs.
+HALVES = ("the first half of the runs", "the second half of the runs")
 
 
 @dataclass(frozen=True)
-class OfOneRun:
-    """An effect that one run shows and others contradict.
+class OfAPart:
+    """An effect that a part of what was recorded shows and the rest contradicts.
 
     Attributes:
-        run: its name. candidate, z: the effect and its coordinates, fitted to the run alone. p_value: probability that
-            noise of the run shows as much. alike: other effects, which explain about as much of the run.
+        part: its name, of a run or one of HALVES. candidate, z: the effect and its coordinates, fitted to the part
+            alone. p_value: probability that noise of the part shows as much. alike: other effects, which explain about
+            as much of the part.
     """
 
-    run: str
+    part: str
     candidate: Candidate
     z: list[float]
     p_value: float
@@ -43,7 +51,7 @@ class OfOneRun:
 def shown_by_one(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int, known: View | None = None,
     sound_others: bool = False,
-) -> list[OfOneRun]:
+) -> list[OfAPart]:
     """The effects that some runs show beside those of `point`, and that the other runs contradict; in their order.
 
     The effect must be clear (p < 1e-6), also under the noise that the run has without it, and its size in the run
@@ -58,15 +66,49 @@ def shown_by_one(
     """
     if len(prediction.tracks) < 2:
         return []
-    tried = [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
+    tried = _anywhere(candidates, point)
 
     def survey_by_itself(i):
         if known is not None and i < len(known.prediction.tracks):
             return survey_of(_everywhere(known.of_run(i)), point)
         return survey(part_of(prediction, slice(i, i + 1)), point, tried)
 
+    return _shown(survey_by_itself, [track.name for track in prediction.tracks], seed, sound_others)
+
+
+def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfAPart]:
+    """As `shown_by_one`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
+
+    So may an effect of `point`, each of which is tested beside the others. The noise is then that with all of them:
+    noise that was learned while an effect was missing takes up some of it, in one half more than in the other.
+    """
+    settling = prediction.replay.settling_ticks
+    pairs = [equal_parts(track, 2, settling) for track in prediction.tracks]
+    halves = [predict(prediction.replay, half, tune=False) for half in zip(*pairs, strict=True)]
+    survey_of_half = partial(survey, generics=partial(generic_signatures, in_time=False))
+    tried, noises = _anywhere(candidates, point), {}
+
+    def survey_by_itself(i):
+        own = survey_of_half(halves[i], point, tried)
+        noises[i] = own.likelihood.whitening
+        return own
+
+    found = _shown(survey_by_itself, HALVES, seed)
+    for effect in _anywhere(point, {}):
+        rest = {other: z for other, z in point.items() if other is not effect}
+        found += _shown(lambda i, of=(rest, [effect]): survey_of_half(halves[i], *of, whitening=noises[i]), HALVES, seed)
+    return found
+
+
+def _anywhere(candidates, point) -> list[Candidate]:
+    """The candidates without those that act in a part of the room and are not in the model."""
+    return [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
+
+
+def _shown(survey_by_itself, names, seed, sound_others=False) -> list[OfAPart]:
+    """What shows in the Survey of a part, made by its number, and is contradicted by those of the others."""
     surveys, leaders = [], []
-    for i in range(len(prediction.tracks)):
+    for i in range(len(names)):
         own = survey_by_itself(i)
         leaders.append(_leader(own, seed))
         surveys.append(own.light())
@@ -77,7 +119,7 @@ def shown_by_one(
         if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
             detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
             if _is_clear(detection):
-                shown.append(leader.in_run(prediction.tracks[i].name, detection.p_value))
+                shown.append(leader.in_part(names[i], detection.p_value))
     return [] if sound_others and clear > len(shown) else shown
 
 
@@ -110,10 +152,10 @@ class _Leader:
     variances: np.ndarray
     tolerance: float
 
-    def in_run(self, name: str, p_value: float) -> OfOneRun:
-        """The effect as that of the run of this name, with this probability."""
+    def in_part(self, name: str, p_value: float) -> OfAPart:
+        """The effect as that of the part of this name, with this probability."""
         candidate = self.fitted.candidate
-        return OfOneRun(name, candidate, self.fitted.fit.point[candidate], p_value, self.alike)
+        return OfAPart(name, candidate, self.fitted.fit.point[candidate], p_value, self.alike)
 
     def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
         """Whether the size of the effect is another in these runs, by its score in each."""
@@ -123,8 +165,10 @@ class _Leader:
         if not theirs:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
-        apart = self.sizes - np.average([one.size for one in theirs], weights=weights)
-        return bool(np.all(apart**2 > CERTAIN**2 * (self.variances + 1.0 / weights.sum() + self.tolerance**2)))
+        mean = np.average([one.size for one in theirs], weights=weights)
+        apart = np.abs(self.sizes - mean)
+        chance = CERTAIN * np.sqrt(self.variances + 1.0 / weights.sum() + self.tolerance**2)
+        return bool(np.all((apart > chance) & (apart > LEAST_SPREAD * np.abs(self.sizes + mean))))
 
 
 @dataclass(frozen=True)
@@ -159,7 +203,8 @@ def _leader(own: Survey, seed) -> _Leader | None:
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
     """(seconds,) a size without each of the seconds of the run, and its variance; no numbers where nothing else tells.
     """
-    change = own.changes.of_run(0, slice(of.number, of.number + 1))[0]
+    some = slice(of.number, of.number + 1)
+    change = np.concatenate([own.changes.of_run(i, some)[0] for i in range(len(own.residuals))])
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
     begun = np.flatnonzero(np.diff(blocks, prepend=-1))
     parts = (np.add.reduceat(change * own.tested.marginalised(by), begun) for by in (own.w, change))

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import drake_ispace as di
-from drake_ispace.explain.decide.each_run import shown_by_one
+from drake_ispace.explain.decide.each_part import shown_by_one
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
@@ -28,7 +28,7 @@ def shown(hidden, where):
 
 
 def shown_in(recordings):
-    return {(one.run, one.candidate.name) for one in found_in(recordings)}
+    return {(one.part, one.candidate.name) for one in found_in(recordings)}
 
 
 def found_in(recordings, sound_others=False):
@@ -74,7 +74,7 @@ def test_a_view_of_all_runs_serves_for_each():
     tried = candidates(case.effects_to_try, case.replay.body)
     known = survey(case.prediction, {}, tried).view
     (one,), (other,) = (shown_by_one(case.prediction, {}, tried, 0, view) for view in (None, known))
-    assert (one.run, one.candidate) == (other.run, other.candidate)
+    assert (one.part, one.candidate) == (other.part, other.candidate)
     assert other.z == pytest.approx(one.z, abs=1e-3)
 
 
@@ -102,7 +102,7 @@ def test_a_marker_that_was_moved_before_the_unseen_run_only_is_not_nothing():
     answer = di.explain(two_wheels.model(), training, [unseen], some)
     assert answer.verdict == "unknown" and not answer.effects
     assert [sentence.split(" by itself")[0] for sentence in answer.drifts] == ["run 4"]
-    assert "Single runs" in answer.title
+    assert "part of the runs" in answer.title
 
 
 def test_a_limit_of_a_thousand_metres_per_second_squared_is_nothing():
