@@ -93,10 +93,13 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
         noises[i] = own.likelihood.whitening
         return own
 
+    def survey_without(effect, i):
+        rest = {other: z for other, z in point.items() if other is not effect}
+        return survey_of_half(halves[i], rest, [effect], whitening=noises[i])
+
     found = _shown(survey_by_itself, HALVES, seed)
     for effect in _anywhere(point, {}):
-        rest = {other: z for other, z in point.items() if other is not effect}
-        found += _shown(lambda i, of=(rest, [effect]): survey_of_half(halves[i], *of, whitening=noises[i]), HALVES, seed)
+        found += _shown(partial(survey_without, effect), HALVES, seed)
     return found
 
 
