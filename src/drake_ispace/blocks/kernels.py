@@ -32,7 +32,8 @@ def kernel(
 ) -> Dispatcher:
     """Compile `function` with numba and cache the machine code on disk.
 
-    The cache key is a hash of the function's source, its global constants and its helper functions.
+    The cache key is a hash of the function's module, source, global constants and helper functions: cached code asks
+    for the module by its name.
 
     Args:
         function: a module-level function.
@@ -84,7 +85,7 @@ def _digest(function: Callable, options: Mapping | None = None) -> str:
     name = function.__qualname__
     if function.__closure__:
         raise TypeError(f"{name} uses variables of the function around it, expected a module-level function as kernel")
-    parts = [str(options), _text(function) or _described_code(function.__code__)]
+    parts = [str(options), function.__module__, _text(function) or _described_code(function.__code__)]
     parts += [_described(value, name) for value in (function.__defaults__, function.__kwdefaults__)]
     for used in sorted(set(_global_names(function.__code__)) - {function.__name__}):
         if used in function.__globals__:

@@ -36,6 +36,7 @@ from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
+from drake_ispace.explain.answer.drift import drift_by_half
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_chance, add_parts, add_proof, left_out
@@ -135,10 +136,11 @@ def _with_parts(case, best, tried, seed, tell) -> Answered:
         return best
     tell("looking at each run by itself")
     if answer.verdict != "incomplete":
-        point = decision.named.point if decision.named else {}
         add_parts(answer, _runs_apart(case, decision, tried, seed))
         tell("looking at the halves of the runs")
-        add_parts(answer, shown_by_half(case.prediction, point, tried, seed))
+        point = decision.named.point if decision.named else {}
+        found, halves = shown_by_half(case.prediction, point, tried, seed)
+        add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named else [])
         return best
     none = decision.without_effects()  # of an effect of one run all runs have some of it
     if not (apart := _runs_apart(case, none, tried, seed, sound_others=True)):

@@ -73,34 +73,21 @@ def shown_by_one(
             return survey_of(_everywhere(known.of_run(i)), point)
         return survey(part_of(prediction, slice(i, i + 1)), point, tried)
 
-    return _shown(survey_by_itself, [track.name for track in prediction.tracks], seed, sound_others)
+    return _shown(survey_by_itself, [track.name for track in prediction.tracks], seed, sound_others)[0]
 
 
-def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfAPart]:
+def shown_by_half(
+    prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int
+) -> tuple[list[OfAPart], list[Survey]]:
     """As `shown_by_one`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
 
-    So may an effect of `point`, each of which is tested beside the others. The noise is then that with all of them:
-    noise that was learned while an effect was missing takes up some of it, in one half more than in the other.
+    Also the Survey of each half at `point`.
     """
     settling = prediction.replay.settling_ticks
     pairs = [equal_parts(track, 2, settling) for track in prediction.tracks]
     halves = [predict(prediction.replay, half, tune=False) for half in zip(*pairs, strict=True)]
-    survey_of_half = partial(survey, generics=partial(generic_signatures, in_time=False))
-    tried, noises = _anywhere(candidates, point), {}
-
-    def survey_by_itself(i):
-        own = survey_of_half(halves[i], point, tried)
-        noises[i] = own.likelihood.whitening
-        return own
-
-    def survey_without(effect, i):
-        rest = {other: z for other, z in point.items() if other is not effect}
-        return survey_of_half(halves[i], rest, [effect], whitening=noises[i])
-
-    found = _shown(survey_by_itself, HALVES, seed)
-    for effect in _anywhere(point, {}):
-        found += _shown(partial(survey_without, effect), HALVES, seed)
-    return found
+    tried, generics = _anywhere(candidates, point), partial(generic_signatures, in_time=False)
+    return _shown(lambda i: survey(halves[i], point, tried, generics=generics), HALVES, seed)
 
 
 def _anywhere(candidates, point) -> list[Candidate]:
@@ -108,8 +95,8 @@ def _anywhere(candidates, point) -> list[Candidate]:
     return [candidate for candidate in candidates if candidate in point or not candidate.effect.is_local]
 
 
-def _shown(survey_by_itself, names, seed, sound_others=False) -> list[OfAPart]:
-    """What shows in the Survey of a part, made by its number, and is contradicted by those of the others."""
+def _shown(survey_by_itself, names, seed, sound_others=False) -> tuple[list[OfAPart], list[Survey]]:
+    """What shows in the Survey of a part, made by its number, and those of the others contradict; these Surveys."""
     surveys, leaders = [], []
     for i in range(len(names)):
         own = survey_by_itself(i)
@@ -117,13 +104,13 @@ def _shown(survey_by_itself, names, seed, sound_others=False) -> list[OfAPart]:
         surveys.append(own.light())
     shown, clear = [], sum(leader is not None for leader in leaders)
     if sound_others and 2 * clear >= len(leaders):
-        return []
+        return [], surveys
     for i, leader in enumerate(leaders):
         if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
             detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
             if _is_clear(detection):
                 shown.append(leader.in_part(names[i], detection.p_value))
-    return [] if sound_others and clear > len(shown) else shown
+    return [] if sound_others and clear > len(shown) else shown, surveys
 
 
 def _is_clear(detection: Detection) -> bool:
