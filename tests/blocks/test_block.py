@@ -457,6 +457,12 @@ def test_the_digest_follows_arrays_helpers_defaults_and_inner_functions():
     assert made(text, g=1.0) != made(text, g=2.0)
 
 
+def test_the_same_function_of_another_module_is_another_kernel():
+    """Cached code asks for its module by name, and one file can be imported by two names."""
+    text = "def f(x, out):\n    out[0] = x[0]\n"
+    assert made(text, __name__="model") == made(text, __name__="model") != made(text, __name__="robot.model")
+
+
 def test_a_kernel_without_source_runs_and_is_kept_nowhere():
     namespace = {}
     exec("def f(x, out):\n    out[0] = 2.0 * x[0]\n", namespace)

@@ -103,11 +103,11 @@ TYPICAL = {
 TYPICAL_UNKNOWN = {
     "omni": {
         "ramp_patch": 1.2, "carpet_patch_slip": 0.2, "motor_warm_up": 0.02, "motor_warm_up_gain": 0.5,
-        "supply_drop": 0.25, "cogging": 0.012, "cable_pull": 1.0, "tight_spot": 0.012,
+        "supply_drop": 0.25, "seized_bearings": 0.02, "cogging": 0.012, "cable_pull": 1.0, "tight_spot": 0.012,
     },
     "pendulum": {
         "ramp_patch": 0.8, "carpet_patch_slip": 0.15, "motor_warm_up": 0.03, "motor_warm_up_gain": 0.3,
-        "supply_drop": 0.25, "cogging": 0.015, "cable_pull": 0.4, "tight_spot": 0.03,
+        "supply_drop": 0.25, "seized_bearings": 0.03, "cogging": 0.015, "cable_pull": 0.4, "tight_spot": 0.03,
     },
 }
 

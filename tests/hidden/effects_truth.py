@@ -17,7 +17,7 @@ PATCH_M = (0.0, 0.9, -0.7, 0.4)  # x_min, x_max, y_min, y_max of another floor
 CABLE_M = (1.0, 0.8)  # where the cable is tied
 COGS = 12  # torque ripples per turn of a wheel
 WARM_S = 8.0  # time constant of the warm-up
-DROP_S = 7.0  # when the supply drops
+DROP_S = 7.0  # when the supply drops, or bearings seize
 
 EDGES = ("x_min_m", "x_max_m", "y_min_m", "y_max_m")
 
@@ -100,6 +100,7 @@ UNKNOWN = {
     "motor_warm_up": "N m",  # Coulomb friction that fades with WARM_S
     "motor_warm_up_gain": "1",  # share of the torque missing at the start, fades with WARM_S
     "supply_drop": "1",  # share of the torque missing from DROP_S on
+    "seized_bearings": "N m",  # further Coulomb friction of every wheel from DROP_S on
     "cogging": "N m",  # A sin(COGS theta_i)
     "cable_pull": "N/m",  # spring to CABLE_M
     "tight_spot": "N m",  # largest Coulomb friction of a wheel that rubs once a turn, each at an angle of its own
@@ -147,6 +148,7 @@ class Effects(NamedTuple):
     warm_n_m: float
     warm_gain: float
     drop: float
+    seized_n_m: float
     cogging_n_m: float
     tight_n_m: float
     cable_n_m: float
@@ -229,6 +231,7 @@ def pack(robot: str, values: dict, unknown: tuple[str, float] | None) -> Effects
         warm_n_m=sizes["motor_warm_up"],
         warm_gain=sizes["motor_warm_up_gain"],
         drop=sizes["supply_drop"],
+        seized_n_m=sizes["seized_bearings"],
         cogging_n_m=sizes["cogging"],
         tight_n_m=sizes["tight_spot"],
         cable_n_m=sizes["cable_pull"],
@@ -305,7 +308,7 @@ def dry_friction(wheel, torque, rate, angle, time_s, e):
     """How much torque [N m] the effects take against the direction of a wheel."""
     dry = e.coulomb + e.bump * np.exp(-((rate / e.bump_rad_s) ** 2))
     dry = dry + e.load_share * abs(torque) + e.warm_n_m * np.exp(-time_s / WARM_S) + e.own_dry[wheel]
-    dry = dry + 0.5 * e.tight_n_m * (1.0 + np.sin(angle + 2.0 * wheel))
+    dry = dry + 0.5 * e.tight_n_m * (1.0 + np.sin(angle + 2.0 * wheel)) + e.seized_n_m * (time_s > DROP_S)
     return dry + (abs(e.one_way) if rate * e.one_way > 0.0 else 0.0)
 
 

@@ -11,9 +11,9 @@ from hidden.outside_campaign import outside
 FEW = ["floor_tilt", "coulomb_friction", "viscous_friction", "mass_error", "wheel_radius_error"]
 
 
-def told(robot, effect, size, names=FEW):
+def told(robot, effect, size, names=FEW, seconds=12.0):
     motions = ("square", "eight", "circle")
-    runs = [recorded(robot, motion, effect, size, 70 + i, 12.0) for i, motion in enumerate(motions)]
+    runs = [recorded(robot, motion, effect, size, 70 + i, seconds) for i, motion in enumerate(motions)]
     return explain(f"{robot}_multirate", runs[:2], runs[2:], names and [library()[name] for name in names])
 
 
@@ -44,7 +44,15 @@ def test_a_supply_that_drops_half_way_is_no_battery_that_sags(robot):
     assert answer.verdict == "unknown" and answer.unknown.driver == "time and command", answer
     before, after = ([share for t_s, share, _ in answer.unknown.course if abs(t_s - at) < 2.0] for at in (4.0, 10.0))
     assert np.mean(after) == pytest.approx(np.mean(before) - 0.25, abs=0.07)
-    assert "more than in the model:" in str(answer)
+    assert "more than in the model, as a smooth curve:" in str(answer)
+
+
+@pytest.mark.parametrize(("robot", "size"), [("omni", 0.01), ("pendulum", 0.015)])
+def test_bearings_that_seize_half_way_show_in_the_second_half(robot, size):
+    answer = told(robot, "seized_bearings", size, seconds=16.0)
+    (said,) = answer.drifts
+    assert answer.verdict == "unknown" and "other half contradicts it" in said, answer
+    assert said.startswith("the second half of the runs by itself is explained best by coulomb_friction (torque_n_m")
 
 
 def test_a_mirrored_room_is_a_mistake_of_the_data():

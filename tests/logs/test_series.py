@@ -79,6 +79,7 @@ def test_a_tum_trajectory_has_the_names_of_its_columns(tmp_path):
     (TABLE.replace("2.5", "inf"), None, "line 3: column 'a b' holds 'inf'"),
     (TABLE.replace("2.5", "1_0"), None, "line 3"),
     (TABLE.replace(",3e2", ""), None, "line 3: 2 cells, expected 3"),
+    (TABLE.replace("0.1,2.5,3e2", "hello"), ["t"], "line 3: 1 cells, expected 3"),
     (TABLE, ["d"], "there is no column 'd'"),
     (TABLE.replace("a b", "c"), None, "column 'c' is there twice"),
     ("", None, "holds no rows"),

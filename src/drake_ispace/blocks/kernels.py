@@ -85,7 +85,7 @@ def _digest(function: Callable, options: Mapping | None = None) -> str:
     name = function.__qualname__
     if function.__closure__:
         raise TypeError(f"{name} uses variables of the function around it, expected a module-level function as kernel")
-    parts = [str(options), function.__module__, _text(function) or _described_code(function.__code__)]
+    parts = [str(options), str(function.__module__), _text(function) or _described_code(function.__code__)]
     parts += [_described(value, name) for value in (function.__defaults__, function.__kwdefaults__)]
     for used in sorted(set(_global_names(function.__code__)) - {function.__name__}):
         if used in function.__globals__:

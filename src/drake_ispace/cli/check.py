@@ -56,7 +56,7 @@ def check(
         return
     say(str(checked))
     for copy in copies:
-        say(f"repaired: {copy}")
+        say(f"written: {copy}")
     if out is not None:
         say(f"open {out / 'index.html'}")
 

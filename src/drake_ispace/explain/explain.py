@@ -130,25 +130,29 @@ def explain(
 
 def _with_parts(case, best, tried, seed, tell) -> Answered:
     """The answer with what single runs and halves of all runs show besides; the answer that nothing is named where an
-    effect is one of single runs."""
+    effect is one of single runs.
+
+    Of a disagreement that may go with time in any way no run is another one: each shows whatever is nearest.
+    """
     answer, decision = best.answer, best.decision
-    if answer.verdict == "incomplete" and not answer.drifts:
+    goes_with_time = decision.unknown is not None and decision.unknown[0].is_in_time
+    if not goes_with_time:
+        tell("looking at each run by itself")
+    if answer.verdict == "incomplete":
+        none = decision.without_effects()  # of an effect of one run all runs have some of it
+        apart = _runs_apart(case, none, tried, seed, sound_others=True) if answer.drifts else []
+        if apart:
+            best = _answered(case, none, seed, tell)
+            best.answer.warnings += [*best.dropped, left_out(best.answer, answer, "comes of what single runs show")]
+        add_parts(best.answer, apart or _runs_apart(case, decision, tried, seed, sound_others=True))
         return best
-    tell("looking at each run by itself")
-    if answer.verdict != "incomplete":
+    if not goes_with_time:
         add_parts(answer, _runs_apart(case, decision, tried, seed))
-        tell("looking at the halves of the runs")
-        point = decision.named.point if decision.named else {}
-        found, halves = shown_by_half(case.prediction, point, tried, seed)
-        add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named else [])
-        return best
-    none = decision.without_effects()  # of an effect of one run all runs have some of it
-    if not (apart := _runs_apart(case, none, tried, seed, sound_others=True)):
-        return best
-    sound = _answered(case, none, seed, tell)
-    sound.answer.warnings += [*best.dropped, left_out(sound.answer, answer, "comes of what single runs show")]
-    add_parts(sound.answer, apart)
-    return sound
+    tell("looking at the halves of the runs")
+    point = decision.named.point if decision.named else {}
+    found, halves = shown_by_half(case.prediction, point, tried, seed)
+    add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named else [])
+    return best
 
 
 def _runs_apart(case, decision, tried, seed, sound_others=False) -> list[OfAPart]:

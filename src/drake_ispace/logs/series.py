@@ -216,9 +216,10 @@ def _is_number(cell, decimal):
 
 
 def _evenness(rows, mark):
-    """How well a mark parts the first rows into cells of equal number."""
+    """How well a mark parts the first rows into cells: how many have as many as most have, and how many that is."""
     counts = [len(_cells(row, mark)) for row in rows]
-    return (min(counts) == max(counts) and counts[0] > 1, min(counts) if mark != "," else min(counts) - 0.5)
+    usual = max(set(counts), key=counts.count)
+    return (counts.count(usual) if usual > 1 else 0, usual if mark != "," else usual - 0.5)
 
 
 def _first_lines(file):

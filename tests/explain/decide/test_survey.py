@@ -285,6 +285,16 @@ def test_a_wheel_whose_radius_shrinks_turns_the_robot_the_more_the_later():
     assert shares == pytest.approx(np.linspace(0.0, -0.04, 6)) and at_s[-1] == pytest.approx(t[-1]) and min(stds) > 0.0
 
 
+def test_a_larger_wheel_in_time_is_as_much_larger_as_its_share_says():
+    """Also where it turns the robot round several times: the way is turned by a twentieth of that only."""
+    wheels, t = differential(0.05, 0.2), np.arange(4000) * TICK_S
+    rates = np.column_stack([4.0 + 4.0 * np.sin(0.4 * t), np.full(4000, -2.0)])
+    turning = Motion(rates @ wheels.forward.T, np.zeros((4000, 3)), t, rates * t[:, None], rates, rates)
+    columns = next(c for generic, c in _losses(wheels, [turning]) if generic.name == "radius_of_wheel_1_in_time")
+    larger = wheels.forward[:, 0] * 0.05 * rates[:, :1]
+    np.testing.assert_allclose(columns[0][0], _travelled(turning, *larger.T))
+
+
 def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():
     x = np.zeros(400)
     lost = []

@@ -272,7 +272,8 @@ class Explanation:
             beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
-        lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if self.detection else "")]
+        is_of_effects = self.detection is not None and self.title != _ONLY_LEFT
+        lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if is_of_effects else "")]
         lines += [f"! {warning}" for warning in self.warned]
         if self.verdict == "data":
             lines += [f"  {finding}" for finding in self.data]
@@ -293,7 +294,7 @@ class Explanation:
             unknown = self.unknown
             lines.append(f"  a {unknown.link} that goes with {unknown.driver}; nearest: {unknown.nearest}")
             if unknown.course:
-                lines.append(f"    more than in the model: {unknown.course_in_words}")
+                lines.append(f"    more than in the model, as a smooth curve: {unknown.course_in_words}")
         lines += [f"  left: {sentence_of(remainder)}" for remainder in self.remainders[:3]]
         lines += [f"  {line}" for line in self.gap_in_words()]
         lines += [f"  {row.name}: {row.before:.4g} -> {row.after:.4g}" for row in self.plant]

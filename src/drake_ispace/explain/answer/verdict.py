@@ -90,15 +90,25 @@ def _is_trifle(effect, parameters, scales) -> bool:
 def _may_be_none(effect, parameters, known, shows_in_path) -> bool:
     """Whether the interval of every size of an effect holds the model's own.
 
+    Where only the sum of several sizes shows, as the lag of a robot that does nothing but turn, each interval is as
+    wide as the others let it be. Then all must be none, or of the other sign, by plain least squares.
+
     known: name -> of these. shows_in_path: whether the path tells the sizes, so that those of plain least squares are
     part of the intervals.
     """
-    for p in (p for p in parameters if not p.shape):
-        size, value = effect.parameters[p.name], known.get(p.name, p.neutral)
-        ends = (*size.ci90, size.least_squares) if shows_in_path and size.least_squares is not None else size.ci90
-        if not min(ends) <= value <= max(ends):
+    sizes = [(effect.parameters[p.name], known.get(p.name, p.neutral)) for p in parameters if not p.shape]
+    if len(sizes) > 1 and all(size.least_squares is not None for size, _ in sizes):
+        if not all(_holds((size.estimate, size.least_squares), value) for size, value in sizes):
             return False
-    return True
+    return all(
+        _holds((*size.ci90, size.least_squares if shows_in_path else None), value) for size, value in sizes
+    )
+
+
+def _holds(ends, value) -> bool:
+    """Whether a value lies between the least and the largest of those ends that are there."""
+    there = [end for end in ends if end is not None]
+    return min(there) <= value <= max(there)
 
 
 def _judge(answer: Explanation, doubts: list[str]) -> None:

@@ -280,10 +280,10 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
     yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / STRETCH_S) for m in motions]]
     in_time = _polynomials([m.t for m in motions])
     for i, moved in enumerate(wheels.forward.T):
-        further = [np.outer(moved, m.rates[:, i]) for m in motions]
+        further = [0.05 * np.outer(moved, m.rates[:, i]) for m in motions]
         driver = f"time and way of wheel {i + 1}"
         yield _in_time(f"radius_of_wheel_{i + 1}_in_time", "motion", driver, 0.05, motions), [
-            [0.05 * _travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
+            [_travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
             for degree in range(_DEGREES + 1)
         ]
     yield Generic("drift", "motion", "distance", 2), [
@@ -362,7 +362,10 @@ def _in_body_frame(m, force):
 
 
 def _travelled(m, vx, vy, wz):
-    """(rows, 3) displacement in W that a further body velocity adds up to; what it turns, the way is turned by."""
+    """(rows, 3) displacement in W that a further body velocity adds up to; what it turns, the way is turned by.
+
+    Linear in the velocity only where it turns little.
+    """
     vx, vy, wz = (np.broadcast_to(v, m.t.shape) for v in (vx, vy, wz))
     turned = np.cumsum(wz) * TICK_S
     way = rotated(m.body[:, :2], m.place[:, 2])
