@@ -14,6 +14,8 @@ from drake_ispace.explain.fit.free_run import errors
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.predict.own_replay import own_track
+from drake_ispace.explain.predict.prediction import predict
+from drake_ispace.explain.predict.stretches import equal_parts
 from drake_ispace.faults.repair import Clock
 from drake_ispace.files.recording import Channel, Recording
 from stand_ins.one_wheel import angle, rate
@@ -243,3 +245,13 @@ def test_a_delay_adds_nothing_up_over_a_run_and_is_that_of_the_filter():
     delay = effect.parameters["delay_s"]
     assert effect.name == "command_delay" and delay.least_squares is None
     assert delay.estimate == pytest.approx(0.03, abs=0.002)
+
+
+def test_the_second_half_of_a_run_goes_on_where_the_first_ended():
+    """A supply that sags has sagged by then."""
+    case = prepare(model(0.02), [run(1, 0.02, sag_per_s=0.012)])
+    (whole,), sag = case.prediction.tracks, {"battery_sag_time": {"rate_per_s": 0.012}}
+    later = equal_parts(whole, 2, case.replay.settling_ticks)[1]
+    (part,), (every,) = (predict(case.replay, [one], tune=False).residuals(sag) for one in (later, whole))
+    rows = len(part["motion"])
+    assert np.std(part["motion"]) == pytest.approx(np.std(every["motion"][-rows:]), rel=0.02)

@@ -46,7 +46,7 @@ from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.camera_clocks import camera_clocks
 from drake_ispace.explain.decide.clocks_set import with_clocks_set
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_one
+from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_run
 from drake_ispace.explain.decide.validate import validated_choice
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.own_model import OwnModel
@@ -132,26 +132,32 @@ def _with_parts(case, best, tried, seed, tell) -> Answered:
     """The answer with what single runs and halves of all runs show besides; the answer that nothing is named where an
     effect is one of single runs.
 
-    Of a disagreement that may go with time in any way no run is another one: each shows whatever is nearest.
+    Of what goes with time or place in any way no run is another one: each shows whatever comes nearest to it.
     """
     answer, decision = best.answer, best.decision
-    goes_with_time = decision.unknown is not None and decision.unknown[0].is_in_time
-    if not goes_with_time:
-        tell("looking at each run by itself")
-    if answer.verdict == "incomplete":
-        none = decision.without_effects()  # of an effect of one run all runs have some of it
-        apart = _runs_apart(case, none, tried, seed, sound_others=True) if answer.drifts else []
-        if apart:
-            best = _answered(case, none, seed, tell)
-            best.answer.warnings += [*best.dropped, left_out(best.answer, answer, "comes of what single runs show")]
-        add_parts(best.answer, apart or _runs_apart(case, decision, tried, seed, sound_others=True))
+    unknown = decision.unknown[0] if decision.unknown is not None else None
+    if unknown is not None and answer.unknown is None:  # and taken back: it does not matter on unseen runs
         return best
-    if not goes_with_time:
+    if answer.verdict == "incomplete":
+        tell("looking at each run by itself")
+        if not answer.drifts:
+            add_parts(answer, _runs_apart(case, decision, tried, seed, sound_others=True))
+            return best
+        none = decision.without_effects()  # of an effect of one run all runs have some of it
+        if not (apart := _runs_apart(case, none, tried, seed, sound_others=True)):
+            return best
+        sound = _answered(case, none, seed, tell)
+        sound.answer.warnings += [*best.dropped, left_out(sound.answer, answer, "comes of what single runs show")]
+        add_parts(sound.answer, apart)
+        return sound
+    if unknown is None or not unknown.is_local:
+        tell("looking at each run by itself")
         add_parts(answer, _runs_apart(case, decision, tried, seed))
-    tell("looking at the halves of the runs")
-    point = decision.named.point if decision.named else {}
-    found, halves = shown_by_half(case.prediction, point, tried, seed)
-    add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named else [])
+    if unknown is None or unknown.is_in_time or not unknown.is_local:
+        tell("looking at the halves of the runs")
+        point = decision.named.point if decision.named else {}
+        found, halves = shown_by_half(case.prediction, point, tried, seed)
+        add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named and halves else [])
     return best
 
 
@@ -160,7 +166,7 @@ def _runs_apart(case, decision, tried, seed, sound_others=False) -> list[OfAPart
     every = case.prediction if case.held_out is None else joined(case.prediction, case.held_out)
     point, end = decision.named.point if decision.named else {}, decision.end
     known = end.view if end.changes is not None and end.point.keys() == point.keys() else None
-    return shown_by_one(every, point, tried, seed, known, sound_others)
+    return shown_by_run(every, point, tried, seed, known, sound_others)
 
 
 def _answered(case, decision, seed, tell) -> Answered:

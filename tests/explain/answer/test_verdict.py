@@ -7,17 +7,9 @@ import numpy as np
 import pytest
 
 import answers
-from drake_ispace.effects.card import Parameter
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import (
-    _may_be_none,
-    add_chance,
-    add_proof,
-    lacks_little,
-    left_out,
-    nonsense,
-)
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, left_out, nonsense
 from drake_ispace.explain.decide import detect
 from drake_ispace.explain.decide.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -230,17 +222,6 @@ def test_an_effect_that_may_have_no_size_is_not_what_was_detected(name, least, l
     case = prepare(MODEL, [generate("omni", "square", {}, 4.0, 5)], effects=[library()[name]])
     answer = proved(case, library()[name], 0.02, (least, 0.05), least_squares)
     assert answer.verdict == verdict and ("may be none" in " ".join(answer.warnings)) == (verdict == "incomplete")
-
-
-@pytest.mark.parametrize(("least_squares", "may_be"), [((0.02, 0.1), False), ((-0.01, -0.02), True)])
-def test_sizes_of_which_only_the_sum_shows_are_not_none(least_squares, may_be):
-    ends, sizes = ((0.0, 0.4), (-0.3, 0.12)), (0.02, 0.1)
-    named = {
-        name: Estimate(size, ci90, "s", least_squares=plain)
-        for name, size, ci90, plain in zip(("straight", "turning"), sizes, ends, least_squares, strict=True)
-    }
-    parameters = [Parameter(name, "s", probes=(0.05,)) for name in named]
-    assert _may_be_none(SimpleNamespace(parameters=named), parameters, {}, False) is may_be
 
 
 def proved(case, one, size, ci90, least_squares=None):

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 import drake_ispace as di
-from drake_ispace.explain.decide.each_part import shown_by_one
+from drake_ispace.explain.decide.each_part import shown_by_half, shown_by_run
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
@@ -34,7 +34,7 @@ def shown_in(recordings):
 def found_in(recordings, sound_others=False):
     case = prepare(two_wheels.model(), recordings)
     tried = candidates(case.effects_to_try, case.replay.body)
-    return shown_by_one(case.prediction, {}, tried, 0, sound_others=sound_others)
+    return shown_by_run(case.prediction, {}, tried, 0, sound_others=sound_others)
 
 
 def until(end_s, recording):
@@ -73,7 +73,7 @@ def test_a_view_of_all_runs_serves_for_each():
     case = prepare(two_wheels.model(), runs(MARKER, [0]))
     tried = candidates(case.effects_to_try, case.replay.body)
     known = survey(case.prediction, {}, tried).view
-    (one,), (other,) = (shown_by_one(case.prediction, {}, tried, 0, view) for view in (None, known))
+    (one,), (other,) = (shown_by_run(case.prediction, {}, tried, 0, view) for view in (None, known))
     assert (one.part, one.candidate) == (other.part, other.candidate)
     assert other.z == pytest.approx(one.z, abs=1e-3)
 
@@ -112,4 +112,40 @@ def test_a_limit_of_a_thousand_metres_per_second_squared_is_nothing():
     ])
     tried = candidates(case.effects_to_try, case.replay.body)
     (room,) = (one for one in tried if one.name == "camera_scale")  # which is to wheels what slip is
-    assert not shown_by_one(case.prediction, {room: [-0.0323]}, tried, 0)
+    assert not shown_by_run(case.prediction, {room: [-0.0323]}, tried, 0)
+
+
+def halves_of(recordings):
+    """What halves of all runs show, and how many Surveys came of it."""
+    case = prepare(two_wheels.model(), recordings)
+    found, surveys = shown_by_half(case.prediction, {}, candidates(case.effects_to_try, case.replay.body), 0)
+    return {(one.part.split()[1], one.candidate.name) for one in found}, len(surveys)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_halves_of_a_sound_robots_runs_show_nothing(count):
+    assert halves_of(runs({}, (), count)) == (set(), 2)
+
+
+def test_what_both_halves_have_is_no_matter_of_one():
+    assert halves_of(runs(LATE, range(2), 2)) == (set(), 2)
+
+
+def test_a_camera_that_is_late_half_way_is_late_in_the_second_half():
+    late = [dataclasses.replace(recording, channels=recording.channels | {
+        "kinect": dataclasses.replace(camera, t=camera.t + 0.06 * (camera.t > 6.0)),
+    }) for recording in runs({}, (), 2) for camera in (recording.channels["kinect"],)]
+    ((half, name),) = halves_of(late)[0]
+    assert half == "second" and name in ("camera_latency", "clock_offset")
+
+
+@pytest.mark.parametrize("end_s", [1.9, 2.0])
+def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
+    cut = []
+    for recording in runs({}, (), 2):
+        moving = {
+            name: dataclasses.replace(c, t=c.t[c.t >= 3.0] - 3.0, values=c.values[c.t >= 3.0])
+            for name, c in recording.channels.items()
+        }
+        cut.append(until(end_s, dataclasses.replace(recording, channels=moving)))
+    assert halves_of(cut)[0] == set()

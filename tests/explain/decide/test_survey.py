@@ -277,7 +277,7 @@ def test_a_wheel_whose_radius_shrinks_turns_the_robot_the_more_the_later():
     straight = Motion(rates @ wheels.forward.T, np.zeros((4000, 3)), t, rates * t[:, None], rates, rates)
     found = {generic.name: (generic, columns) for generic, columns in _losses(wheels, [straight])}
     shrinking, columns = found["radius_of_wheel_1_in_time"]
-    amounts = np.array([-0.4, -0.4, 0.0, 0.0, 0.0, 0.0])  # from nothing at the begin to 4 % at the end
+    amounts = np.array([-0.02, -0.02, 0.0, 0.0, 0.0, 0.0]) / shrinking.share  # nothing at the begin, 4 % at the end
     turned = sum(amount * column[0][:, 2] for amount, column in zip(amounts, columns, strict=True))
     assert turned == pytest.approx(np.cumsum(-0.04 * t / t[-1] * 4.0 * wheels.forward[2, 0]) * TICK_S)
     assert shrinking.is_in_time and shrinking.is_local
@@ -285,14 +285,15 @@ def test_a_wheel_whose_radius_shrinks_turns_the_robot_the_more_the_later():
     assert shares == pytest.approx(np.linspace(0.0, -0.04, 6)) and at_s[-1] == pytest.approx(t[-1]) and min(stds) > 0.0
 
 
-def test_a_larger_wheel_in_time_is_as_much_larger_as_its_share_says():
-    """Also where it turns the robot round several times: the way is turned by a twentieth of that only."""
+def test_wheels_in_time_are_larger_by_shares_that_add_up():
+    """Also where they turn the robot round several times: of twice the share the way is turned twice as far."""
     wheels, t = differential(0.05, 0.2), np.arange(4000) * TICK_S
     rates = np.column_stack([4.0 + 4.0 * np.sin(0.4 * t), np.full(4000, -2.0)])
     turning = Motion(rates @ wheels.forward.T, np.zeros((4000, 3)), t, rates * t[:, None], rates, rates)
-    columns = next(c for generic, c in _losses(wheels, [turning]) if generic.name == "radius_of_wheel_1_in_time")
-    larger = wheels.forward[:, 0] * 0.05 * rates[:, :1]
-    np.testing.assert_allclose(columns[0][0], _travelled(turning, *larger.T))
+    found = {generic.name: (generic, columns) for generic, columns in _losses(wheels, [turning])}
+    generic, columns = found["radius_of_wheel_1_in_time"]
+    twice = _travelled(turning, *np.outer(wheels.forward[:, 0], 2.0 * generic.share * rates[:, 0]))
+    assert np.abs(twice - 2.0 * columns[0][0]).max() < 0.1 * np.abs(twice).max()
 
 
 def test_understeer_loses_of_a_turn_what_grows_with_the_square_of_the_speed():

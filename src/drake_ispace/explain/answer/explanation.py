@@ -153,9 +153,9 @@ class Explanation:
             "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
             not noise of a sound robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
-        drifts: a sentence for each parameter of a named effect that differs from run to run by more than chance, for
-            each further effect that a run shows and the others contradict, and for every two named effects that undo
-            each other.
+        drifts: a sentence for each parameter of a named effect that differs by more than chance from run to run or
+            between the halves of runs, for each further effect that a run, or one half of all, shows and the rest
+            contradicts, and for every two named effects that undo each other.
         next_experiment: a sentence, empty where no question is open.
         model: the scenario with the named effects in it, None where there is none. difference: what differs in it from
             the defaults, as plain data. model_path: where it was written.
@@ -272,7 +272,7 @@ class Explanation:
             beside.write_text(json.dumps(self.to_data(), indent=2, allow_nan=False), encoding="utf-8")
 
     def __str__(self) -> str:
-        is_of_effects = self.detection is not None and self.title != _ONLY_LEFT
+        is_of_effects = self.detection is not None and self.title not in (_ONLY_LEFT, _PARTS_APART)
         lines = [self.title + (f" ({p_in_words(self.detection.p_value)})" if is_of_effects else "")]
         lines += [f"! {warning}" for warning in self.warned]
         if self.verdict == "data":

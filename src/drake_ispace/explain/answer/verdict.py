@@ -7,7 +7,7 @@ from drake_ispace.explain.answer.describe import named_or_set, with_sizes
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.each_part import HALVES, OfAPart
+from drake_ispace.explain.decide.each_part import OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
@@ -90,25 +90,15 @@ def _is_trifle(effect, parameters, scales) -> bool:
 def _may_be_none(effect, parameters, known, shows_in_path) -> bool:
     """Whether the interval of every size of an effect holds the model's own.
 
-    Where only the sum of several sizes shows, as the lag of a robot that does nothing but turn, each interval is as
-    wide as the others let it be. Then all must be none, or of the other sign, by plain least squares.
-
     known: name -> of these. shows_in_path: whether the path tells the sizes, so that those of plain least squares are
     part of the intervals.
     """
-    sizes = [(effect.parameters[p.name], known.get(p.name, p.neutral)) for p in parameters if not p.shape]
-    if len(sizes) > 1 and all(size.least_squares is not None for size, _ in sizes):
-        if not all(_holds((size.estimate, size.least_squares), value) for size, value in sizes):
+    for p in (p for p in parameters if not p.shape):
+        size, value = effect.parameters[p.name], known.get(p.name, p.neutral)
+        ends = (*size.ci90, size.least_squares) if shows_in_path and size.least_squares is not None else size.ci90
+        if not min(ends) <= value <= max(ends):
             return False
-    return all(
-        _holds((*size.ci90, size.least_squares if shows_in_path else None), value) for size, value in sizes
-    )
-
-
-def _holds(ends, value) -> bool:
-    """Whether a value lies between the least and the largest of those ends that are there."""
-    there = [end for end in ends if end is not None]
-    return min(there) <= value <= max(there)
+    return True
 
 
 def _judge(answer: Explanation, doubts: list[str]) -> None:
@@ -205,8 +195,8 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart], drifts: Sequence[st
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
         rest = "other runs contradict it: explain it by itself"
-        if one.part in HALVES:
-            rest = "the other half contradicts it: it begins or ends on the way, or changes"
+        if one.is_half:
+            rest = "the other half contradicts it: it begins, ends or changes on the way, or the motion there differs"
         answer.drifts.append(
             f"{one.part} by itself is explained best by {one.candidate.label} ({sizes}; {p_in_words(one.p_value)})"
             f"{alike}, and {rest}"

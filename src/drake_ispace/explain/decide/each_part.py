@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.stats import t as student_t
 
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
@@ -22,13 +23,13 @@ from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey,
 from drake_ispace.explain.decide.survey.view import View, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Point
-from drake_ispace.explain.levels import CERTAIN, LEAST_SPREAD
+from drake_ispace.explain.levels import BLOCK_TICKS, CHANCE, LEAST_SPREAD
 from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction, predict
-from drake_ispace.explain.predict.stretches import equal_parts
+from drake_ispace.explain.predict.stretches import stretch
+from drake_ispace.explain.predict.tracks import Track
 
-#: Names of the halves of all runs.
-HALVES = ("the first half of the runs", "the second half of the runs")
+_HALVES = ("the first half of the runs", "the second half of the runs")
 
 
 @dataclass(frozen=True)
@@ -36,9 +37,9 @@ class OfAPart:
     """An effect that a part of what was recorded shows and the rest contradicts.
 
     Attributes:
-        part: its name, of a run or one of HALVES. candidate, z: the effect and its coordinates, fitted to the part
-            alone. p_value: probability that noise of the part shows as much. alike: other effects, which explain about
-            as much of the part.
+        part: its name. candidate, z: the effect and its coordinates, fitted to the part alone. p_value: probability
+            that noise of the part shows as much. alike: other effects, which explain about as much of the part.
+            is_half: whether the part is a half of all runs and not a run.
     """
 
     part: str
@@ -46,9 +47,10 @@ class OfAPart:
     z: list[float]
     p_value: float
     alike: list[Candidate]
+    is_half: bool = False
 
 
-def shown_by_one(
+def shown_by_run(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int, known: View | None = None,
     sound_others: bool = False,
 ) -> list[OfAPart]:
@@ -79,15 +81,31 @@ def shown_by_one(
 def shown_by_half(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int
 ) -> tuple[list[OfAPart], list[Survey]]:
-    """As `shown_by_one`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
+    """As `shown_by_run`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
 
-    Also the Survey of each half at `point`.
+    Also the Survey of each half at `point`; none where a half has nothing that is scored.
     """
-    settling = prediction.replay.settling_ticks
-    pairs = [equal_parts(track, 2, settling) for track in prediction.tracks]
-    halves = [predict(prediction.replay, half, tune=False) for half in zip(*pairs, strict=True)]
+    halves = [
+        predict(prediction.replay, half, tune=False)
+        for half in zip(*(_halved(track, prediction.replay.settling_ticks) for track in prediction.tracks), strict=True)
+    ]
+    if any(all(_has_nothing(half, track) for track in half.tracks) for half in halves):
+        return [], []
     tried, generics = _anywhere(candidates, point), partial(generic_signatures, in_time=False)
-    return _shown(lambda i: survey(halves[i], point, tried, generics=generics), HALVES, seed)
+    shown, surveys = _shown(lambda i: survey(halves[i], point, tried, generics=generics), _HALVES, seed)
+    return [replace(one, is_half=True) for one in shown], surveys
+
+
+def _halved(track, settling_ticks) -> tuple[Track, Track]:
+    """The first and the second half of what is scored of a track; settling_ticks: as `stretch` takes them."""
+    middle = (track.unscored_ticks + track.ticks) // 2
+    return stretch(track, 0, middle, settling_ticks), stretch(track, middle, track.ticks, settling_ticks)
+
+
+def _has_nothing(prediction, track) -> bool:
+    """Whether so little of a track is scored that a noise could not be learned: less than a second, or two fixes."""
+    moves = prediction.channels["motion"] and len(track.scored_ticks) * prediction.row_ticks >= BLOCK_TICKS
+    return not moves and len(track.fix_t[track.scored_fixes]) < 2
 
 
 def _anywhere(candidates, point) -> list[Candidate]:
@@ -97,19 +115,22 @@ def _anywhere(candidates, point) -> list[Candidate]:
 
 def _shown(survey_by_itself, names, seed, sound_others=False) -> tuple[list[OfAPart], list[Survey]]:
     """What shows in the Survey of a part, made by its number, and those of the others contradict; these Surveys."""
-    surveys, leaders = [], []
+    surveys, leaders, p_values = [], [], []
     for i in range(len(names)):
         own = survey_by_itself(i)
-        leaders.append(_leader(own, seed))
+        leader = _leader(own, seed)
+        detection = None if leader is None else held(leader.detection, own, leader.proposals, seed)[0]
+        leaders.append(leader)
+        p_values.append(detection.p_value if detection is not None and _is_clear(detection) else None)
         surveys.append(own.light())
-    shown, clear = [], sum(leader is not None for leader in leaders)
+    clear = sum(leader is not None for leader in leaders)
     if sound_others and 2 * clear >= len(leaders):
         return [], surveys
-    for i, leader in enumerate(leaders):
-        if leader is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
-            detection, _ = held(leader.detection, survey_by_itself(i), leader.proposals, seed)
-            if _is_clear(detection):
-                shown.append(leader.in_part(names[i], detection.p_value))
+    shown = [
+        leader.in_part(name, p_value)
+        for i, (name, leader, p_value) in enumerate(zip(names, leaders, p_values, strict=True))
+        if p_value is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :])
+    ]
     return [] if sound_others and clear > len(shown) else shown, surveys
 
 
@@ -125,12 +146,12 @@ def _everywhere(view) -> View:
 
 @dataclass(frozen=True)
 class _Leader:
-    """The effect that a run shows most clearly.
+    """The effect that a part shows most clearly.
 
     Attributes:
         fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
-            by the score that gains most. sizes, variances: of the same without each of the seconds of the run.
-        tolerance: by how much the size may differ between runs of a sound robot (a standard deviation).
+            by the score that gains most. sizes, variances: of the same without each of the seconds of the part.
+        tolerance: by how much the size may differ between parts of a sound robot (a standard deviation).
     """
 
     fitted: Proposal
@@ -148,32 +169,36 @@ class _Leader:
         return OfAPart(name, candidate, self.fitted.fit.point[candidate], p_value, self.alike)
 
     def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
-        """Whether the size of the effect is another in these runs, by its score in each."""
+        """Whether the size of the effect is another in these parts, by its score in each, by more than chance."""
         mine, candidate = self.best, self.fitted.candidate
         alike = [[one for one in _sizes(other, candidate) if one.at == mine.at] for other in others]
         theirs = [min(sizes, key=lambda one: abs(one.step - mine.step)) for sizes in alike if sizes]
         if not theirs:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
-        mean = np.average([one.size for one in theirs], weights=weights)
-        apart = np.abs(self.sizes - mean)
-        chance = CERTAIN * np.sqrt(self.variances + 1.0 / weights.sum() + self.tolerance**2)
+        mean, variance = np.average([one.size for one in theirs], weights=weights), 1.0 / weights.sum()
+        apart, both = np.abs(self.sizes - mean), self.variances + variance + self.tolerance**2
+        # as many degrees of freedom as Welch and Satterthwaite give a sum of variances
+        doubt = self.variances**2 / mine.freedom + variance**2 / sum(one.freedom for one in theirs)
+        chance = student_t.isf(CHANCE, both**2 / doubt) * np.sqrt(both)
         return bool(np.all((apart > chance) & (apart > LEAST_SPREAD * np.abs(self.sizes + mean))))
 
 
 @dataclass(frozen=True)
 class _Size:
-    """The size of an effect by the score of one signature: number, coordinate and step of that, size, variance."""
+    """The size of an effect by the score of one signature: number, coordinate and step of that, size, variance, and the
+    degrees of freedom of the latter."""
 
     number: int
     at: int
     step: float
     size: float
     variance: float
+    freedom: int
 
 
 def _leader(own: Survey, seed) -> _Leader | None:
-    """The effect that the run of this Survey shows most clearly; None where none is clear."""
+    """The effect that the part of this Survey shows most clearly; None where none is clear."""
     if not any(clear >= CLEAR_MINUS_LOG10_P for _, clear in clearest_effects(own)):
         return None
     proposals = proposals_of(own)
@@ -191,7 +216,7 @@ def _leader(own: Survey, seed) -> _Leader | None:
 
 
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
-    """(seconds,) a size without each of the seconds of the run, and its variance; no numbers where nothing else tells.
+    """(seconds,) a size without each of the seconds of a part, and its variance; no numbers where nothing else tells.
     """
     some = slice(of.number, of.number + 1)
     change = np.concatenate([own.changes.of_run(i, some)[0] for i in range(len(own.residuals))])
@@ -204,11 +229,11 @@ def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sizes(survey, candidate) -> list[_Size]:
-    """The sizes of a candidate by each of its signatures that the run shows."""
+    """The sizes of a candidate by each of its signatures that the part shows."""
     screen, found = survey.screen, []
     for i, signature in enumerate(screen.signatures):
         if signature.candidate is candidate and screen.length[i] > 0.0:
             step = signature.z[signature.at] - candidate.neutral[signature.at]
             size, variance = survey.products[i] / screen.length[i], screen.overdispersion[i] / screen.length[i]
-            found.append(_Size(i, signature.at, step, step * size, step**2 * variance))
+            found.append(_Size(i, signature.at, step, step * size, step**2 * variance, max(screen.blocks - 1, 1)))
     return found

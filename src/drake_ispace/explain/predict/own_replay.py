@@ -93,7 +93,7 @@ class OwnReplay(Replay):
         if rates is not None:
             state = state + self.motion @ rates
         inputs = {"command": run.command, "measured": run.shown}
-        return self.rollout.run(run.ticks + LEAD_TICKS, numbers, state, inputs=inputs)
+        return self.rollout.run(run.ticks + LEAD_TICKS, self.since(run, numbers), state, inputs=inputs)
 
 
 def own_track(recording: Recording, model: OwnModel, name: str) -> Track:

@@ -28,6 +28,7 @@ _CELLS = 3  # along each side of the area that the runs have visited
 _DEGREES = 5  # of polynomials of time, and of the way that a user's own plant went, which make them local
 _FINEST_RIPPLE = 24  # periods per wheel turn
 WARM_S = 5.0  # time constant of what wears off
+_SMALL = 0.01  # share of a radius, by which the way is turned so little that shares add up
 _LEAST_SPEED = 0.02  # m/s, below which the direction of motion fades to zero
 
 #: (prediction, point, residuals at the point) -> a signature for every amplitude of every generic disagreement.
@@ -280,9 +281,9 @@ def _losses(wheels: WheelGeometry, motions) -> Iterator[_Shapes]:
     yield Generic("slip_of_time", "motion", "time", 1), [[-0.05 * slip(m, m.t / STRETCH_S) for m in motions]]
     in_time = _polynomials([m.t for m in motions])
     for i, moved in enumerate(wheels.forward.T):
-        further = [0.05 * np.outer(moved, m.rates[:, i]) for m in motions]
+        further = [_SMALL * np.outer(moved, m.rates[:, i]) for m in motions]
         driver = f"time and way of wheel {i + 1}"
-        yield _in_time(f"radius_of_wheel_{i + 1}_in_time", "motion", driver, 0.05, motions), [
+        yield _in_time(f"radius_of_wheel_{i + 1}_in_time", "motion", driver, _SMALL, motions), [
             [_travelled(m, *(v * x[:, degree])) for m, v, x in zip(motions, further, in_time, strict=True)]
             for degree in range(_DEGREES + 1)
         ]

@@ -26,7 +26,7 @@ class Screen:
     Attributes:
         signatures, inner: the arguments. candidates: the effects that have a signature, each once. length: (k,) the
             diagonal of `inner`, which is the squared length of each signature. overdispersion: (k,) at least 1, see
-            `calibrate`. one_sided: (k,) whether only sizes of one sign are possible.
+            `calibrate`. blocks: how many told it. one_sided: (k,) whether only sizes of one sign are possible.
     """
 
     def __init__(self, signatures: Sequence[Signature], inner: np.ndarray):
@@ -34,6 +34,7 @@ class Screen:
         self.inner = inner
         self.length = np.diag(self.inner).copy()
         self.overdispersion = np.ones(len(signatures))
+        self.blocks = 0
         self.one_sided = np.array([s.one_sided for s in signatures], dtype=bool)
         self.candidates = list(dict.fromkeys(s.candidate for s in signatures))
         self._of = {c: [i for i, s in enumerate(signatures) if s.candidate is c] for c in self.candidates}
@@ -41,7 +42,7 @@ class Screen:
     def light(self) -> "Screen":
         """The Screen with signatures that have no changes of residuals any more; all but `use_of` can be asked."""
         other = Screen([replace(signature, change=[]) for signature in self.signatures], self.inner)
-        other.overdispersion = self.overdispersion
+        other.overdispersion, other.blocks = self.overdispersion, self.blocks
         return other
 
     def calibrate(self, sums: np.ndarray) -> None:
@@ -52,6 +53,7 @@ class Screen:
 
         sums: (k, blocks) of products with whitened residuals that nothing explains.
         """
+        self.blocks = sums.shape[1]
         self.overdispersion = np.maximum(np.sum(sums**2, axis=1) / np.maximum(self.length, _LEAST), 1.0)
 
     def clearest(self, products: np.ndarray) -> list[int]:
