@@ -9,7 +9,6 @@ it does in one half passes there for noise that is larger at times.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -18,7 +17,8 @@ from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
 from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.shown import alarm_of, held
-from drake_ispace.explain.decide.survey.generic import Generic, generic_signatures
+from drake_ispace.explain.decide.survey.generic import Generic
+from drake_ispace.explain.decide.survey.signatures import Signature
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
 from drake_ispace.explain.decide.survey.view import View, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
@@ -91,9 +91,14 @@ def shown_by_half(
     ]
     if any(all(_has_nothing(half, track) for track in half.tracks) for half in halves):
         return [], []
-    tried, generics = _anywhere(candidates, point), partial(generic_signatures, in_time=False)
-    shown, surveys = _shown(lambda i: survey(halves[i], point, tried, generics=generics), _HALVES, seed)
+    tried = _anywhere(candidates, point)
+    shown, surveys = _shown(lambda i: survey(halves[i], point, tried, generics=_no_generics), _HALVES, seed)
     return [replace(one, is_half=True) for one in shown], surveys
+
+
+def _no_generics(prediction, point, base) -> list[Signature]:
+    """No generic disagreements: none is told of a half, and they cost a third of its Survey."""
+    return []
 
 
 def _halved(track, settling_ticks) -> tuple[Track, Track]:
