@@ -36,7 +36,6 @@ from drake_ispace.effects.effect import Effect
 from drake_ispace.explain.answer.contradiction import add_findings, contradiction
 from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
-from drake_ispace.explain.answer.drift import drift_by_half
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_chance, add_parts, add_proof, left_out
@@ -156,8 +155,7 @@ def _with_parts(case, best, tried, seed, tell) -> Answered:
     if unknown is None or unknown.is_in_time or not unknown.is_local:
         tell("looking at the halves of the runs")
         point = decision.named.point if decision.named else {}
-        found, halves = shown_by_half(case.prediction, point, tried, seed)
-        add_parts(answer, found, drift_by_half(decision.named, halves) if decision.named and halves else [])
+        add_parts(answer, shown_by_half(case.prediction, point, tried, seed))
     return best
 
 

@@ -185,11 +185,8 @@ def _sizes_beside(answer, other) -> str:
     )
 
 
-def add_parts(answer: Explanation, found: Sequence[OfAPart], drifts: Sequence[str] = ()) -> None:
-    """Say which parts of the runs show an effect that the rest contradicts; an answer for all does not suffice then.
-
-    drifts: a sentence for each parameter that differs between the parts.
-    """
+def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
+    """Say which parts of the runs show an effect that the rest contradicts; an answer for all does not suffice then."""
     for one in found:
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
@@ -201,8 +198,7 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart], drifts: Sequence[st
             f"{one.part} by itself is explained best by {one.candidate.label} ({sizes}; {p_in_words(one.p_value)})"
             f"{alike}, and {rest}"
         )
-    answer.drifts += drifts
-    if found or drifts:
+    if found:
         answer.verdict = "incomplete" if answer.effects else "unknown"
 
 

@@ -9,6 +9,7 @@ it does in one half passes there for noise that is larger at times.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.stats import t as student_t
@@ -78,22 +79,32 @@ def shown_by_run(
     return _shown(survey_by_itself, [track.name for track in prediction.tracks], seed, sound_others)[0]
 
 
-def shown_by_half(
-    prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int
-) -> tuple[list[OfAPart], list[Survey]]:
+def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfAPart]:
     """As `shown_by_run`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
 
-    Also the Survey of each half at `point`; none where a half has nothing that is scored.
+    So may an effect of `point`. Each is tested beside the others, under the noise with all of them: noise that was
+    learned while an effect was missing takes up some of it, in one half more than in the other. Delays and limits are
+    not: how large they are is not linear in what they change. Nothing is told where a half has nothing that is scored.
     """
     halves = [
         predict(prediction.replay, half, tune=False)
         for half in zip(*(_halved(track, prediction.replay.settling_ticks) for track in prediction.tracks), strict=True)
     ]
     if any(all(_has_nothing(half, track) for track in half.tracks) for half in halves):
-        return [], []
-    tried = _anywhere(candidates, point)
-    shown, surveys = _shown(lambda i: survey(halves[i], point, tried, generics=_no_generics), _HALVES, seed)
-    return [replace(one, is_half=True) for one in shown], surveys
+        return []
+    survey_of_half = partial(survey, generics=_no_generics)
+    found, surveys = _shown(lambda i: survey_of_half(halves[i], point, _anywhere(candidates, point)), _HALVES, seed)
+    noises = [own.likelihood.whitening for own in surveys]
+    for effect in _anywhere(point, {}):
+        if not effect.shifts and not any(parameter.reciprocal for parameter in effect.parameters):
+            rest = {other: z for other, z in point.items() if other is not effect}
+            found += _shown(partial(_survey_under, survey_of_half, halves, noises, rest, effect), _HALVES, seed)[0]
+    return [replace(one, is_half=True) for one in found]
+
+
+def _survey_under(survey_of_half, halves, noises, rest, effect, i) -> Survey:
+    """The Survey of a half at `rest` that tests one effect, under a noise that is known."""
+    return survey_of_half(halves[i], rest, [effect], whitening=noises[i])
 
 
 def _no_generics(prediction, point, base) -> list[Signature]:
