@@ -104,7 +104,7 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
 
 def _survey_under(survey_of_half, halves, noises, rest, effect, i) -> Survey:
     """The Survey of a half at `rest` that tests one effect, under a noise that is known."""
-    return survey_of_half(halves[i], rest, [effect], whitening=noises[i])
+    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i])
 
 
 def _no_generics(prediction, point, base) -> list[Signature]:
