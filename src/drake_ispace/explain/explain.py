@@ -131,7 +131,7 @@ def _with_parts(case, best, tried, seed, tell) -> Answered:
     """The answer with what single runs and halves of all runs show besides; the answer that nothing is named where an
     effect is one of single runs.
 
-    Of what goes with time or place in any way no run is another one: each shows whatever comes nearest to it.
+    Of what goes with time, place or command in any way each run shows whatever comes nearest, and none is another one.
     """
     answer, decision = best.answer, best.decision
     unknown = decision.unknown[0] if decision.unknown is not None else None

@@ -291,7 +291,7 @@ def replay_of(
     body = body_of(scenario, robot)
     every = applicable(effects, body)
     if robot.driven == COMMAND and COMMAND not in has:  # what lies between command and wheels cannot show
-        every = {name: e for name, e in every.items() if e.wire != "velocity"}
+        every = {name: effect for name, effect in every.items() if not _changes_command(effect)}
     known = {e.card.name: dict(values) for e, values in chosen_effects(getattr(scenario, robot.name).effects)}
     if missing := known.keys() - every.keys():
         raise InputError(f"effects: expected {', '.join(sorted(missing))} among them, which the model has")
@@ -306,9 +306,14 @@ def replay_of(
     return Replay(body, every, known, rollout, has, filter, len(ASSUMED), settling_ticks, alone)
 
 
+def _changes_command(effect) -> bool:
+    """Whether an effect lies between the commanded velocity and the wheels."""
+    return effect.wire == "velocity"
+
+
 def _alone(rollout, robot, effects, filter):
     """`alone` of a Replay; filter: that follows wheels where no command was recorded."""
-    own = {f"{robot}_{name}" for name, effect in effects.items() if effect.wire == "velocity"}
+    own = {f"{robot}_{name}" for name, effect in effects.items() if _changes_command(effect)}
     numbers, names = rollout.parameters.copy(), rollout.parameter_names
     which = [i for i, name in enumerate(names) if name.split(".")[0] in own]
     spec = Spec(parameters={key: value for key, value in numbers_of(filter).items() if key != "weight"})
