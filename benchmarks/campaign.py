@@ -143,7 +143,7 @@ def main() -> None:
         except ImportError:
             data["dask"] = None
         if chosen.figures:
-            from drake_ispace.report.montecarlo_plot import plot_campaign
+            from drake_ispace.report.pictures.montecarlo_plot import plot_campaign
 
             plot_campaign(campaign(runs, seconds, chosen.seed, folder / "whole"), chosen.figures / "montecarlo.png")
     if chosen.json:

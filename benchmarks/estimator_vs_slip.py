@@ -84,7 +84,7 @@ def row(result):
 
 
 def draw(asked, results, out):
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     shown = {("printed gains", s): (PRINTED + slip(s, "additive"), 20.0) for s in (0.0, 1.3)}
     curves = run_all(jobs(asked.seed, shown), trace, asked.at_most_s)

@@ -119,7 +119,7 @@ def linear_limit():
 
 
 def picture(curves, folder):
-    from drake_ispace.report.identification_plots import plot_signals
+    from drake_ispace.report.pictures.identification_plots import plot_signals
 
     folder.mkdir(parents=True, exist_ok=True)
     shown = {name: curves[name] for name in ("none", "ARX (Table 4.2)", "ARMAXD (Table 4.2) = true", "1.5 x true",

@@ -193,7 +193,7 @@ def online(idle, rest):
 
 
 def pictures(folder, maps, seconds):
-    from drake_ispace.report.identification_plots import plot_convergence, plot_gain_map, plot_signals
+    from drake_ispace.report.pictures.identification_plots import plot_convergence, plot_gain_map, plot_signals
 
     folder.mkdir(parents=True, exist_ok=True)
     rollout = servo_data.servo_rollout()

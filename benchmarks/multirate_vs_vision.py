@@ -211,7 +211,7 @@ def cell_text(cell):
 
 
 def draw_step(asked, out):
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     cases = ("step, printed gains", f"step, {CALM_YAW}")
     jobs = [job for job in table_jobs(asked.seed, quick=True) if job.label[0] in cases]
@@ -242,7 +242,7 @@ def draw_step(asked, out):
 def draw_map(maps, out):
     from matplotlib.colors import TwoSlopeNorm
 
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     figure, axes = plt.subplots(1, 2, figsize=(11.0, 4.2), layout="constrained")
     for axis, (base, rows) in zip(axes, maps.items(), strict=True):

@@ -167,7 +167,7 @@ def shown(value, unit):
 
 
 def draw(asked, still, out):
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     scale = 1.0
     curves = run_all(sweep_jobs(asked.seed, (scale,), (90, 120), (True,)), trace, asked.at_most_s)

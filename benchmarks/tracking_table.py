@@ -170,7 +170,7 @@ def trace(run):
 
 def draw_paths(asked, out):
     from drake_ispace.control.guide.paths import Trajectory, build_path
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     pairs = {"omni": ("omni, as printed", OMNI), "pendulum": ("pendulum, as printed", PENDULUM)}
     laws = [law for pair in pairs.values() for law in pair]

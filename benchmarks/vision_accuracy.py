@@ -389,7 +389,7 @@ def main():
 
 
 def _error_map(errors, poses, out):
-    from drake_ispace.report.plots import plt, save
+    from drake_ispace.report.pictures.plots import plt, save
 
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
     for axis, values, title in (

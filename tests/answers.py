@@ -10,7 +10,7 @@ from drake_ispace.explain.answer.explanation import (
     Unknown,
     Untestable,
 )
-from drake_ispace.explain.decide.detect import Detection
+from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.prove.errors.gap import GapRow
 from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.scenario import Scenario, difference

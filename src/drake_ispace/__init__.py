@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # the same for editors and type checkers
     from drake_ispace.explain.check.check import check
     from drake_ispace.explain.explain import explain
     from drake_ispace.hiding import hide
-    from drake_ispace.report.drawing import draw
+    from drake_ispace.report.pictures.drawing import draw
     from drake_ispace.robots.recordings import load
     from drake_ispace.rollout.compile import compile_diagram
     from drake_ispace.rollout.many.campaign import montecarlo
@@ -39,7 +39,7 @@ _BEHIND = {
     "check": "explain.check.check:check",
     "compare": "comparison:compare",
     "compile_diagram": "rollout.compile:compile_diagram",
-    "draw": "report.drawing:draw",
+    "draw": "report.pictures.drawing:draw",
     "effects": "effects.library:library",
     "explain": "explain.explain:explain",
     "hide": "hiding:hide",

@@ -6,8 +6,8 @@ import drake_ispace.comparison
 import drake_ispace.explain.explain
 import drake_ispace.hiding
 import drake_ispace.report.demo
-import drake_ispace.report.drawing
-import drake_ispace.report.schedule
+import drake_ispace.report.pictures.drawing
+import drake_ispace.report.pictures.schedule
 import drake_ispace.rollout.compile
 import drake_ispace.simulation
 

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 import drake_ispace as di
 from drake_ispace.blocks.block import Block, Output, Spec
 from drake_ispace.blocks.kernels import kernel
-from drake_ispace.explain.decide.clocks_set import with_clocks_set
+from drake_ispace.explain.decide.clocks.clocks_set import with_clocks_set
 from drake_ispace.explain.fit.free_run import errors
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Explanation
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, least_further
-from drake_ispace.explain.decide.detect import Detection, detect
+from drake_ispace.explain.decide.proposals.detect import Detection, detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import Candidate, candidates, coordinate, probes, value_of
 from stand_ins.tried import OMNI, candidate

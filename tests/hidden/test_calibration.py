@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.effects.library import library
-from drake_ispace.explain.decide.detect import trials
+from drake_ispace.explain.decide.proposals.detect import trials
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.fit.candidates import candidates

@@ -9,8 +9,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Adder, Gain, ZeroOrderHold
 
 from drake_ispace.blocks.errors import InputError
-from drake_ispace.report import drawing
-from drake_ispace.report.drawing import COLOURS, dot_text, draw
+from drake_ispace.report.pictures import drawing
+from drake_ispace.report.pictures.drawing import COLOURS, dot_text, draw
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 
@@ -169,7 +169,7 @@ def test_a_failing_graphviz_is_one_sentence(tmp_path, monkeypatch, child, advice
 def test_a_dot_file_needs_no_pygraphviz(tmp_path):
     code = (
         "import sys; sys.modules['pygraphviz'] = None\n"
-        "from pydrake.systems.primitives import Gain\nfrom drake_ispace.report.drawing import draw\n"
+        "from pydrake.systems.primitives import Gain\nfrom drake_ispace.report.pictures.drawing import draw\n"
         f"draw(Gain(1.0, 1), {str(tmp_path / 'own.dot')!r})\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -17,7 +17,7 @@ from drake_ispace.hiding import hide
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.dead_reckoning import reckoned
 from drake_ispace.report.explain_page import changed_lines, new_blocks, write_explanation
-from drake_ispace.report.explain_plots import distances
+from drake_ispace.report.pictures.explain_plots import distances
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.scenario import load_scenario
 from drake_ispace.wiring.catalog import build_diagram

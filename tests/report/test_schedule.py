@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import Adder, ConstantVectorSource, DiscreteTimeDelay, ZeroOrderHold
 
 from drake_ispace.blocks.rates import TICK_S, tick_at
-from drake_ispace.report.schedule import schedule
+from drake_ispace.report.pictures.schedule import schedule
 from drake_ispace.scenario import load_scenario
 from drake_ispace.simulation import make_simulator
 from drake_ispace.wiring.catalog import CATALOG, build_diagram

@@ -11,7 +11,7 @@ from pydrake.systems.primitives import VectorLogSink, ZeroOrderHold
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.report.schedule import schedule
+from drake_ispace.report.pictures.schedule import schedule
 from drake_ispace.rollout.compile import compile_diagram
 from drake_ispace.room.localizer import KinectLocalizer, Localizer
 from drake_ispace.room.room import Camera, Space

@@ -182,8 +182,8 @@ def draw(
     if depth is not None and not 0 <= depth <= 1000:
         raise InputError(f"--depth: expected 0 (closed) to 1000 levels, got {depth}")
     diagram = _diagram(name, _scenario(name, None, set_, None))
-    from drake_ispace.report.drawing import dot_text
-    from drake_ispace.report.drawing import draw as draw_diagram
+    from drake_ispace.report.pictures.drawing import dot_text
+    from drake_ispace.report.pictures.drawing import draw as draw_diagram
 
     if out is not None:
         check_folder(out.parent)
@@ -203,7 +203,7 @@ def draw(
 def schedule_(name: str, /, *, set_: Sets = None, as_json: Json = False) -> None:
     """Show every periodic update of a Diagram: which block, which phase, when."""
     diagram = _diagram(name, _scenario(name, None, set_, None))
-    from drake_ispace.report.schedule import schedule
+    from drake_ispace.report.pictures.schedule import schedule
 
     rows = schedule(diagram)
     if as_json:
@@ -239,7 +239,7 @@ def compare(
     data = {"runs": {name: metrics.to_data() for name, (_, _, metrics) in results.items()}}
     if out is not None:
         from drake_ispace.report.pages import write_text
-        from drake_ispace.report.plots import plot_comparison
+        from drake_ispace.report.pictures.plots import plot_comparison
 
         plot_comparison({name: (run, robot) for name, (run, robot, _) in results.items()}, out / "comparison.png")
         write_text(out / "comparison.json", json.dumps(data, indent=2))
@@ -286,7 +286,7 @@ def montecarlo(
             progress=lambda done, total: advance(done),
         )
     if out is not None:
-        from drake_ispace.report.montecarlo_plot import plot_campaign
+        from drake_ispace.report.pictures.montecarlo_plot import plot_campaign
 
         plot_campaign(campaign, out / "montecarlo.png")
     simulated = campaign.runs_now * scenario.seconds

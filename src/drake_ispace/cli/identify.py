@@ -35,8 +35,8 @@ def identify(
     result = identify_run(recording, structure)
     data = {"run": str(run), **result.to_data(), "out": str(out) if out is not None else None}
     if out is not None:
-        from drake_ispace.report.identification_plots import plot_convergence
         from drake_ispace.report.pages import write_text
+        from drake_ispace.report.pictures.identification_plots import plot_convergence
 
         write_text(out / "identification.json", json.dumps(data, indent=2))
         plot_convergence({structure: result.estimate}, result.seconds, out / "convergence.png")

@@ -122,7 +122,7 @@ def robot(
         if out.suffix not in (".png", ".svg"):
             raise InputError(f"--out {out}: expected a picture, a name that ends in .png or .svg")
         check_folder(out.parent)
-        from drake_ispace.report.robot_drawing import draw_robot
+        from drake_ispace.report.pictures.robot_drawing import draw_robot
 
         draw_robot(one, out)
     if as_json:

@@ -42,8 +42,8 @@ from drake_ispace.explain.answer.verdict import add_chance, add_parts, add_proof
 from drake_ispace.explain.best_answer import Answered, best_answered
 from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
-from drake_ispace.explain.decide.camera_clocks import camera_clocks
-from drake_ispace.explain.decide.clocks_set import with_clocks_set
+from drake_ispace.explain.decide.clocks.camera_clocks import camera_clocks
+from drake_ispace.explain.decide.clocks.clocks_set import with_clocks_set
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_run
 from drake_ispace.explain.decide.validate import validated_choice

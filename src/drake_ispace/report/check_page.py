@@ -19,7 +19,7 @@ from drake_ispace.faults.repair import CutOut
 from drake_ispace.files.places import fresh_folder
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.report.pages import embedded, render, write_text
-from drake_ispace.report.plots import save
+from drake_ispace.report.pictures.plots import save
 from drake_ispace.robots.library import robots
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import entry_of

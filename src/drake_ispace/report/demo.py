@@ -10,10 +10,10 @@ from drake_ispace.blocks.messages import WAY_POINT
 from drake_ispace.comparison import compare
 from drake_ispace.files.places import check_own_folder, fresh_folder
 from drake_ispace.metrics import Metrics
-from drake_ispace.report.drawing import draw
 from drake_ispace.report.hidden_effect import write_hidden_effect
 from drake_ispace.report.pages import render, write_text
-from drake_ispace.report.plots import plot_comparison, plt, save
+from drake_ispace.report.pictures.drawing import draw
+from drake_ispace.report.pictures.plots import plot_comparison, plt, save
 from drake_ispace.scenario import load_scenario, with_option
 from drake_ispace.wiring.catalog import CATALOG, build_diagram
 

@@ -22,9 +22,9 @@ from drake_ispace.files.yaml_guard import dump_yaml
 from drake_ispace.report.check_page import findings_page
 from drake_ispace.report.closed_loop import closed_loop
 from drake_ispace.report.dead_reckoning import reckoned
-from drake_ispace.report.drawing import draw
-from drake_ispace.report.explain_plots import plot_gap, plot_path
 from drake_ispace.report.pages import embedded, render, write_text
+from drake_ispace.report.pictures.drawing import draw
+from drake_ispace.report.pictures.explain_plots import plot_gap, plot_path
 from drake_ispace.scenario import Scenario, difference
 from drake_ispace.wiring.catalog import build_diagram, entry_of
 

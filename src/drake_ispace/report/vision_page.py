@@ -14,7 +14,7 @@ from drake_ispace.blocks.messages import FIX, WAY_POINT
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
 from drake_ispace.files.places import check_folder
 from drake_ispace.report.pages import render, write_text
-from drake_ispace.report.plots import plt, save
+from drake_ispace.report.pictures.plots import plt, save
 from drake_ispace.robots.library import robots
 from drake_ispace.room.room import Space
 from drake_ispace.scenario import load_scenario

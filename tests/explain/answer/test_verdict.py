@@ -10,8 +10,8 @@ import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
 from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, left_out, nonsense
-from drake_ispace.explain.decide import detect
-from drake_ispace.explain.decide.detect import Detection
+from drake_ispace.explain.decide.proposals import detect
+from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare

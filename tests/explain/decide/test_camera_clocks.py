@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import drake_ispace as di
-from drake_ispace.explain.decide.camera_clocks import camera_clocks
+from drake_ispace.explain.decide.clocks.camera_clocks import camera_clocks
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.faults.repair import Clock, with_channel
 from hidden import two_wheels

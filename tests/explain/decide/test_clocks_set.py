@@ -5,7 +5,7 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.decide.clocks_set import with_clocks_set
+from drake_ispace.explain.decide.clocks.clocks_set import with_clocks_set
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.faults.repair import Clock
 from hidden import two_wheels

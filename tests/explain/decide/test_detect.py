@@ -6,7 +6,7 @@ from scipy.special import gammaincc
 from scipy.stats import chi2, norm
 
 from drake_ispace.effects.library import library
-from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE, detect
+from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE, detect
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.fit.candidates import candidates
 

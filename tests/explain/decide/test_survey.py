@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Parameter
-from drake_ispace.explain.decide.detect import detect, trials
+from drake_ispace.explain.decide.proposals.detect import detect, trials
 from drake_ispace.explain.decide.survey.generic import Motion, _cells, _is_motion, _losses, _travelled, motion_of
 from drake_ispace.explain.decide.survey.screen import Screen
 from drake_ispace.explain.decide.survey.signatures import Signature, difference, is_finite, signatures

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_ispace.explain.decide.where import start_in_room
+from drake_ispace.explain.decide.proposals.where import start_in_room
 from stand_ins.tried import candidate
 
 WIDTH_M, DEPTH_M = 4.0, 2.0

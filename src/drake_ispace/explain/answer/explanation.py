@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drake_ispace.explain.answer.sentences import gap_sentence, is_place, p_in_words, sentence_of, short
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.decide.detect import Detection
+from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow, headlines
 from drake_ispace.explain.prove.left.remainder import Remainder
 from drake_ispace.explain.prove.proof import PlantParameter

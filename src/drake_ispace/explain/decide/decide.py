@@ -18,7 +18,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision, least_clear
 from drake_ispace.explain.decide.left_over import left_over
-from drake_ispace.explain.decide.propose import Proposal, penalty
+from drake_ispace.explain.decide.proposals.propose import Proposal, penalty
 from drake_ispace.explain.decide.prune import pruned, refitted, without_each
 from drake_ispace.explain.decide.rivals import with_rivals
 from drake_ispace.explain.decide.shown import shown_at

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection
+from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import gain_at
 from drake_ispace.explain.decide.survey.survey import Survey

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P, Detection, trials
-from drake_ispace.explain.decide.propose import Proposal, clearest_effects, proposals_of
+from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, Detection, trials
+from drake_ispace.explain.decide.proposals.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.shown import alarm_of, held
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.signatures import Signature

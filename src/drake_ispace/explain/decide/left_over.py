@@ -1,7 +1,7 @@
 """The test for a disagreement that is still detectable once effects are named."""
 
 from drake_ispace.explain.decide.decision import Decision, LeftOver
-from drake_ispace.explain.decide.detect import detect, trials
+from drake_ispace.explain.decide.proposals.detect import detect, trials
 from drake_ispace.explain.decide.shown import Shown
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import with_flaws

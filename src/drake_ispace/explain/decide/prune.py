@@ -6,7 +6,7 @@ import numpy as np
 
 from drake_ispace.explain.decide.agreement import leads, scatter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, NEXT_TO_NOTHING, Decision, least_further
-from drake_ispace.explain.decide.propose import SHORTLIST, clearest_effects, fits_of, penalty
+from drake_ispace.explain.decide.proposals.propose import SHORTLIST, clearest_effects, fits_of, penalty
 from drake_ispace.explain.decide.survey.survey import Survey, likelihood_with_flaws
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point, fit

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from drake_ispace.explain.decide.agreement import scatter
 from drake_ispace.explain.decide.decision import MARGIN, NEXT_TO_NOTHING, Decision, Rival
-from drake_ispace.explain.decide.propose import clearest_effects, fits_beside, penalty
+from drake_ispace.explain.decide.proposals.propose import clearest_effects, fits_beside, penalty
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit
 

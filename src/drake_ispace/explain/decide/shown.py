@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_ispace.explain.decide.detect import Detection, detect, trials
-from drake_ispace.explain.decide.propose import Proposal, proposals_of
+from drake_ispace.explain.decide.proposals.detect import Detection, detect, trials
+from drake_ispace.explain.decide.proposals.propose import Proposal, proposals_of
 from drake_ispace.explain.decide.survey.survey import (
     Survey,
     with_memory_marginalised,

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drake_ispace.explain.decide.decision import MARGIN, Decision
-from drake_ispace.explain.decide.detect import CLEAR_MINUS_LOG10_P
-from drake_ispace.explain.decide.propose import Proposal, penalty
+from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P
+from drake_ispace.explain.decide.proposals.propose import Proposal, penalty
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from drake_ispace.explain.decide.decision import MARGIN, Asked, Decision, Rival
-from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
+from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.decide.validate import start_of
 from drake_ispace.explain.fit.candidates import Candidate

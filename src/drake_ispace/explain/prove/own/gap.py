@@ -10,7 +10,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.runs import UNNAMED
 from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
+from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, shifts_of, unit_of
 from drake_ispace.explain.fit.likelihood import merged

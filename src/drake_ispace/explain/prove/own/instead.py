@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.explain.decide.decision import Decision
-from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
+from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.rivals import with_rival_named
 from drake_ispace.explain.fit.free_run import Sizes, errors_of, fitted, shifts_of
 from drake_ispace.explain.fit.likelihood import fit

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import MARGIN, Decision
-from drake_ispace.explain.decide.detect import FALSE_ALARM_RATE
+from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, shifts_of, slopes
 from drake_ispace.explain.predict.filters import CORRELATION_S
 from drake_ispace.explain.predict.own_replay import OwnReplay

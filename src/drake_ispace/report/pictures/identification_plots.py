@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.report.plots import plt, save
+from drake_ispace.report.pictures.plots import plt, save
 from drake_ispace.thesis.methods.estimate import Estimate
 
 _COLORS = ("#2980b9", "#c0392b", "#27ae60", "#8e44ad", "#e67e22", "0.4")

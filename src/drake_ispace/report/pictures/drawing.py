@@ -16,7 +16,7 @@ from pydrake.systems.framework import Diagram, System
 
 from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.places import whole_file
-from drake_ispace.report.schedule import schedule
+from drake_ispace.report.pictures.schedule import schedule
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import build_diagram
 

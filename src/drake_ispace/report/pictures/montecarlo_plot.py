@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.compute as compute
 
-from drake_ispace.report.plots import plt, save
+from drake_ispace.report.pictures.plots import plt, save
 from drake_ispace.rollout.many.campaign import Campaign
 
 _ERROR = "rms_position_error_m"

@@ -10,7 +10,7 @@ from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP, seconds
 from drake_ispace.explain.prove.errors.gap import GapRow
 from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.files.recording import Channel
-from drake_ispace.report.plots import plt, save
+from drake_ispace.report.pictures.plots import plt, save
 
 BEFORE, AFTER, MEASURED = "#c0392b", "#27ae60", "#2980b9"
 _MODELS = ((BEFORE, "model as given"), (AFTER, "with the effect"))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_ispace.report.plots import plt, save
+from drake_ispace.report.pictures.plots import plt, save
 from drake_ispace.robots.robot_file import RobotFile
 
 _WIDTH_SHARE = 0.35  # of a wheel's width, of its diameter; robot files do not tell it

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.explain.decide.proposals.where import start_in_room
 from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.screen import minus_log10_p_of_gain
 from drake_ispace.explain.decide.survey.survey import Survey
-from drake_ispace.explain.decide.where import start_in_room
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Likelihood, Point, fit
 from drake_ispace.explain.fit.limits import has_several_limits, with_best_limits

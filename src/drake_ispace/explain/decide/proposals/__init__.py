@@ -1,0 +1,1 @@
+"""Which effects the data propose: is anything missing, which effects gain most, and where in the room."""

@@ -1,0 +1,1 @@
+"""Plots of runs and answers, and drawings of Diagrams, schedules and robots."""
