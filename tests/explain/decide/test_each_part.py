@@ -5,6 +5,7 @@ import dataclasses
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.decide.each_part import shown_by_half, shown_by_run
 from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.candidates import candidates
@@ -149,3 +150,13 @@ def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
         }
         cut.append(until(end_s, dataclasses.replace(recording, channels=moving)))
     assert halves_of(cut) == set()
+
+
+def test_a_drive_that_lags_alike_in_both_halves_does_so_although_a_lag_is_not_linear():
+    named = {"velocity_lag": [0.0599, 4e-5], "clock_offset": [0.0815], "single_wheel_radius_error[2]": [0.04]}
+    *training, unseen = (two_wheels.drive(i, 30.0, camera_hz=30.0) for i in range(4))
+    examined = examine(two_wheels.model(), training, [unseen], False, lambda text: None)
+    case = prepare(two_wheels.model(), examined.runs, examined.held_out)
+    tried = candidates(case.effects_to_try, case.replay.body)
+    labelled = {one.label: one for one in tried}
+    assert not shown_by_half(case.prediction, {labelled[label]: z for label, z in named.items()}, tried, 0)

@@ -83,8 +83,9 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
     """As `shown_by_run`, what one half of all runs shows and the other contradicts: it begins or ends on the way.
 
     So may an effect of `point`. Each is tested beside the others, under the noise with all of them: noise that was
-    learned while an effect was missing takes up some of it, in one half more than in the other. Delays and limits are
-    not: how large they are is not linear in what they change. Nothing is told where a half has nothing that is scored.
+    learned while an effect was missing takes up some of it, in one half more than in the other. It is tried at its
+    size, too: what it changes is there in both halves if that is its size, however little it is linear in the size.
+    Nothing is told where a half has nothing that is scored.
     """
     halves = [
         predict(prediction.replay, half, tune=False)
@@ -96,15 +97,14 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
     found, surveys = _shown(lambda i: survey_of_half(halves[i], point, _anywhere(candidates, point)), _HALVES, seed)
     noises = [own.likelihood.whitening for own in surveys]
     for effect in _anywhere(point, {}):
-        if not effect.shifts and not any(parameter.reciprocal for parameter in effect.parameters):
-            rest = {other: z for other, z in point.items() if other is not effect}
-            found += _shown(partial(_survey_under, survey_of_half, halves, noises, rest, effect), _HALVES, seed)[0]
+        found += _shown(partial(_survey_under, survey_of_half, halves, noises, point, effect), _HALVES, seed)[0]
     return [replace(one, is_half=True) for one in found]
 
 
-def _survey_under(survey_of_half, halves, noises, rest, effect, i) -> Survey:
-    """The Survey of a half at `rest` that tests one effect, under a noise that is known."""
-    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i])
+def _survey_under(survey_of_half, halves, noises, point, effect, i) -> Survey:
+    """The Survey of a half that tests one effect of `point` beside the others, under a noise that is known."""
+    rest = {other: z for other, z in point.items() if other is not effect}
+    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i], at={effect: point[effect]})
 
 
 def _no_generics(prediction, point, base) -> list[Signature]:
@@ -166,7 +166,8 @@ class _Leader:
 
     Attributes:
         fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
-            by the score that gains most. sizes, variances: of the same without each of the seconds of the part.
+            by the score of the signature nearest to what was fitted. sizes, variances: of the same without each of the
+            seconds of the part.
         tolerance: by how much the size may differ between parts of a sound robot (a standard deviation).
     """
 
@@ -222,13 +223,20 @@ def _leader(own: Survey, seed) -> _Leader | None:
     if not _is_clear(detection):
         return None
     fitted = max(proposals, key=lambda proposal: proposal.penalised_gain)
-    best = max(_sizes(own, fitted.candidate), key=lambda one: one.size**2 / one.variance)
+    best = _nearest(_sizes(own, fitted.candidate), fitted)
     sizes, variances = _without_each_second(own, best)
     if not np.all(sizes**2 >= LEAST_FURTHER * variances):
         return None
     near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
     tolerance = fitted.candidate.tolerances(scales_of(own.view.prediction))[best.at]
     return _Leader(fitted, near, detection, proposals, best, sizes, variances, tolerance)
+
+
+def _nearest(sizes, fitted) -> "_Size":
+    """The size by the score of the signature that is nearest to what was fitted, of the coordinate that shows most."""
+    clearest, candidate = max(sizes, key=lambda one: one.size**2 / one.variance), fitted.candidate
+    moved = fitted.fit.point[candidate][clearest.at] - candidate.neutral[clearest.at]
+    return min((one for one in sizes if one.at == clearest.at), key=lambda one: abs(one.step - moved))
 
 
 def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:

@@ -30,23 +30,26 @@ class Signature:
 
 def signatures(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], scales: dict[str, float], base: Residuals,
+    at: Point | None = None,
 ) -> list[Signature]:
     """The signature of every probe of every candidate; probes at which the model runs away are left out.
 
     Args:
         prediction: model and runs. point: effects that the model already has. candidates: effects to add to them, one
             at a time. scales: units of the probes, as `probes` takes them. base: residuals at `point`.
+        at: further probes of some candidates.
     """
     def signature(probe):
         candidate, z = probe
         changes = difference(base, prediction.residuals(merged({**point, candidate: z})))
         if not is_finite(changes):
             return None
-        at = moved(candidate, z)
-        neutral, (low, high) = candidate.neutral[at], candidate.bounds[at]
-        return Signature(candidate, z, at, low >= neutral or high <= neutral, changes)
+        number = moved(candidate, z)
+        neutral, (low, high) = candidate.neutral[number], candidate.bounds[number]
+        return Signature(candidate, z, number, low >= neutral or high <= neutral, changes)
 
-    tried = [(candidate, z) for candidate in candidates for z in probes(candidate, scales)]
+    own = at or {}
+    tried = [(c, z) for c in candidates for z in [*probes(c, scales), *([own[c]] if c in own else [])]]
     tried = [(candidate, z) for candidate, z in tried if not candidate.parameters[moved(candidate, z)].shape]
     return [found for found in each(signature, tried) if found is not None]
 

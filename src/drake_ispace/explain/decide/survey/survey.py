@@ -89,6 +89,7 @@ class Survey:
 def survey(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate],
     whitening: Whitening | None = None, near: bool = False, generics: Generics = generic_signatures,
+    at: Point | None = None,
 ) -> Survey:
     """Test all effects for a model that has those of `point`.
 
@@ -96,9 +97,10 @@ def survey(
         prediction: model and runs. candidates: effects to try.
         whitening: noise, default that of the residuals at `point`. near: whether `point` is nearly the best one, so
             that the noise's memory is marginalised. generics: signatures of what competes with the candidates.
+        at: sizes at which some candidates are tried besides their probes.
     """
     base = prediction.residuals(merged(point))
-    view = view_from(prediction, point, candidates, base, generics)
+    view = view_from(prediction, point, candidates, base, generics, at)
     likelihood = view.likelihood(point, base, near) if whitening is None else view.with_noise(whitening, base, near)
     return _survey(point, view, base, likelihood)
 

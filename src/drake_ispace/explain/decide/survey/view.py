@@ -124,19 +124,20 @@ class Regression:
 
 def view_from(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], base: Residuals,
-    generics: Generics,
+    generics: Generics, at: Point | None = None,
 ) -> View:
     """The View around `point`.
 
     Args:
         prediction: model and runs. point: effects that the model has. candidates: effects to try; those in `point`
             are not tried again. base: residuals at `point`. generics: signatures of generic disagreements.
+        at: as of `signatures`.
     """
     scales = scales_of(prediction)
     named = {c.name for c in point}
     others = [c for c in candidates if c.name not in named]
     sizes = {c: _sizes(c, scales) for c in candidates}
-    tested = signatures(prediction, point, others, scales, base) + generics(prediction, point, base)
+    tested = signatures(prediction, point, others, scales, base, at) + generics(prediction, point, base)
     steady = [s.change for s in tested if not s.candidate.effect.is_local]
     timing = [difference(other, base) for other in prediction.under_other_timing(merged(point))]
     by_sizes = _changes_by_sizes(prediction, point, sizes, base)
