@@ -54,6 +54,12 @@ def test_fixes_as_measured_are_not_smoothed(changes):
     assert not check(two_wheels.model(), [two_wheels.drive(4, 20.0, **SOUND | changes)]).findings
 
 
+@pytest.mark.parametrize("seeds", [(0, 1, 2), (20, 21, 22)])
+def test_a_slow_camera_beside_wheels_of_another_size_is_not_smoothed(seeds):
+    runs = [two_wheels.drive(seed, 30.0, camera_hz=5.0) for seed in seeds]
+    assert "samples_smoothed" not in [f.fault for f in check(two_wheels.model(), runs).findings]
+
+
 def test_counts_that_last_for_several_fixes_are_no_smoothed_camera(rover):
     encoder = rover.channels["encoder"]
     count = 2.0 * np.pi / 60.0

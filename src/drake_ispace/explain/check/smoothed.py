@@ -2,7 +2,7 @@
 
 Beside the wheels' motion the camera's changes little from one fix to the next, and the more the further two fixes are
 apart, up to as many as were smoothed together. The steady errors of a robot, such as wheels of another size, grow
-faster than noise that is smoothed, and do not cease to.
+faster than noise that is smoothed, and do not cease to within the time over which a program may smooth.
 """
 
 from collections.abc import Iterator
@@ -44,7 +44,10 @@ def smoothed_fixes(run: Recording, base: Base | None) -> Iterator[Finding]:
     along, across, turn = base.noise
     if (noise[full] < (np.hypot(along, across), turn)).any():  # counts that last for several fixes may make as much
         return
-    apart, fixes = _LAGS[full + 1], len(run.channels["kinect"].t)
+    apart, t = _LAGS[full + 1], run.channels["kinect"].t
+    if apart * np.median(np.diff(t)) > 2.0 * LATENCY_S:
+        return  # whoever smooths for so long is late by half of it
+    fixes = len(t)
     left_out = np.setdiff1d(np.arange(fixes), np.arange(0, fixes, apart))
     what = f"their noise is alike over some {apart} fixes"
     repair = LeftOut("kinect", tuple(left_out.tolist()))
