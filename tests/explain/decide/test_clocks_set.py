@@ -20,7 +20,7 @@ def runs_of(robot, effects=None, late=0, channel="torque"):
 
 @pytest.mark.parametrize(("robot", "channel", "late"), [
     *[(robot, "torque", late) for robot in ("omni", "pendulum") for late in (1, 2, 5)],
-    *[("pendulum", "imu", late) for late in (-2, -1, 1, 3)],
+    *[("pendulum", "imu", late) for late in (-2, -1, 1, 2, 3, 8)], *[("pendulum", "encoder", late) for late in (-4, 3)],
 ])
 def test_a_clock_that_is_off_is_told_to_the_tick_and_set(robot, channel, late):
     model, lacks = f"{robot}_multirate", {"viscous_friction": {"coefficient_n_m_s": 0.003}}

@@ -102,12 +102,16 @@ class Track:
         return self.measured if self.rounding is None else self.measured - self.rounding
 
     def earlier(self, channel: str, ticks: int) -> "Track":
-        """The track with its IMU, or with what drives it, so many ticks earlier; beyond its ends samples are held."""
+        """The track with IMU, encoders or what drives it so many ticks earlier; beyond its ends samples are held.
+
+        channel: "imu" or "encoder", of a robot that has both; any other is what drives it.
+        """
         at = np.clip(np.arange(len(self.command)) + ticks, 0, self.ticks)
-        if channel != "imu":
+        if channel not in ("imu", "encoder"):
             return replace(self, command=self.command[at])
+        of_wheels, of_imu = (at, slice(None)) if channel == "encoder" else (slice(None), at)
         wheels = self.measured.shape[1] - IMU
-        return replace(self, measured=np.hstack([self.measured[:, :wheels], self.measured[at, wheels:]]))
+        return replace(self, measured=np.hstack([self.measured[of_wheels, :wheels], self.measured[of_imu, wheels:]]))
 
     def with_fixes_at(self, t: np.ndarray) -> "Track":
         """The track with its fixes at other times (k,) [s], those of them that the run has a tick for."""

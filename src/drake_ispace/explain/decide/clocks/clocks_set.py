@@ -1,4 +1,4 @@
-"""Are the clocks of command, torque and IMU off by some ticks? The model's errors tell, more sharply than any motion.
+"""Are clocks of command, torque, IMU and encoders off by some ticks? The model's errors tell, sharper than any motion.
 
 Wheels that turn before they are told, or a body that feels an acceleration before or after it is there, are nothing
 that a model can lack. Clocks are set by the residuals of the model as it is. What it lacks makes it err more if torques
@@ -10,6 +10,7 @@ its torque.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from types import MappingProxyType
 
 import numpy as np
 
@@ -21,14 +22,19 @@ from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.decide.decision import LEAST_FURTHER
 from drake_ispace.explain.decide.survey.signatures import signatures
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import Candidate, candidates
+from drake_ispace.explain.fit.candidates import Candidate, candidates, probes
+from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.case import Case, part_of
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.stretches import MOST_S
+from drake_ispace.explain.threads import each
 from drake_ispace.faults.repair import Clock
 from drake_ispace.robots.robot import COMMAND
 
 _PAST = 8  # residuals that the next one is predicted from
+_MOST = round(LATENCY_S / TICK_S)  # ticks by which a clock is looked for
+_LEAST_TICKS = 2  # by which encoders are off
+_FOLLOWED = 3  # of the clocks tried in one run, those that are compared in all of them
 
 
 def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
@@ -50,12 +56,14 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
         delay = VelocityDelay if driven == COMMAND else CommandDelay
         channel, ticks = driven, found.late(driven, round(delay.parameters[0].high / TICK_S))
     else:
-        senses = [(driven, 1), (driven, -1)] + [("imu", 1), ("imu", -1)] * robot.has_imu
-        channel, ticks = min((found.near(*one) for one in senses), key=lambda one: found.left(*one))
+        channel, ticks = found.clearest([driven, *["imu"] * robot.has_imu])
+        if not ticks and robot.has_imu:
+            channel, ticks = found.of_encoder(candidates(case.effects_to_try, case.replay.body))
     if not ticks or (channel == driven and ticks < 0):  # a robot may follow late: a delay, a lag
         return case, []
     off = f"clock {abs(ticks) * TICK_S:.3g} s {'late' if ticks > 0 else 'early'}"
-    what = f"{off}, the wheels turn before" if channel == driven else f"{off} against torques and wheels"
+    others = {"imu": "torques and wheels", "encoder": "torques and IMU"}
+    what = f"{off}, the wheels turn before" if channel == driven else f"{off} against {others[channel]}"
     finding = Finding(
         "clock_offset", what, channel, runs=tuple(range(len(names))), repairs=(Clock(channel, 1.0, -ticks * TICK_S),)
     )
@@ -79,18 +87,47 @@ class _Clocks:
             self._lacking = [[change[i]["motion"] for change in found.values()] for i in range(len(base))]
 
     def _left(self, channel, ticks):
-        tracks = [track.earlier(channel, ticks) for track in self._prediction.tracks]
-        moved = replace(self._prediction, tracks=tracks).residuals({})
-        by_run = (_surprise(run["motion"], lacking) for run, lacking in zip(moved, self._lacking, strict=True))
+        return self._left_of(range(len(self._prediction.tracks)), channel, ticks)
+
+    def _left_of(self, runs, channel, ticks, values=MappingProxyType({})):
+        tracks = [self._prediction.tracks[i].earlier(channel, ticks) for i in runs]
+        starts = [self._prediction.starts[i] for i in runs]
+        moved = replace(self._prediction, tracks=tracks, starts=starts).residuals(values)
+        end = -(_MOST // self._prediction.row_ticks)  # there what comes earlier has no samples of its own
+        by_run = (
+            _surprise(run["motion"][:end], [change[:end] for change in self._lacking[i]])
+            for i, run in zip(runs, moved, strict=True)
+        )
         known = [left for left in by_run if left is not None]
         return sum(known) if known else np.inf
 
-    def near(self, channel: str, sense: int) -> tuple[str, int]:
-        """The channel and its best ticks in this sense, one after the other as long as each is worth it."""
-        ticks = 0
-        while self.left(channel, ticks + sense) < self.left(channel, ticks) - LEAST_FURTHER:
-            ticks += sense
-        return channel, ticks
+    def clearest(self, channels: Sequence[str]) -> tuple[str, int]:
+        """The channel that is off, and by how many ticks, at most a latency either way; 0 ticks where none is.
+
+        Between the right ticks and none there may be worse ones. All are tried in the run in which most happens, and in
+        the others those that are best there.
+        """
+        tried = [(channel, ticks) for channel in channels for ticks in range(-_MOST, _MOST + 1)]
+        of_run = [float(np.abs(np.diff(track.measured, axis=0)).sum()) for track in self._prediction.tracks]
+        busiest = [int(np.argmax(of_run))]
+        left = each(lambda one: self._left_of(busiest, *one), tried)
+        near = [tried[i] for i in np.argsort(left)[:_FOLLOWED]]
+        channel, ticks = min(near, key=lambda one: self.left(*one))
+        return (channel, ticks) if self.left(channel, ticks) < self.left(channel, 0) - LEAST_FURTHER else (channel, 0)
+
+    def of_encoder(self, lacking: Sequence[Candidate]) -> tuple[str, int]:
+        """As `clearest`, of the encoders, whose counts tell less; not where an effect that may be lacking leaves less.
+
+        Backlash and the like also make wheels follow late. To half a tick, and so to one, nothing is off.
+        """
+        channel, ticks = self.clearest(["encoder"])
+        if abs(ticks) < _LEAST_TICKS:
+            return channel, 0
+        scales, runs = scales_of(self._prediction), range(len(self._prediction.tracks))
+        tried = [(c, np.array(z)) for c in lacking for z in probes(c, scales)]
+        tried += [(c, 2.0 * z - c.neutral) for c, z in tried]
+        left = each(lambda c, z: self._left_of(runs, channel, 0, merged({c: c.within(z)})), *zip(*tried, strict=True))
+        return channel, ticks if self.left(channel, ticks) < min(left, default=np.inf) else 0
 
     def late(self, channel: str, latest: int) -> int:
         """By how many ticks within a latency the channel is late, whatever lies between; 0 where it is not.
@@ -98,8 +135,8 @@ class _Clocks:
         Nor is it by up to half a sample, by which changes between samples are logged late on the average, or where the
         robot might as well follow late, by up to `latest` ticks.
         """
-        most, step_s = round(LATENCY_S / TICK_S), max(track.command_step_s for track in self._prediction.tracks)
-        ticks = min(range(most + 1), key=lambda ticks: self.left(channel, ticks))
+        step_s = max(track.command_step_s for track in self._prediction.tracks)
+        ticks = min(range(_MOST + 1), key=lambda ticks: self.left(channel, ticks))
         least = self.left(channel, ticks)
         is_within_sample = 2 * ticks - 1 < round(step_s / TICK_S, 6)  # it is known to half a tick
         if not least < self.left(channel, 0) - LEAST_FURTHER or is_within_sample:
@@ -138,4 +175,5 @@ def _past(rows):
 def _told_by(past, rows):
     """(_PAST p, p) coefficients by which the past of rows (k, p) predicts them best."""
     scale = np.sqrt(np.mean(past**2, axis=0)) + 1e-300
-    return np.linalg.lstsq(past / scale, rows[_PAST:], rcond=None)[0] / scale[:, None]
+    past = past / scale
+    return np.linalg.lstsq(past.T @ past, past.T @ rows[_PAST:], rcond=None)[0] / scale[:, None]
