@@ -30,6 +30,8 @@ CHANGES = [
     ("inertia_error", PENDULUM, {"share": 1.0}, {"body_inertia_pitch_kg_m2": 0.0017}),
     ("yaw_inertia_error", PENDULUM, {"share": 0.2},
      {"body_inertia_yaw_kg_m2": 0.0306, "body_inertia_roll_kg_m2": 0.0306}),
+    ("drive_inertia", OMNI, {"inertia_kg_m2": 1e-5}, {"wheel_inertia_kg_m2": 1.1e-5}),
+    ("drive_inertia", PENDULUM, {"inertia_kg_m2": 0.002}, {"drive_inertia_kg_m2": 0.002}),
     ("centre_of_gravity_offset", OMNI, {"x_m": 0.03, "y_m": -0.02}, {"centre_of_gravity_m": [0.03, -0.02]}),
     ("centre_of_gravity_offset", PENDULUM, {"height_m": -0.01}, {"centre_of_gravity_m": 0.03}),
     ("wheel_radius_error", OMNI, {"share": 0.25}, {"wheel_radius_m": 0.03}),

@@ -58,6 +58,7 @@ TYPICAL = {
         "quadratic_drag": {"coefficient_n_s2_m2": 12.0},
         "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.12, "cosine_rad": 0.09},
         "inertia_error": {"share": 0.8},
+        "drive_inertia": {"inertia_kg_m2": 4e-4},
         "centre_of_gravity_offset": {"x_m": 0.05, "y_m": -0.03},
     },
     "pendulum": _BOTH | {
@@ -87,6 +88,7 @@ TYPICAL = {
         "quadratic_drag": {"coefficient_n_s2_m2": 8.0},
         "encoder_eccentricity": {"wheel": 1, "sine_rad": 0.04, "cosine_rad": 0.03},
         "inertia_error": {"share": 2.5},
+        "drive_inertia": {"inertia_kg_m2": 4e-3},
         "yaw_inertia_error": {"share": 1.5},
         "centre_of_gravity_offset": {"height_m": 0.025},
         "gyro_bias": {"pitch_rad_s": 0.02, "yaw_rad_s": 0.02},

@@ -52,6 +52,7 @@ _BOTH = {
     "floor_tilt": {"slope_x_rad": 0.0, "slope_y_rad": 0.0},
     "mass_error": {"share": 0.0},
     "inertia_error": {"share": 0.0},
+    "drive_inertia": {"inertia_kg_m2": 0.0},
     "wheel_radius_error": {"share": 0.0},
     "single_wheel_radius_error": {"wheel": 1, "share": 0.0},
     "track_error": {"share": 0.0},

@@ -35,12 +35,14 @@ _MODEL = """
       <inertial pos="0 0 {z}" mass="{mass}" diaginertia="{roll} {pitch} {yaw}"/>
       <site name="imu" pos="{ahead} 0 {height}"/>
       <body pos="0 {right} 0">
-        <joint name="r" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
+        <joint name="r" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"
+          armature="{armature}"/>
         <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
         <geom type="ellipsoid" size="{radius_r} {width} {radius_r}" friction="0.9 0 0" solref="0.004 1"/>
       </body>
       <body pos="0 {left} 0">
-        <joint name="l" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"/>
+        <joint name="l" type="hinge" axis="0 1 0" frictionloss="{coulomb}" damping="{viscous}"
+          armature="{armature}"/>
         <inertial pos="0 0 0" mass="{wheel}" diaginertia="{wheel_yaw} {wheel_roll} {wheel_yaw}"/>
         <geom type="ellipsoid" size="{radius_l} {width} {radius_l}" friction="0.9 0 0" solref="0.004 1"/>
       </body>
@@ -69,8 +71,9 @@ def model_of(plant, values: dict, imu_height_m: float, imu_ahead_m: float = 0.0)
         yaw=plant.body_inertia_yaw_kg_m2 * more("yaw_inertia_error") + 2.0 * plant.rotor_inertia_yaw_kg_m2,
         pitch=plant.body_inertia_pitch_kg_m2 * more("inertia_error") + 2.0 * plant.rotor_inertia_kg_m2, right=-track,
         left=track, wheel=plant.wheel_mass_kg, wheel_roll=plant.wheel_inertia_kg_m2,
-        wheel_yaw=plant.wheel_inertia_yaw_kg_m2, coulomb=plant.friction.coulomb_n_m,
-        viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M, height=imu_height_m, ahead=imu_ahead_m,
+        wheel_yaw=plant.wheel_inertia_yaw_kg_m2, armature=values["drive_inertia"]["inertia_kg_m2"],
+        coulomb=plant.friction.coulomb_n_m, viscous=plant.friction.viscous_n_m_s, width=_HALF_WIDTH_M,
+        height=imu_height_m, ahead=imu_ahead_m,
     ))
 
 

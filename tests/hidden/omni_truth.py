@@ -84,7 +84,8 @@ def true_body(plant, values: dict) -> Body:
     m = np.array([
         [mass, 0.0, -mass * cy], [0.0, mass, mass * cx], [-mass * cy, mass * cx, inertia + mass * (cx**2 + cy**2)],
     ])
-    inverse = np.linalg.inv(m + plant.wheel_inertia_kg_m2 * g.T @ g)
+    turning = plant.wheel_inertia_kg_m2 + values["drive_inertia"]["inertia_kg_m2"]
+    inverse = np.linalg.inv(m + turning * g.T @ g)
     quickest = float(np.linalg.eigvalsh(g @ inverse @ g.T)[-1])
     return Body(
         mass, inertia, np.array([cx, cy], dtype=float), g, m, inverse, plant.friction.coulomb_n_m,

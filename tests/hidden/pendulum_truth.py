@@ -92,6 +92,7 @@ def true_body(plant, values: dict) -> Body:
     for row in g:
         rotor = n * row + (1.0 - n) * nod
         wheels += plant.wheel_inertia_kg_m2 * np.outer(row, row) + plant.rotor_inertia_kg_m2 * np.outer(rotor, rotor)
+        wheels += values["drive_inertia"]["inertia_kg_m2"] * np.outer(row - nod, row - nod)
     mass = plant.body_mass_kg * (1.0 + values["mass_error"]["share"])
     yaw = 1.0 + values["yaw_inertia_error"]["share"]
     body = Body(

@@ -15,7 +15,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.plants.slip import GRAVITY
 
 FORWARD_R, FORWARD_L, SIDEWAYS, NORMAL_R, NORMAL_L = range(5)
-_PITCHING, _WHEEL, _ROTOR, _GEAR = range(4)
+_PITCHING, _WHEEL, _ROTOR, _GEAR, _DRIVE = range(5)
 
 
 def contact_parameters(parameters) -> dict[str, float]:
@@ -24,7 +24,7 @@ def contact_parameters(parameters) -> dict[str, float]:
     return {
         "pitching": lifted * parameters.centre_of_gravity_m + parameters.body_inertia_pitch_kg_m2,
         "wheel_inertia": parameters.wheel_inertia_kg_m2, "rotor_inertia": parameters.rotor_inertia_kg_m2,
-        "gear_ratio": parameters.gear_ratio,
+        "gear_ratio": parameters.gear_ratio, "drive_inertia": parameters.drive_inertia_kg_m2,
     }
 
 
@@ -42,14 +42,14 @@ def contact_forces(
     tilt, speed, turn, lean = balance[0], balance[1], balance[2], balance[3]
     s_acc, yaw_acc, tilt_acc = accelerations
     c, s = cos(tilt), sin(tilt)
-    n, rotor, wheel = contact[_GEAR], contact[_ROTOR], contact[_WHEEL]
+    n, rotor, wheel, drive = contact[_GEAR], contact[_ROTOR], contact[_WHEEL], contact[_DRIVE]
     along = 0.0
     for i in range(2):
         side = 1.0 - 2.0 * i
         wheel_acc = (s_acc + side * half_track_m * yaw_acc) / radius_m[i] - kappa * tilt_acc
-        spin_up = wheel * (wheel_acc + tilt_acc) + n * rotor * (n * wheel_acc + tilt_acc)
+        spin_up = wheel * (wheel_acc + tilt_acc) + n * rotor * (n * wheel_acc + tilt_acc) + drive * wheel_acc
         out[FORWARD_R + i] = (torque[i] - spin_up) / radius_m[i]
-        along += wheel * (wheel_rates[i] + lean) + rotor * (n * wheel_rates[i] + lean)
+        along += wheel * (wheel_rates[i] + lean) + rotor * (n * wheel_rates[i] + lean) + drive * wheel_rates[i]
     out[SIDEWAYS] = mass * speed * turn + lifted * (yaw_acc * s + 2.0 * turn * lean * c)
     normal = mass * GRAVITY - lifted * (tilt_acc * s + lean * lean * c)
     # d/dt of the angular momentum about the direction of travel, at the middle of the axle, in axes that yaw along

@@ -70,6 +70,8 @@ class PendulumPlantParameters:
     rotor_inertia_kg_m2: float = quantity(1.6e-5, "kg*m^2", minimum=0.0)
     # I_rz, assumed equal to I_r
     rotor_inertia_yaw_kg_m2: float = quantity(1.6e-5, "kg*m^2", minimum=0.0)
+    # of gears and rotors, seen at each wheel, besides n^2 I_r: J (wheel rate against the body)^2 / 2
+    drive_inertia_kg_m2: float = quantity(0.0, "kg*m^2", minimum=0.0)
     # z, axle to centre of gravity
     centre_of_gravity_m: float = quantity(0.04, "m", above=0.0)
     # b of (2.36) is half of Table 2.1's width 0.4
@@ -97,8 +99,10 @@ class PendulumPlantParameters:
         n, b = self.gear_ratio, self.half_track_m
         right, left = (1.0 / wheel.radius_m for wheel in self.geometry.wheels)
         kappa = float(MOTIONS.index(self.motion))
-        rolling = self.wheel_inertia_kg_m2 + n * n * self.rotor_inertia_kg_m2
+        drive = self.drive_inertia_kg_m2
+        rolling = self.wheel_inertia_kg_m2 + n * n * self.rotor_inertia_kg_m2 + drive
         leaning = (1.0 - kappa) * self.wheel_inertia_kg_m2 + n * (1.0 - n * kappa) * self.rotor_inertia_kg_m2
+        leaning -= kappa * drive
         lifted = self.body_mass_kg * self.centre_of_gravity_m
         wheels_yaw = self.wheel_inertia_yaw_kg_m2 + self.rotor_inertia_yaw_kg_m2 + self.wheel_mass_kg * b * b
         return {
@@ -107,7 +111,7 @@ class PendulumPlantParameters:
             "m13_rotors": leaning * (right + left),
             "m33": lifted * self.centre_of_gravity_m + self.body_inertia_pitch_kg_m2
             + 2.0 * (1.0 - kappa) ** 2 * self.wheel_inertia_kg_m2
-            + 2.0 * (1.0 - n * kappa) ** 2 * self.rotor_inertia_kg_m2,
+            + 2.0 * (1.0 - n * kappa) ** 2 * self.rotor_inertia_kg_m2 + 2.0 * kappa**2 * drive,
             "yaw_lying": lifted * self.centre_of_gravity_m + self.body_inertia_roll_kg_m2,
             "yaw_upright": self.body_inertia_yaw_kg_m2,
             "yaw_wheels": 2.0 * wheels_yaw + b * b * rolling * (right**2 + left**2),

@@ -47,12 +47,19 @@ class Omni(Robot):
         "radius": Number(("wheel_radius_m",), (0.01, 0.05), 1e-3),
         "track": Number(("wheel_distance_m",), (0.01, 0.05), 1e-3),
     }
+    has_drive_inertia = True
     has_centre_of_gravity = True
     has_toe = True
     unknown_forces = (0.15, 0.15, 0.02)
 
     def plant_block(self, settings, plant, start=(0.0, 0.0, 0.0), seed=0, ground=False):
         return omni.OmniPlant(plant, start, seed, f"{self.name}.plant", ground)
+
+    def drive_inertia(self, plant):
+        return plant.wheel_inertia_kg_m2, plant.mass_kg * plant.wheel_radius_m**2 / len(plant.geometry.wheels)
+
+    def geared(self, plant, inertia_kg_m2):
+        return replace(plant, wheel_inertia_kg_m2=plant.wheel_inertia_kg_m2 + inertia_kg_m2)
 
     def centre_of_gravity(self, plant):
         return tuple(Coordinate(f"{axis}_m", -0.15, 0.15, (0.005, 0.03), 5e-4) for axis in "xy")

@@ -73,6 +73,7 @@ class Pendulum(Robot):
         "radius": Number(("wheel_radius_m",), (0.01, 0.05), 1e-3),
         "track": Number(("half_track_m",), (0.01, 0.05), 1e-3),
     }
+    has_drive_inertia = True
     has_centre_of_gravity = True
     has_imu = True
     own_dynamics = True
@@ -99,6 +100,14 @@ class Pendulum(Robot):
         printed = settings.model == AS_PRINTED
         body_share = 1.0 if printed else float(pendulum.MOTIONS.index(settings.plant.motion))
         return PendulumOdometry(settings.plant.wheel_radius_m, settings.plant.half_track_m, start, body_share)
+
+    def drive_inertia(self, plant):
+        of_rotor = plant.gear_ratio**2 * plant.rotor_inertia_kg_m2 + plant.drive_inertia_kg_m2
+        mass_kg = plant.body_mass_kg + 2.0 * plant.wheel_mass_kg
+        return of_rotor, 0.5 * mass_kg * plant.wheel_radius_m**2
+
+    def geared(self, plant, inertia_kg_m2):
+        return replace(plant, drive_inertia_kg_m2=plant.drive_inertia_kg_m2 + inertia_kg_m2)
 
     def centre_of_gravity(self, plant):
         return (Coordinate("height_m", -0.8 * plant.centre_of_gravity_m, 0.3, (0.003, 0.02), 3e-4),)

@@ -100,6 +100,7 @@ class Robot(abc.ABC):
         first_wheel: place of the first wheel's angle in the plant's continuous state, which begins with x, y, phi.
         ground: coordinates of the forces from the floor; None: the plant takes none.
         numbers: of the plant that may be wrong, among "mass", "inertia", "yaw_inertia", "radius" and "track".
+        has_drive_inertia: whether its plant knows the inertia of what turns with its wheels.
         has_traction_slip: whether its plant knows slip under traction. has_centre_of_gravity: whether its plant knows
             where its centre of gravity lies. has_toe: whether its plant knows the angle by which each wheel is turned.
         has_imu: whether there is one, and a filter of the tilt.
@@ -124,6 +125,7 @@ class Robot(abc.ABC):
     first_wheel: int
     ground: GroundForce | None = PLANAR
     numbers: ClassVar[Mapping[str, Number]] = {}
+    has_drive_inertia = False
     has_traction_slip = True
     has_centre_of_gravity = False
     has_toe = False
@@ -175,12 +177,15 @@ class Robot(abc.ABC):
 
     @property
     def offers(self) -> frozenset[str]:
-        """Names of all that an effect may need: wires, numbers, "slip", "traction", "centre_of_gravity", "toe"."""
+        """Names of all that an effect may need: wires, numbers, "slip", "traction", "centre_of_gravity", "toe",
+        "drive_inertia"."""
         more = set()
         if self.in_room:
             more |= {"slip", "traction"} if self.has_traction_slip else {"slip"}
         if self.has_centre_of_gravity:
             more.add("centre_of_gravity")
+        if self.has_drive_inertia:
+            more.add("drive_inertia")
         if self.has_toe:
             more.add("toe")
         return self.wires | self.numbers.keys() | more
@@ -245,6 +250,15 @@ class Robot(abc.ABC):
         angles = list(plant.wheel_toe_rad or [0.0] * self.wheel_count(plant))
         angles[wheel] += angle_rad
         return replace(plant, wheel_toe_rad=angles)
+
+    def drive_inertia(self, plant) -> tuple[float, float]:
+        """Inertia of gears and rotor, and that of the robot's mass, at each wheel [kg m^2]; at most the first may be
+        taken away."""
+        return 0.0, 0.0
+
+    def geared(self, plant, inertia_kg_m2: float):
+        """A copy of `plant` with so much more inertia of gears and rotor at each wheel."""
+        return plant
 
     def centre_of_gravity(self, plant) -> tuple[Coordinate, ...]:
         """Coordinates of the centre of gravity that may be off; none without `has_centre_of_gravity`."""

@@ -69,6 +69,31 @@ class YawInertiaError(NumberError):
     )
 
 
+class DriveInertia(PlantEffect):
+    """Further inertia of what turns with each wheel against the body, such as gears and rotor, seen at the wheel."""
+
+    needs = ("drive_inertia",)
+    card = Card(
+        name="drive_inertia", title="Inertia of gears and rotors", home="plant",
+        equation="J more at each wheel: a torque J d(w)/dt, w the wheel's rate against the body; a rotor behind a gear "
+        "of n counts n^2 times",
+        source="the rotors of small geared motors, which many models leave out or take from another data sheet",
+        signature="a torque against every wheel's acceleration, none at constant speed; the pendulum's body is pushed "
+        "back by less than the wheels' torque when they speed up",
+        look_alikes=("mass_error", "inertia_error", "yaw_inertia_error", "torque_gain_error"),
+        excitation="quick changes of speed and of the yaw rate, and steady driving: a wrong torque gain shows in "
+        "steady friction as well; mass and inertia alone have another share in turning",
+    )
+
+    def parameters_of(self, body):
+        inertia, of_mass = body.robot.drive_inertia(body.plant)
+        probes = (0.05 * of_mass, 0.3 * of_mass)
+        return (Parameter("inertia_kg_m2", "kg*m^2", 0.0, -inertia, 3.0 * of_mass, probes, tolerance=0.005 * of_mass),)
+
+    def change(self, robot, plant, values):
+        return robot.geared(plant, values["inertia_kg_m2"])
+
+
 class CentreOfGravityOffset(PlantEffect):
     """Omni: the centre of gravity beside the middle by x_m, y_m in B. Pendulum: higher above the axle by height_m."""
 
@@ -202,6 +227,6 @@ class WheelToe(PlantEffect):
 
 
 EFFECTS = (
-    MassError(), InertiaError(), YawInertiaError(), CentreOfGravityOffset(), WheelRadiusError(),
+    MassError(), InertiaError(), YawInertiaError(), DriveInertia(), CentreOfGravityOffset(), WheelRadiusError(),
     SingleWheelRadiusError(), WheelRadiusErrors(), TrackError(), WheelToe(),
 )
