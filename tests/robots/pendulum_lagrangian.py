@@ -21,9 +21,10 @@ from drake_ispace.plants.slip import GRAVITY
 Q = np.array([Variable(name) for name in ("x", "y", "phi", "theta", "theta_r", "theta_l")])
 Q_DOT = np.array([Variable(f"{q.get_name()}_dot") for q in Q])
 CONSTANTS = {name: Variable(name) for name in (
-    "m_b", "m_w", "I_xx", "I_yy", "I_zz", "I_w", "I_wz", "I_r", "I_rz", "z", "b", "r", "n", "g", "kappa"
+    "m_b", "m_w", "I_xx", "I_yy", "I_zz", "I_w", "I_wz", "I_r", "I_rz", "J", "z", "b", "r", "n", "g",
+    "kappa"
 )}
-m_b, m_w, I_xx, I_yy, I_zz, I_w, I_wz, I_r, I_rz, z, b, r, n, g, kappa = CONSTANTS.values()
+m_b, m_w, I_xx, I_yy, I_zz, I_w, I_wz, I_r, I_rz, J, z, b, r, n, g, kappa = CONSTANTS.values()
 x, y, phi, theta, _, _ = Q
 _, _, phi_dot, theta_dot, theta_r_dot, theta_l_dot = Q_DOT
 
@@ -93,7 +94,10 @@ class Part:
 BODY = Part(m_b, v_WC, I_BODY, w_WB)  # (2.18), (2.19)
 WHEELS = [Part(m_w, rate(p), I_WHEEL, spin(w + theta_dot)) for p, w in ((p_WR, theta_r_dot), (p_WL, theta_l_dot))]
 ROTORS = [Part(0, 0 * v_WC, I_ROTOR, spin(n * w + theta_dot)) for w in (theta_r_dot, theta_l_dot)]
-PARTS = [BODY, *WHEELS, *ROTORS]
+# What turns with a wheel against the body, seen at the wheel: it knows of no yaw.
+I_DRIVE = R_WV @ np.diag([0, J, 0]) @ R_WV.T
+DRIVES = [Part(0, 0 * v_WC, I_DRIVE, R_WV @ np.array([0, w, 0])) for w in (theta_r_dot, theta_l_dot)]
+PARTS = [BODY, *WHEELS, *ROTORS, *DRIVES]
 
 # -- Constraints A(q) q_dot = 0, (2.40), and S(q) with A S = 0, (2.41); kappa = 0 is the literature's (2.34)-(2.36).
 A = np.array([
@@ -149,8 +153,8 @@ def environment(parameters: PendulumPlantParameters, q=None, q_dot=None) -> dict
         parameters.body_mass_kg, parameters.wheel_mass_kg, parameters.body_inertia_roll_kg_m2,
         parameters.body_inertia_pitch_kg_m2, parameters.body_inertia_yaw_kg_m2, parameters.wheel_inertia_kg_m2,
         parameters.wheel_inertia_yaw_kg_m2, parameters.rotor_inertia_kg_m2, parameters.rotor_inertia_yaw_kg_m2,
-        parameters.centre_of_gravity_m, parameters.half_track_m, parameters.wheel_radius_m, parameters.gear_ratio,
-        GRAVITY, float(MOTIONS.index(parameters.motion)),
+        parameters.drive_inertia_kg_m2, parameters.centre_of_gravity_m, parameters.half_track_m,
+        parameters.wheel_radius_m, parameters.gear_ratio, GRAVITY, float(MOTIONS.index(parameters.motion)),
     )
     where = dict(zip(CONSTANTS.values(), values, strict=True))
     for names, given in ((Q, q), (Q_DOT, q_dot)):

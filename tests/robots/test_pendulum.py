@@ -44,7 +44,7 @@ UNLIKE = PendulumPlantParameters(
     body_mass_kg=3.1, wheel_mass_kg=0.7, body_inertia_pitch_kg_m2=0.013, body_inertia_yaw_kg_m2=0.021,
     body_inertia_roll_kg_m2=0.033, wheel_inertia_kg_m2=0.0017, wheel_inertia_yaw_kg_m2=0.0011,
     rotor_inertia_kg_m2=0.0007, rotor_inertia_yaw_kg_m2=0.0005, centre_of_gravity_m=0.11, half_track_m=0.23,
-    wheel_radius_m=0.07, gear_ratio=1.9, friction=Friction(),
+    wheel_radius_m=0.07, gear_ratio=1.9, drive_inertia_kg_m2=0.0043, friction=Friction(),
 )
 PRECISE = SimulatorConfig(integration_scheme="runge_kutta5", accuracy=1e-10, max_step_size=0.1, use_error_control=True)
 FIXED_STEP = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=TICK_S, use_error_control=False)
@@ -154,7 +154,7 @@ def test_2_28_with_its_corrections(q, q_dot):
     i_xx, i_yy, i_zz, i_w, i_wz, i_r, i_rz = 0.033, 0.013, 0.021, 0.0017, 0.0011, 0.0007, 0.0005
     total = m_b + 2.0 * m_w
     m_33 = (m_b * z**2 + i_xx) * s**2 + i_zz * c**2 + 2.0 * (i_wz + i_rz) + 2.0 * m_w * b**2
-    m_44, m_45, m_55 = m_b * z**2 + i_yy + 2.0 * (i_w + i_r), i_w + n * i_r, i_w + n**2 * i_r
+    m_44, m_45, m_55 = m_b * z**2 + i_yy + 2.0 * (i_w + i_r), i_w + n * i_r, i_w + n**2 * i_r + 0.0043
     m_13, m_14 = -m_b * z * s * s_phi, m_b * z * c * c_phi
     m_23, m_24 = m_b * z * s * c_phi, m_b * z * c * s_phi
     mass = [

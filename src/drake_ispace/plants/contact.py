@@ -49,7 +49,7 @@ def contact_forces(
         wheel_acc = (s_acc + side * half_track_m * yaw_acc) / radius_m[i] - kappa * tilt_acc
         spin_up = wheel * (wheel_acc + tilt_acc) + n * rotor * (n * wheel_acc + tilt_acc) + drive * wheel_acc
         out[FORWARD_R + i] = (torque[i] - spin_up) / radius_m[i]
-        along += wheel * (wheel_rates[i] + lean) + rotor * (n * wheel_rates[i] + lean) + drive * wheel_rates[i]
+        along += wheel * (wheel_rates[i] + lean) + rotor * (n * wheel_rates[i] + lean)
     out[SIDEWAYS] = mass * speed * turn + lifted * (yaw_acc * s + 2.0 * turn * lean * c)
     normal = mass * GRAVITY - lifted * (tilt_acc * s + lean * lean * c)
     # d/dt of the angular momentum about the direction of travel, at the middle of the axle, in axes that yaw along
