@@ -35,6 +35,7 @@ from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.sampling.undersampled import tick_findings
 from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
+from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, repaired
@@ -117,9 +118,11 @@ class _Search:
         self._each(frame_findings, self._bases())
         self._each(smoothed_fixes, self._bases())
         tell("comparing torque, command and IMU with the wheels")
+        of_encoders = self._unseen_wheels()
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
+        self.findings = with_rivals(self.findings, of_encoders)
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         drives = self._drives()
@@ -138,7 +141,7 @@ class _Search:
             finding for finding in foreign(self.runs, self._bases(), spoilt, apart)
             if finding.runs[0] not in another and (finding.runs[0], finding.channel) not in known
         ]
-        self._add(strangers)
+        self._add(with_rivals(strangers, of_encoders))
         odd = another | {i for finding in strangers for i in finding.runs}
         fits = [i not in odd for i in range(len(self.runs))]
         self._each(lambda run, found, fits: found if fits else (), steps, fits)
@@ -154,8 +157,17 @@ class _Search:
         ]
         return Checked(self.names, findings, undone, made)
 
-    def _bases(self):
-        return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(self.runs)]
+    def _bases(self, runs=None):
+        runs = self.runs if runs is None else runs
+        return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(runs)]
+
+    def _unseen_wheels(self):
+        """Faults of the encoders that explain as much as one of IMU or torques, of robots that no camera sees."""
+        if any("kinect" in run.channels for run in self.runs):
+            return ()
+        found, faults = mistaken_wheels(self.runs, self._bases)
+        self._add(found)
+        return faults
 
     def _cut(self, i):
         """Stretches [s] that are cut out of a run because of its encoder, by the encoder's clock as it is now."""

@@ -67,7 +67,7 @@ def wheels_or_camera(
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""
-        undo = [repair for one in mistakes(reading) for repair in _repairs(one, base)]
+        undo = [repair for one in mistakes(reading) for repair in repairs_of(one, base)]
         return sum(_by_drive(runs[i], bases[i], undo) for i in having if bases[i] is not None)
 
     def against(i, reading):
@@ -84,7 +84,7 @@ def wheels_or_camera(
 
     return disagreement(
         rows_of, given, None if single else lambda: pairs(base.geometry, counts, gears),
-        lambda reading: reading.channel, lambda reading: _repairs(reading, base), casting, against,
+        lambda reading: reading.channel, lambda reading: repairs_of(reading, base), casting, against,
         is_others=is_others,
     )
 
@@ -226,7 +226,8 @@ def _row(run: Recording, base: Base | None, given: Sequence[Reading]) -> Row:
     return both.row(given, CAMERA, gyro)
 
 
-def _repairs(reading: Reading, base: Base) -> tuple[Repair, ...]:
+def repairs_of(reading: Reading, base: Base) -> tuple[Repair, ...]:
+    """What undoes the mistakes of a reading, of the model's dimensions in the angles of the wheels."""
     repairs, geometry, wheels = [], base.geometry, reading.wheels
     if not np.array_equal(reading.body, np.eye(3)):  # of the wheels' angles, as if not the model were wrong
         seen = geometry.inverse @ geometry.forward
