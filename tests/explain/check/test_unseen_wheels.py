@@ -60,3 +60,14 @@ def test_a_mistake_of_the_encoders_that_explains_as_much_is_a_rival_of_whole_cha
     axes, clock = Finding("imu_axes", "-wz", "imu", repairs=undone), Finding("clock_offset", "late", "kinect")
     of_imu, of_camera = with_rivals([axes, clock], ("wheels_swapped",))
     assert of_imu.rivals == ("wheels_swapped",) and of_camera == clock
+
+
+def test_a_gyro_that_goes_with_no_run_may_be_mistaken_otherwise(unseen):
+    noise = np.random.default_rng(3)
+    shaken = [
+        replace(run, channels=run.channels | {"imu": replace(imu, values=np.column_stack([
+            imu.values[:, :5], 0.3 * np.sin(np.cumsum(noise.uniform(0.0, 0.03, len(imu.t)))),
+        ]))}) for run in unseen for imu in (run.channels["imu"],)
+    ]
+    strange = [finding for finding in check(MODEL, shaken).findings if finding.fault == "channel_of_another_run"]
+    assert len(strange) == 2 and all(finding.rivals[0] == "imu_axes" for finding in strange)

@@ -25,6 +25,13 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 Stretches = Sequence[tuple[float, float]]
+_OF_NOBODY = "does not move with the robot"
+#: Channel -> what a channel may be besides that moves with the wheels in no run.
+_WHOLE = {
+    "encoder": ("wheels_swapped", "wheel_sign", "counts_per_turn"), "imu": ("imu_axes", "wheels_swapped", "wrong_unit"),
+    TORQUE: ("torque_sign", "torques_swapped", "wrong_unit"), COMMAND: ("command_sign", "command_axes_swapped"),
+    "kinect": ("camera_axis_mirrored", "heading_sign", "wheels_swapped"),
+}
 
 
 @dataclass(frozen=True)
@@ -96,11 +103,21 @@ def foreign(
         for name in strangers if is_it else ["encoder"]:
             against = sum(-one.gain for other, one in relation.items() if name in (other, "encoder"))
             found.append(Finding(
-                "channel_of_another_run", whose(name) or "does not move with the robot", name, runs=(number,),
+                "channel_of_another_run", whose(name) or _OF_NOBODY, name, runs=(number,),
                 drop_in_deviance=2.0 * max(against, 0.0), rivals=() if friends else ("robot_lifted",),
                 repairs=(Without(name),),
             ))
-    return found
+    return [_if_in_most(finding, found, runs) for finding in found]
+
+
+def _if_in_most(finding, found, runs):
+    """A finding with other mistakes as rivals if most runs have it: no logger takes all of them from elsewhere."""
+    accused = [f for f in found if f.fault == finding.fault and f.what == finding.what == _OF_NOBODY]
+    same = {f.runs for f in accused if f.channel == finding.channel}
+    having = sum(finding.channel in run.channels for run in runs)
+    if finding not in accused or len(same) < 2 or 2 * len(same) <= having:
+        return finding
+    return replace(finding, rivals=(*_WHOLE.get(finding.channel, ()), *finding.rivals))
 
 
 def another_robot(runs: tuple[int, ...], drop_in_deviance: float, rivals: tuple[str, ...], advice: str = "") -> Finding:
