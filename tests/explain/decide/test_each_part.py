@@ -1,6 +1,7 @@
 """An effect that one run has and the others do not."""
 
 import dataclasses
+import importlib
 
 import pytest
 
@@ -150,6 +151,16 @@ def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
         }
         cut.append(until(end_s, dataclasses.replace(recording, channels=moving)))
     assert halves_of(cut) == set()
+
+
+def test_halves_in_which_the_model_runs_away_are_left_alone(monkeypatch):
+    monkeypatch.setattr(importlib.import_module(shown_by_half.__module__), "is_finite", lambda residuals: False)
+    late = [
+        dataclasses.replace(run, channels=run.channels | {"kinect": dataclasses.replace(camera, t=camera.t + late_s)})
+        for run in runs({}, (), 2) for camera in (run.channels["kinect"],)
+        for late_s in (0.06 * (camera.t > 6.0),)
+    ]
+    assert halves_of(late) == set()
 
 
 def test_a_drive_that_lags_alike_in_both_halves_does_so_although_a_lag_is_not_linear():

@@ -19,11 +19,11 @@ from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, De
 from drake_ispace.explain.decide.proposals.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.shown import alarm_of, held
 from drake_ispace.explain.decide.survey.generic import Generic
-from drake_ispace.explain.decide.survey.signatures import Signature
+from drake_ispace.explain.decide.survey.signatures import Signature, is_finite
 from drake_ispace.explain.decide.survey.survey import Survey, blocks_of, survey, survey_of
 from drake_ispace.explain.decide.survey.view import View, scales_of
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Point
+from drake_ispace.explain.fit.likelihood import Point, merged
 from drake_ispace.explain.levels import BLOCK_TICKS, CHANCE, LEAST_SPREAD
 from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction, predict
@@ -85,13 +85,16 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
     So may an effect of `point`. Each is tested beside the others, under the noise with all of them: noise that was
     learned while an effect was missing takes up some of it, in one half more than in the other. It is tried at its
     size, too: what it changes is there in both halves if that is its size, however little it is linear in the size.
-    Nothing is told where a half has nothing that is scored.
+    Nothing is told where a half has nothing that is scored, or where a model that falls by itself runs away in one that
+    begins in motion.
     """
     halves = [
         predict(prediction.replay, half, tune=False)
         for half in zip(*(_halved(track, prediction.replay.settling_ticks) for track in prediction.tracks), strict=True)
     ]
     if any(all(_has_nothing(half, track) for track in half.tracks) for half in halves):
+        return []
+    if not all(is_finite(half.residuals(merged(point))) for half in halves):
         return []
     survey_of_half = partial(survey, generics=_no_generics)
     found, surveys = _shown(lambda i: survey_of_half(halves[i], point, _anywhere(candidates, point)), _HALVES, seed)
