@@ -17,7 +17,7 @@ typedef struct {
 typedef struct {
     double slope[2], radius[N], half_track;
     Body body;
-    double contact[4];
+    double contact[5];
     Friction friction;
     Slip slip;
     double imu_height, stream[2], ground_force[3];

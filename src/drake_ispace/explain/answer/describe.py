@@ -144,8 +144,8 @@ def _besides(left_over: LeftOver, explained: float) -> str:
     is_generic = isinstance(effect, Generic)
     what = f"a {effect.link} that goes with {effect.driver}" if is_generic else left_over.candidate.name
     share = 100.0 * left_over.gain / max(left_over.gain + explained, 1e-12)
-    perhaps = "" if left_over.is_more else "perhaps "
-    return f"besides, {perhaps}{what} ({p_in_words(left_over.p_value)}, {share:.0f} % of what is explained)"
+    perhaps, part = "" if left_over.is_more else "perhaps ", f"{share:.0f}" if share >= 1.0 else "less than 1"
+    return f"besides, {perhaps}{what} ({p_in_words(left_over.p_value)}, {part} % of what is explained)"
 
 
 def _explained(decision) -> Residuals:

@@ -28,7 +28,10 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
         drive = f"drive so that {unknown.driver} changes while everything else stays as it is"
         if unknown.driver.startswith("time"):
             drive = "repeat one motion several times in a run, so that nothing but time changes"
-        return f"{drive}, and log the same channels; nearest known effect: {unknown.nearest}"
+        elif unknown.driver == "place":
+            drive = "repeat one motion in other parts of the room, so that nothing but the place changes"
+        nearest = f"; nearest known effect: {unknown.nearest}" if unknown.nearest != "none" else ""
+        return f"{drive}, and log the same channels{nearest}"
     if untestable:
         first, *others = untestable
         listed = [entry.effect for entry in others[:_MOST_LISTED]]

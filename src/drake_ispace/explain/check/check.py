@@ -163,7 +163,8 @@ class _Search:
 
     def _unseen_wheels(self):
         """Faults of the encoders that explain as much as one of IMU or torques, of robots that no camera sees."""
-        if any("kinect" in run.channels for run in self.runs):
+        channels = {name for run in self.runs for name in run.channels}
+        if "kinect" in channels or not channels >= {"imu", TORQUE}:
             return ()
         found, faults = mistaken_wheels(self.runs, self._bases)
         self._add(found)

@@ -41,7 +41,7 @@ def _of_channel(name, channel) -> Iterator[Finding]:
     missing = 1.0 - shown.sum() / steps[within].sum()
     if missing > _SELDOM and 2 * shown.sum() <= steps[within].sum() and 2 * again[shown].sum() < shown.sum():
         step_ms = 1e3 * TICK_S * steps[within].sum() / shown.sum()
-        what = f"a sample every {step_ms:.3g} ms, the controller acts every {1e3 * TICK_S:.3g} ms"
+        what = f"a sample every {step_ms:.3g} ms, the model's controller acts every {1e3 * TICK_S:.3g} ms"
         yield Finding("undersampled", what, name, repairs=(Without(name),))
     elif missing > _SELDOM:
         yield Finding("steps_missing", f"no sample at {100.0 * missing:.0f} % of the ticks", name)
