@@ -34,7 +34,7 @@ class OmniPlantParameters:
     mass_kg: float = quantity(7.31, "kg", above=0.0)
     # I_phi about the centre of gravity; Table 2.2 prints 7.29e-5, which no robot of this size and mass can have
     inertia_kg_m2: float = quantity(7.29e-2, "kg*m^2", above=0.0)
-    # I_w
+    # I_w, with gears and rotor as seen at the wheel
     wheel_inertia_kg_m2: float = quantity(0.1e-5, "kg*m^2", minimum=0.0)
     # r_w
     wheel_radius_m: float = quantity(0.024, "m", above=0.0, maximum=5.0)

@@ -9,6 +9,9 @@ literature's counts wheel rotation only, (2.34)-(2.36), kappa = 0. Then
     m33 = m_b z^2 + I_yy + 2 (1 - kappa)^2 I_w + 2 (1 - n kappa)^2 I_r
     m22 = (m_b z^2 + I_xx) sin^2 + I_zz cos^2 + 2 (I_wz + I_rz) + 2 m_w b^2 + 2 (b/r)^2 (I_w + n^2 I_r)
 
+The inertia J of what turns with a wheel against the body, which the thesis does not have, adds J theta_wb_dot^2 / 2 of
+each wheel: J to I_w + n^2 I_r, -kappa J to (1 - kappa) I_w + n (1 - n kappa) I_r, and 2 kappa^2 J to m33.
+
 The tests derive the same matrix from the energies (`tests/robots/pendulum_lagrangian.py`). For wheels of different
 radii r_R and r_L, 2/r^2 becomes 1/r_R^2 + 1/r_L^2, 2/r becomes 1/r_R + 1/r_L, and yaw is coupled to the other motions
 by

@@ -73,6 +73,16 @@ def test_wheels_that_turn_before_their_command_tell_of_its_clock(late_s):
     assert finding.repairs[0].offset_s == pytest.approx(-late_s, abs=TICK_S)
 
 
+def test_a_late_command_is_told_of_encoders_that_are_read_rarely():
+    runs = [
+        Clock("command", 1.0, 0.19).apply(two_wheels.drive(
+            seed, 20.0, left_share=0.0, late_s=0.0, lag_s=0.0, in_step=True, encoder_hz=4.0,
+        )) for seed in (1, 2)
+    ]
+    _, (finding,) = with_clocks_set(prepare(two_wheels.model(), runs, (), FOLLOWING), ["a", "b"])
+    assert (finding.fault, finding.channel) == ("clock_offset", "command")
+
+
 @pytest.mark.parametrize("robot", [
     {}, {"lag_s": 0.1}, {"others": {"delay_s": 0.1}}, {"others": {"gain_share": 0.05}}, {"left_share": 0.04},
     {"late_s": 0.08}, {"in_step": False}, {"ramp_s": 3.0, "encoder_hz": 20.0, "lag_s": 0.1},

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib
 
+import numpy as np
 import pytest
 
 import drake_ispace as di
@@ -151,6 +152,24 @@ def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
         }
         cut.append(until(end_s, dataclasses.replace(recording, channels=moving)))
     assert halves_of(cut) == set()
+
+
+def test_of_several_coordinates_the_one_that_changes_is_told():
+    late = []
+    for recording in runs({"others": {"marker_x_m": 0.0}}, (), 2):
+        camera = recording.channels["kinect"]
+        since, (x, y, phi) = camera.t > 6.0, camera.values[:, :3].T
+        off = np.column_stack([-np.sin(phi), np.cos(phi)]) * 0.05 * since[:, None]
+        values = np.column_stack([np.column_stack([x, y]) + off, phi, camera.values[:, 3:]])
+        late.append(dataclasses.replace(recording, channels=recording.channels | {
+            "kinect": dataclasses.replace(camera, values=values),
+        }))
+    case = prepare(two_wheels.model(), late)
+    tried = candidates(case.effects_to_try, case.replay.body)
+    (marker,) = (one for one in tried if one.name == "marker_offset")
+    named = [3e-4, 0.025, *[0.0] * (len(marker.parameters) - 2)]
+    parts = [one.part for one in shown_by_half(case.prediction, {marker: named}, tried, 0)]
+    assert "the second half of the runs" in parts
 
 
 def test_halves_in_which_the_model_runs_away_are_left_alone(monkeypatch):

@@ -121,7 +121,7 @@ class TorqueGainError(TorqueEffect):
         name="torque_gain_error", title="Torque gain error", home="actuator", equation="tau' = (1 + share) tau",
         source="motor constant or amplifier gain other than assumed",
         signature="an unmodelled torque in proportion to the command, equal for all wheels",
-        look_alikes=("mass_error", "inertia_error", "load_dependent_friction", "battery_sag_load"),
+        look_alikes=("mass_error", "inertia_error", "drive_inertia", "load_dependent_friction", "battery_sag_load"),
         excitation="acceleration along all axes and turning: a mass error scales forces only, not the yaw moment",
     )
     parameters = (Parameter("share", "1", 0.0, -0.7, 0.7, (0.05,), tolerance=0.005),)

@@ -32,7 +32,7 @@ class MassError(NumberError):
         name="mass_error", title="Mass error", home="plant", equation="m = (1 + share) m_nominal",
         source="payload, battery, cables",
         signature="an unmodelled force against acceleration, none against turning; the pendulum falls faster as well",
-        look_alikes=("torque_gain_error", "inertia_error", "centre_of_gravity_offset"),
+        look_alikes=("torque_gain_error", "inertia_error", "drive_inertia", "centre_of_gravity_offset"),
         excitation="straight acceleration and turning, both: a wrong torque gain shows in either",
     )
 
@@ -48,7 +48,9 @@ class InertiaError(NumberError):
         equation="I = (1 + share) I_nominal, omni: yaw, pendulum: I_yy",
         source="how the payload is spread; Table 2.2 prints a yaw inertia that no such robot has",
         signature="an unmodelled moment against angular acceleration (omni: yaw, pendulum: pitch), none at rest",
-        look_alikes=("torque_gain_error", "turn_scrub", "mass_error", "track_error", "centre_of_gravity_offset"),
+        look_alikes=(
+            "torque_gain_error", "turn_scrub", "mass_error", "drive_inertia", "track_error", "centre_of_gravity_offset",
+        ),
         excitation="omni: quick changes of the yaw rate, with straight acceleration to exclude the torque gain; "
         "pendulum: fast rocking. Its I_yy is small beside m_b z^2, so only large shares show",
     )
@@ -64,7 +66,7 @@ class YawInertiaError(NumberError):
         name="yaw_inertia_error", title="Yaw inertia error", home="plant",
         equation="I_zz, I_xx = (1 + share) nominal", source="width and payload of the body; I_xx is assumed anyway",
         signature="an unmodelled moment against yaw acceleration, none at steady turning",
-        look_alikes=("turn_scrub", "track_error", "torque_gain_error"),
+        look_alikes=("turn_scrub", "track_error", "drive_inertia", "torque_gain_error"),
         excitation="quick changes of the yaw rate both ways: scrub keeps its size, inertia goes with the acceleration",
     )
 
@@ -88,7 +90,8 @@ class DriveInertia(PlantEffect):
     def parameters_of(self, body):
         inertia, of_mass = body.robot.drive_inertia(body.plant)
         probes = (0.05 * of_mass, 0.3 * of_mass)
-        return (Parameter("inertia_kg_m2", "kg*m^2", 0.0, -inertia, 3.0 * of_mass, probes, tolerance=0.005 * of_mass),)
+        low = -inertia if inertia > probes[0] else 0.0  # there is next to nothing to be taken away
+        return (Parameter("inertia_kg_m2", "kg*m^2", 0.0, low, 3.0 * of_mass, probes, tolerance=0.005 * of_mass),)
 
     def change(self, robot, plant, values):
         return robot.geared(plant, values["inertia_kg_m2"])

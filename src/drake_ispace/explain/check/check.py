@@ -21,7 +21,7 @@ from drake_ispace.explain.check.compare.command.setpoints import setpoint_findin
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import another_robot, foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import LATENCY_S, base_of, lags, link_of
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
@@ -119,10 +119,11 @@ class _Search:
         self._each(smoothed_fixes, self._bases())
         tell("comparing torque, command and IMU with the wheels")
         of_encoders = self._unseen_wheels()
+        earlier = len(self.findings)
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
-        self.findings = with_rivals(self.findings, of_encoders)
+        self.findings[earlier:] = with_rivals(self.findings[earlier:], of_encoders)
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         drives = self._drives()
@@ -163,8 +164,8 @@ class _Search:
 
     def _unseen_wheels(self):
         """Faults of the encoders that explain as much as one of IMU or torques, of robots that no camera sees."""
-        channels = {name for run in self.runs for name in run.channels}
-        if "kinect" in channels or not channels >= {"imu", TORQUE}:
+        sees = any(len(link.since_s) >= FEWEST for _, link, _ in self._links("kinect"))
+        if sees or not {"imu", TORQUE} <= {name for run in self.runs for name in run.channels}:
             return ()
         found, faults = mistaken_wheels(self.runs, self._bases)
         self._add(found)

@@ -7,69 +7,82 @@ other way, torques to change places as well, and in some runs neither to move wi
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from drake_ispace.explain.check.compare.agreement import RELATED
 from drake_ispace.explain.check.compare.drive_and_imu import imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import foreign
-from drake_ispace.explain.check.compare.hypotheses import Reading, readings
+from drake_ispace.explain.check.compare.hypotheses import readings
 from drake_ispace.explain.check.compare.links import Base
 from drake_ispace.explain.check.compare.wheels_and_camera import repairs_of
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import repaired
+from drake_ispace.faults.repair import Repair, repaired
 from drake_ispace.files.recording import Recording
 
 Bases = Sequence[Base | None]
 _COLUMNS = (imu_columns_of, torque_columns_of)
+_AS_WELL = 0.95  # of how well IMU and torques follow by their own mistakes: what they must by one of the encoders
 
 
 def mistaken_wheels(
     runs: Sequence[Recording], bases_of: Callable[[Sequence[Recording]], Bases]
 ) -> tuple[list[Finding], tuple[str, ...]]:
-    """The mistake of the encoders of all runs without which IMU and torques agree with them, if these have several.
+    """The mistake of all encoders without which IMU and torques agree with them, if not one of these alone is accused.
 
-    Also the faults of encoders that explain as much as the one mistake of IMU or torques.
+    Also the fault of the encoders that explains as much as the mistakes of the one that is.
     """
     bases = bases_of(runs)
-    base, blamed = next((one for one in bases if one is not None), None), _blamed(runs, bases)
+    base, (blamed, follows) = next((one for one in bases if one is not None), None), _blamed(runs, bases)
     if base is None or not blamed:
         return [], ()
-    follows: list[tuple[float, Reading]] = []
-    for reading in readings(base.geometry, float(base.settings.encoder.counts_per_turn)):
-        if reading.channel == "encoder" and not reading.rare:
-            undone = [repaired(run, repairs_of(reading, base)) for run in runs]
-            if well := _agreeing(undone, bases_of(undone)):
-                follows.append((well, reading))
-    # wheels that hardly turn by a reading accuse nobody either
-    follows.sort(key=lambda one: -one[0])
-    alike = [reading for well, reading in follows if well > (1.0 - RELATED) * follows[0][0]]
-    faults = tuple(dict.fromkeys(reading.fault for reading in alike))
-    if not alike or len(blamed) == 1:
-        return [], faults
-    rivals = dict.fromkeys((*faults[1:], *(finding.fault for finding in blamed)))
+    best, reading = 0.0, None
+    for tried in readings(base.geometry, float(base.settings.encoder.counts_per_turn)):
+        if tried.channel == "encoder" and not tried.rare:
+            undone = [_undone(run, own, tried) for run, own in zip(runs, bases, strict=True)]
+            if (well := _agreeing(undone, bases_of(undone))) > best:  # wheels that hardly turn accuse nobody either
+                best, reading = well, tried
+    if reading is None or best < _AS_WELL * follows:
+        return [], ()
+    accused = {finding.channel for finding in blamed}
+    if len(accused) == 1 and "encoder" not in accused:
+        return [], (reading.fault,)
+    having: dict[tuple[Repair, ...], list[int]] = {}  # the columns of a run may have names of their own
+    for i, own in enumerate(bases):
+        if own is not None:
+            having.setdefault(repairs_of(reading, own), []).append(i)
+    rivals = tuple(dict.fromkeys(finding.fault for finding in blamed))
     drop = sum(finding.drop_in_deviance for finding in blamed)
-    return [Finding(
-        alike[0].fault, alike[0].what, "encoder", drop_in_deviance=drop, rivals=tuple(rivals),
-        repairs=repairs_of(alike[0], base), runs=tuple(range(len(runs))),
-    )], ()
+    return [
+        Finding(
+            reading.fault, reading.what, "encoder", drop_in_deviance=drop, rivals=rivals, repairs=repairs,
+            runs=tuple(numbers),
+        ) for repairs, numbers in having.items()
+    ], ()
 
 
 def with_rivals(findings: Sequence[Finding], faults: tuple[str, ...]) -> list[Finding]:
-    """The findings, with faults of the encoders as rivals of those that accuse whole channels beside them."""
-    return [
-        replace(one, rivals=(*one.rivals, *faults)) if one.channel in ("imu", "torque") and one.repairs else one
-        for one in findings
-    ]
+    """The findings, with faults of the encoders as rivals."""
+    return [replace(one, rivals=tuple(dict.fromkeys((*one.rivals, *faults)))) for one in findings]
 
 
-def _blamed(runs, bases) -> list[Finding]:
-    """What IMU and torques would be accused of, each by itself."""
-    return [finding for of in _COLUMNS for finding in of(runs, bases).findings] + _strangers(runs, bases)
+def _undone(run, base, reading):
+    return run if base is None else repaired(run, repairs_of(reading, base))
+
+
+def _blamed(runs, bases) -> tuple[list[Finding], float]:
+    """What IMU and torques would be accused of, each by itself, and how well they follow the wheels without that.
+
+    A channel whose columns are mistaken goes with the wheels in no run, and is no stranger for that.
+    """
+    both = [of(runs, bases) for of in _COLUMNS]
+    columns = [finding for one in both for finding in one.findings]
+    accused = {finding.channel for finding in columns}
+    strangers = [finding for finding in _strangers(runs, bases) if finding.channel not in accused]
+    return columns + strangers, sum(one.follows for one in both if one.explained)
 
 
 def _agreeing(runs, bases) -> float:
     """How well IMU and torques follow the wheels, both together; 0 where one does not, or is accused of anything."""
     together = 0.0
     for of in _COLUMNS:
-        agreement = of(runs, bases)
+        agreement = of(runs, bases, True)
         if agreement.findings or not agreement.explained:
             return 0.0
         together += agreement.follows

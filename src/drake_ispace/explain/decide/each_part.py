@@ -107,7 +107,11 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
 def _survey_under(survey_of_half, halves, noises, point, effect, i) -> Survey:
     """The Survey of a half that tests one effect of `point` beside the others, under a noise that is known."""
     rest = {other: z for other, z in point.items() if other is not effect}
-    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i], at={effect: point[effect]})
+    at = [
+        [*effect.neutral[:k], size, *effect.neutral[k + 1 :]] for k, size in enumerate(point[effect])
+        if size != effect.neutral[k]
+    ]
+    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i], at={effect: at})
 
 
 def _no_generics(prediction, point, base) -> list[Signature]:

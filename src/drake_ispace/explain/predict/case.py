@@ -51,7 +51,7 @@ class Case:
         return max(track.ticks for track in self.prediction.tracks) * TICK_S >= SHORTEST_S
 
     def with_earlier(self, channel: str, ticks: int) -> "Case":
-        """The case with a channel, IMU or what drives the robot, that was so many ticks earlier than its stamps say."""
+        """The case with IMU, encoders or what drives the robot so many ticks earlier than their stamps say."""
         both = [
             prediction and predict(self.replay, [track.earlier(channel, ticks) for track in prediction.tracks])
             for prediction in (self.prediction, self.held_out)

@@ -117,7 +117,7 @@ def _if_in_most(finding, found, runs):
     having = sum(finding.channel in run.channels for run in runs)
     if finding not in accused or len(same) < 2 or 2 * len(same) <= having:
         return finding
-    return replace(finding, rivals=(*_WHOLE.get(finding.channel, ()), *finding.rivals))
+    return replace(finding, rivals=(*finding.rivals, *_WHOLE.get(finding.channel, ())))
 
 
 def another_robot(runs: tuple[int, ...], drop_in_deviance: float, rivals: tuple[str, ...], advice: str = "") -> Finding:

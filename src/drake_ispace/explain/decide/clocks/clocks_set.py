@@ -7,6 +7,7 @@ transmission cannot explain: where motion is slow and samples are rare, missing 
 its torque.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -57,8 +58,12 @@ def with_clocks_set(case: Case, names: list[str]) -> tuple[Case, list[Finding]]:
         channel, ticks = driven, found.late(driven, round(delay.parameters[0].high / TICK_S))
     else:
         channel, ticks = found.clearest([driven, *["imu"] * robot.has_imu])
-        if not ticks and robot.has_imu:
-            channel, ticks = found.of_encoder(candidates(case.effects_to_try, case.replay.body))
+        if not ticks and robot.has_imu:  # the counts of encoders tell less, nothing of half a tick, and so of one
+            channel, ticks = found.clearest(["encoder"])
+            ticks = 0 if abs(ticks) < _LEAST_TICKS else ticks
+        if ticks and channel != driven:
+            tried = candidates(case.effects_to_try, case.replay.body)
+            ticks = 0 if found.may_be_an_effect(channel, ticks, tried) else ticks
     if not ticks or (channel == driven and ticks < 0):  # a robot may follow late: a delay, a lag
         return case, []
     off = f"clock {abs(ticks) * TICK_S:.3g} s {'late' if ticks > 0 else 'early'}"
@@ -93,7 +98,7 @@ class _Clocks:
         tracks = [self._prediction.tracks[i].earlier(channel, ticks) for i in runs]
         starts = [self._prediction.starts[i] for i in runs]
         moved = replace(self._prediction, tracks=tracks, starts=starts).residuals(values)
-        end = -(_MOST // self._prediction.row_ticks)  # there what comes earlier has no samples of its own
+        end = -math.ceil(_MOST / self._prediction.row_ticks)  # there what comes earlier has no samples of its own
         by_run = (
             _surprise(run["motion"][:end], [change[:end] for change in self._lacking[i]])
             for i, run in zip(runs, moved, strict=True)
@@ -108,26 +113,26 @@ class _Clocks:
         the others those that are best there.
         """
         tried = [(channel, ticks) for channel in channels for ticks in range(-_MOST, _MOST + 1)]
-        of_run = [float(np.abs(np.diff(track.measured, axis=0)).sum()) for track in self._prediction.tracks]
+        of_run = [float(np.abs(np.diff(track.command, axis=0)).sum()) for track in self._prediction.tracks]
         busiest = [int(np.argmax(of_run))]
         left = each(lambda one: self._left_of(busiest, *one), tried)
         near = [tried[i] for i in np.argsort(left)[:_FOLLOWED]]
         channel, ticks = min(near, key=lambda one: self.left(*one))
-        return (channel, ticks) if self.left(channel, ticks) < self.left(channel, 0) - LEAST_FURTHER else (channel, 0)
+        as_given = self.left(channel, 0)
+        is_off = np.isfinite(as_given) and self.left(channel, ticks) < as_given - LEAST_FURTHER
+        return channel, ticks if is_off else 0
 
-    def of_encoder(self, lacking: Sequence[Candidate]) -> tuple[str, int]:
-        """As `clearest`, of the encoders, whose counts tell less; not where an effect that may be lacking leaves less.
+    def may_be_an_effect(self, channel: str, ticks: int, lacking: Sequence[Candidate]) -> bool:
+        """Whether one of these effects leaves less than a clock that is off by so much.
 
-        Backlash and the like also make wheels follow late. To half a tick, and so to one, nothing is off.
+        An IMU behind a low-pass is late as well, and backlash makes wheels follow late.
         """
-        channel, ticks = self.clearest(["encoder"])
-        if abs(ticks) < _LEAST_TICKS:
-            return channel, 0
         scales, runs = scales_of(self._prediction), range(len(self._prediction.tracks))
-        tried = [(c, np.array(z)) for c in lacking for z in probes(c, scales)]
-        tried += [(c, 2.0 * z - c.neutral) for c, z in tried]
-        left = each(lambda c, z: self._left_of(runs, channel, 0, merged({c: c.within(z)})), *zip(*tried, strict=True))
-        return channel, ticks if self.left(channel, ticks) < min(left, default=np.inf) else 0
+        tried = [(candidate, np.array(z)) for candidate in lacking for z in probes(candidate, scales)]
+        tried += [(candidate, 2.0 * z - candidate.neutral) for candidate, z in tried]
+        values = [merged({candidate: candidate.within(z)}) for candidate, z in tried]
+        left = each(lambda of_effect: self._left_of(runs, channel, 0, of_effect), values)
+        return min(left, default=np.inf) < self.left(channel, ticks)
 
     def late(self, channel: str, latest: int) -> int:
         """By how many ticks within a latency the channel is late, whatever lies between; 0 where it is not.

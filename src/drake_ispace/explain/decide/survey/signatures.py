@@ -1,7 +1,8 @@
 """Signatures: what each effect would change in the residuals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class Signature:
 
 def signatures(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], scales: dict[str, float], base: Residuals,
-    at: Point | None = None,
+    at: Mapping[Candidate, Sequence[list[float]]] = MappingProxyType({}),
 ) -> list[Signature]:
     """The signature of every probe of every candidate; probes at which the model runs away are left out.
 
@@ -48,8 +49,7 @@ def signatures(
         neutral, (low, high) = candidate.neutral[number], candidate.bounds[number]
         return Signature(candidate, z, number, low >= neutral or high <= neutral, changes)
 
-    own = at or {}
-    tried = [(c, z) for c in candidates for z in [*probes(c, scales), *([own[c]] if c in own else [])]]
+    tried = [(c, z) for c in candidates for z in [*probes(c, scales), *at.get(c, ())]]
     tried = [(candidate, z) for candidate, z in tried if not candidate.parameters[moved(candidate, z)].shape]
     return [found for found in each(signature, tried) if found is not None]
 

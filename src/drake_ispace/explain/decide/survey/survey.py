@@ -1,7 +1,8 @@
 """Tests of all effects from one point, under the noise that no effect explains there."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -89,7 +90,7 @@ class Survey:
 def survey(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate],
     whitening: Whitening | None = None, near: bool = False, generics: Generics = generic_signatures,
-    at: Point | None = None,
+    at: Mapping[Candidate, Sequence[list[float]]] = MappingProxyType({}),
 ) -> Survey:
     """Test all effects for a model that has those of `point`.
 
@@ -97,7 +98,7 @@ def survey(
         prediction: model and runs. candidates: effects to try.
         whitening: noise, default that of the residuals at `point`. near: whether `point` is nearly the best one, so
             that the noise's memory is marginalised. generics: signatures of what competes with the candidates.
-        at: sizes at which some candidates are tried besides their probes.
+        at: further probes of some candidates.
     """
     base = prediction.residuals(merged(point))
     view = view_from(prediction, point, candidates, base, generics, at)

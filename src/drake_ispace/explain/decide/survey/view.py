@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -124,7 +125,7 @@ class Regression:
 
 def view_from(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate], base: Residuals,
-    generics: Generics, at: Point | None = None,
+    generics: Generics, at: Mapping[Candidate, Sequence[list[float]]] = MappingProxyType({}),
 ) -> View:
     """The View around `point`.
 
