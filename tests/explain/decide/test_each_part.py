@@ -160,14 +160,14 @@ def test_of_several_coordinates_the_one_that_changes_is_told():
         camera = recording.channels["kinect"]
         since, (x, y, phi) = camera.t > 6.0, camera.values[:, :3].T
         off = np.column_stack([-np.sin(phi), np.cos(phi)]) * 0.05 * since[:, None]
-        values = np.column_stack([np.column_stack([x, y]) + off, phi, camera.values[:, 3:]])
+        values = np.column_stack([np.column_stack([x, y]) + off, phi + 0.06 * since, camera.values[:, 3:]])
         late.append(dataclasses.replace(recording, channels=recording.channels | {
             "kinect": dataclasses.replace(camera, values=values),
         }))
     case = prepare(two_wheels.model(), late)
     tried = candidates(case.effects_to_try, case.replay.body)
     (marker,) = (one for one in tried if one.name == "marker_offset")
-    named = [3e-4, 0.025, *[0.0] * (len(marker.parameters) - 2)]
+    named = [3e-4, 0.025, 0.03]
     parts = [one.part for one in shown_by_half(case.prediction, {marker: named}, tried, 0)]
     assert "the second half of the runs" in parts
 
