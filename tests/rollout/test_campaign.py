@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from drake_ispace.blocks.errors import InputError
@@ -10,7 +11,7 @@ from drake_ispace.metrics import measure
 from drake_ispace.rollout.engine import simulate_compiled
 from drake_ispace.rollout.many.campaign import CampaignStopped, make_plan, montecarlo
 from drake_ispace.rollout.many.draws import find_parameter, noise_seed, parse_distribution, split_vary
-from drake_ispace.rollout.many.table import read_campaign, spread
+from drake_ispace.rollout.many.table import Rows, read_campaign, spread
 from drake_ispace.rollout.many.worker import METRICS
 from drake_ispace.scenario import load_scenario, with_option
 
@@ -311,3 +312,11 @@ def test_a_cluster_of_two_processes_gives_the_same_table(scenario, whole, tmp_pa
     ) as cluster:
         montecarlo(scenario, 150, vary=VARY, out=tmp_path, cluster=cluster.scheduler_address)
     assert read_campaign(tmp_path).equals(whole)
+
+
+def test_rows_that_were_taken_while_ctrl_c_came_are_counted(tmp_path):
+    rows = Rows(pa.schema([("run", pa.int64())]), tmp_path)
+    rows.add([{"run": number} for number in range(3)])
+    rows.done = {0}  # the count was interrupted
+    rows.flush()
+    assert rows.done == {0, 1, 2}

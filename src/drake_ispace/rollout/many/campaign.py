@@ -114,6 +114,7 @@ def montecarlo(
             if len(rows.done) < len(plan):
                 _run(plan, text, rows, workers, tell)
         except KeyboardInterrupt:
+            rows.flush()
             raise CampaignStopped(_stopped(len(rows.done), len(plan), out)) from None
         finally:
             rows.flush()

@@ -53,6 +53,7 @@ class Rows:
         if not self._kept:
             return
         rows = sorted(self._kept, key=lambda row: row["run"])
+        self.done.update(row["run"] for row in rows)  # Ctrl-C may have come while they were counted
         table = pa.Table.from_pylist(rows, self.schema)
         if self.folder is None:
             self._tables.append(table)
