@@ -168,7 +168,7 @@ class _Search:
         if sees or not {"imu", TORQUE} <= {name for run in self.runs for name in run.channels}:
             return ()
         found, faults = mistaken_wheels(self.runs, self._bases)
-        self._add(found)
+        self._add(_joined(found))
         return faults
 
     def _cut(self, i):

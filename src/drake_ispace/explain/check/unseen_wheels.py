@@ -13,7 +13,7 @@ from drake_ispace.explain.check.compare.hypotheses import readings
 from drake_ispace.explain.check.compare.links import Base
 from drake_ispace.explain.check.compare.wheels_and_camera import repairs_of
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Repair, repaired
+from drake_ispace.faults.repair import repaired
 from drake_ispace.files.recording import Recording
 
 Bases = Sequence[Base | None]
@@ -26,7 +26,7 @@ def mistaken_wheels(
 ) -> tuple[list[Finding], tuple[str, ...]]:
     """The mistake of all encoders without which IMU and torques agree with them, if not one of these alone is accused.
 
-    Also the fault of the encoders that explains as much as the mistakes of the one that is.
+    A finding for each run. Also the fault of the encoders that explains as much as the mistakes of the one that is.
     """
     bases = bases_of(runs)
     base, (blamed, follows) = next((one for one in bases if one is not None), None), _blamed(runs, bases)
@@ -43,17 +43,13 @@ def mistaken_wheels(
     accused = {finding.channel for finding in blamed}
     if len(accused) == 1 and "encoder" not in accused:
         return [], (reading.fault,)
-    having: dict[tuple[Repair, ...], list[int]] = {}  # the columns of a run may have names of their own
-    for i, own in enumerate(bases):
-        if own is not None:
-            having.setdefault(repairs_of(reading, own), []).append(i)
     rivals = tuple(dict.fromkeys(finding.fault for finding in blamed))
     drop = sum(finding.drop_in_deviance for finding in blamed)
     return [
         Finding(
-            reading.fault, reading.what, "encoder", drop_in_deviance=drop, rivals=rivals, repairs=repairs,
-            runs=tuple(numbers),
-        ) for repairs, numbers in having.items()
+            reading.fault, reading.what, "encoder", drop_in_deviance=drop, rivals=rivals,
+            repairs=repairs_of(reading, own), runs=(i,),  # whose columns may have names of their own
+        ) for i, own in enumerate(bases) if own is not None
     ], ()
 
 
