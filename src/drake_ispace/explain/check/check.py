@@ -270,6 +270,7 @@ class _Search:
             for finding in self.findings
         ]
         self.findings = [finding for finding in kept if finding.runs]
+        self._times.clear()
 
     def _clocks(self, channel):
         """The mistakes of a channel's clock, in the runs as they are now.
@@ -330,9 +331,16 @@ class _Search:
             if self._echo(finding):
                 continue
             self.findings.append(finding)
-            self._times.clear()
+            repairs = finding.repairs + finding.for_now
+            self._forget_clocks({finding.channel, *(one.channel for one in repairs if not isinstance(one, CutOut))})
             for i in finding.runs:
-                self.runs[i] = repaired(self.runs[i], (*finding.repairs, *finding.for_now))
+                self.runs[i] = repaired(self.runs[i], repairs)
+
+    def _forget_clocks(self, changed):
+        """Compare clocks anew, if asked for again, of the channels that are compared with changed ones."""
+        for channel in list(self._times):
+            if changed & {channel, "encoder", *(("imu",) if channel == TORQUE else ())}:
+                del self._times[channel]
 
     def _spoilt(self, runs):
         """Stretches [s] of these runs at which something is at fault."""

@@ -25,7 +25,7 @@ class Path:
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """(n,) times [s] on the wheels' clock."""
-        return t + self.lag_s + self.rate * (t - self.middle_s) + np.where(t >= self.jump_s, self.later_s, 0.0)
+        return times_along([self], t)[0]
 
     @property
     def fault(self) -> str:
@@ -53,6 +53,14 @@ class Path:
     def number_in(self, paths: Sequence["Path"]) -> int:
         """The number of the path whose rate is next to its own."""
         return int(np.argmin([abs(path.rate - self.rate) for path in paths]))
+
+
+def times_along(paths: Sequence[Path], t: np.ndarray) -> np.ndarray:
+    """(paths, n) times [s] on the wheels' clock; t: (n,) of the channel."""
+    lag_s, rate, middle_s, later_s, jump_s = np.array([
+        (path.lag_s, path.rate, path.middle_s, path.later_s, path.jump_s) for path in paths
+    ]).T[:, :, None]
+    return t + lag_s + rate * (t - middle_s) + np.where(t >= jump_s, later_s, 0.0)
 
 
 Losses = Callable[[Sequence[Path]], np.ndarray]

@@ -8,7 +8,15 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import ALIKE, RELATED, SAID, following
 from drake_ispace.explain.check.compare.clocks.losses import losses
-from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, Losses, Path, descended, least, rates_of
+from drake_ispace.explain.check.compare.clocks.paths import (
+    LAGS_S,
+    Losses,
+    Path,
+    descended,
+    least,
+    rates_of,
+    times_along,
+)
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, inside
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
@@ -53,7 +61,7 @@ class Trial:
         0 where the channel follows the wheels too little to tell the time, if it must follow them. among: (windows,)
         those that count, default all.
         """
-        since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
+        since, until = (times_along(paths, t) for t in (self.link.since_s, self.link.until_s))
         inner, found = inside(self.base, since, until), np.zeros(len(paths))
         inner &= among
         for kept in np.unique(inner, axis=0):
@@ -95,8 +103,7 @@ class Trial:
 
         Each is compared with it by the windows that lie inside of the run along both: one more is not evidence.
         """
-        since, until = (np.stack([p.at(t) for p in (path, *self.latencies)])
-                        for t in (self.link.since_s, self.link.until_s))
+        since, until = (times_along([path, *self.latencies], t) for t in (self.link.since_s, self.link.until_s))
         along, *others = inside(self.base, since, until)
         both, gains = along & np.array(others), []
         for among in np.unique(both[both.sum(axis=1) >= FEWEST], axis=0):
@@ -107,7 +114,7 @@ class Trial:
 
     def rough(self, paths: Sequence[Path]) -> np.ndarray:
         """(paths,) losses along each path: smooth, without physics."""
-        since, until = (np.stack([path.at(t) for path in paths]) for t in (self.link.since_s, self.link.until_s))
+        since, until = (times_along(paths, t) for t in (self.link.since_s, self.link.until_s))
         return np.nansum(losses(self.link, self.base, since, until), axis=-1)
 
     def unlikely(self, paths: Sequence[Path]) -> np.ndarray:
