@@ -188,9 +188,9 @@ def window(run, robot, effects, i, j):
     return float(np.sum(((pose - seen[i, :3])[:2] * scale - (seen[j] - seen[i])[:2]) ** 2))
 
 
-def judged(name, model, robot, runs, held_out, truth):
+def judged(name, model, robot, runs, held_out, truth, library=None):
     """What explain prints for a case, and what the yardstick says of the same row."""
-    answer = di.explain(model, runs, held_out)
+    answer = di.explain(model, runs, held_out, library)
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     row = answer.headline if answer.effects else None
     told = {"case": name, "verdict": answer.verdict, "effects": sorted(effects), "printed": answer.closed}
@@ -229,7 +229,7 @@ TWO_WHEELED = {
 }
 
 
-def two_wheeled_cases(seed, seconds, names=TWO_WHEELED):
+def two_wheeled_cases(seed, seconds, names=TWO_WHEELED, library=None):
     robot = {"name": "two", "wheels": 2, "radius_m": two_wheels.RADIUS_M, "arm_m": two_wheels.HALF_TRACK_M}
     truth = {"single_wheel_radius_error": {"wheel": 2, "share": 0.04}, "camera_latency": {"latency_s": 0.08}}
     for name in names:
@@ -237,7 +237,7 @@ def two_wheeled_cases(seed, seconds, names=TWO_WHEELED):
         runs = [two_wheels.drive(10 * seed + i, seconds, **hidden) for i in range(5)]
         own = {key: value for key, value in truth.items()
                if hidden.get({"single_wheel_radius_error": "left_share", "camera_latency": "late_s"}[key], 1.0)}
-        yield judged(name, two_wheels.model(), robot, runs[:3], runs[3:], own)
+        yield judged(name, two_wheels.model(), robot, runs[:3], runs[3:], own, library)
 
 
 def real_cases(data):
@@ -280,7 +280,8 @@ def drives(data):
 def main():
     asked = options(__doc__, data={"type": Path, "help": "folder of the public measurements; left out: not used"})
     if asked.tiny:
-        cases = list(two_wheeled_cases(asked.seed, 8.0, ["radius alone"]))
+        library = [di.effects()["single_wheel_radius_error"]]
+        cases = list(two_wheeled_cases(asked.seed, 8.0, ["radius alone"], library))
     else:
         cases = [*omni_cases(asked.seed, 3 if asked.quick else None), *two_wheeled_cases(asked.seed, 30.0)]
     if asked.data is not None:

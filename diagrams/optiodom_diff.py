@@ -7,7 +7,7 @@ from real_data import asked, optiodom_runs, show
 
 import drake_ispace as di
 
-options = asked(__doc__)
+options = asked(__doc__, chosen_effects=True)
 held_out = optiodom_runs(options, "diff", "circular", "square", "free")
 circles = held_out.pop("circular")
-show(options, di.explain("optiodom_diff", circles, held_out, tell=options.tell))
+show(options, di.explain("optiodom_diff", circles, held_out, options.effects, tell=options.tell))

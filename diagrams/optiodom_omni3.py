@@ -7,7 +7,7 @@ from real_data import asked, optiodom_runs, show
 
 import drake_ispace as di
 
-options = asked(__doc__)
+options = asked(__doc__, chosen_effects=True)
 held_out = optiodom_runs(options, "omni3", "circular", "square", "joystick")
 circles = held_out.pop("circular")
-show(options, di.explain("optiodom_omni3", circles, held_out, tell=options.tell))
+show(options, di.explain("optiodom_omni3", circles, held_out, options.effects, tell=options.tell))

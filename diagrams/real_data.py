@@ -5,13 +5,15 @@ import json
 import sys
 from pathlib import Path
 
+import drake_ispace as di
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.files.importers import optiodom
 
 
-def asked(description: str, **more: str) -> argparse.Namespace:
+def asked(description: str, chosen_effects: bool = False, **more: str) -> argparse.Namespace:
     """data, json, runs from the command line; tell(text) prints progress unless --json.
 
+    chosen_effects: whether those to try can be chosen, `effects` then; None: the whole library.
     more: further options that are there or not, name -> what they do.
     """
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -21,7 +23,12 @@ def asked(description: str, **more: str) -> argparse.Namespace:
     parser.add_argument("--runs", type=int, help="use so many runs at most of each kind of motion, default all")
     for name, text in more.items():
         parser.add_argument(f"--{name}", action="store_true", help=text)
+    if chosen_effects:
+        known = di.effects()
+        parser.add_argument("--effects", nargs="+", choices=known, metavar="NAME", help="try these only, default all")
     options = parser.parse_args()
+    if chosen_effects:
+        options.effects = options.effects and [known[name] for name in options.effects]
     if not options.data.is_dir():
         parser.exit(2, f"{options.data}: expected the folder of real measurements, there is none\n")
     sys.excepthook = _refuse

@@ -16,7 +16,9 @@ from measurements import ABSENT, DATA
 FOLDER = Path(__file__).parents[1] / "diagrams"
 #: Scripts on real measurements -> their least form; none where discrepancy/test_real_data.py runs it as it is.
 REAL = {
-    "optiodom_omni3": ["--runs", "1"], "optiodom_diff": ["--runs", "1"], "regbot_motor": None, "emps_drive": None,
+    "optiodom_omni3": ["--runs", "1", "--effects", "wheel_toe", "marker_offset"],
+    "optiodom_diff": ["--runs", "1", "--effects", "track_error", "wheel_radius_error"],
+    "regbot_motor": None, "emps_drive": None,
 }
 
 

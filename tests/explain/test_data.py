@@ -43,6 +43,7 @@ def test_no_physics_is_blamed_for_millimetres(runs, effects):
     assert answer.to_data()["data"][0]["fault"] == "wrong_unit" and "places in mm" in str(answer)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_given_twice_is_said_to_prove_nothing(runs, effects):
     answer = explain(MODEL, runs[:2], runs[1:], effects=effects)
     assert [text for text in answer.warnings if "again" in text] == [
@@ -50,6 +51,7 @@ def test_a_run_that_is_given_twice_is_said_to_prove_nothing(runs, effects):
     ]
 
 
+@pytest.mark.slow
 def test_trusted_data_are_used_and_the_finding_stands_first(runs, effects):
     answer = explain(MODEL, [with_kinect(run, in_millimetres) for run in runs[:2]], effects=effects, trust_data=True)
     assert answer.verdict != "data" and "places in mm" in str(answer).splitlines()[1]

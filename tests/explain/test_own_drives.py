@@ -214,6 +214,7 @@ def test_a_run_that_is_too_short_to_tell_hides_no_lateness():
     assert finding.repairs[0].offset_s == pytest.approx(-0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [6, pytest.param(24, marks=pytest.mark.slow)])
 def test_torques_that_are_as_strong_as_assumed_are_noise_of_a_sound_drive(count):
     """One run in eight is off by more than twice what they leave on the average."""

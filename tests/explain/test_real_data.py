@@ -63,7 +63,7 @@ def test_emps_names_all_three_terms_and_simulates_within_3_percent():
     assert len(errors) == 4 and errors[1] > 0.3 and errors[-1] < 0.03
 
 
-@pytest.mark.parametrize("name", ["emps", "regbot"])
+@pytest.mark.parametrize("name", ["emps", pytest.param("regbot", marks=pytest.mark.slow)])
 def test_a_sound_drive_has_no_finding_and_a_torque_of_the_other_sense_has(name, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "diagrams"))
     if name == "emps":

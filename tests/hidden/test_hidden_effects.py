@@ -86,7 +86,8 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
 
 
 @pytest.mark.parametrize(("name", "sizes"), [
-    ("presliding_friction", {"torque_n_m": 0.01, "reach_rad": 0.3}), ("coulomb_friction", {"torque_n_m": 0.01}),
+    ("presliding_friction", {"torque_n_m": 0.01, "reach_rad": 0.3}),
+    pytest.param("coulomb_friction", {"torque_n_m": 0.01}, marks=pytest.mark.slow),
 ])
 def test_friction_that_comes_on_over_an_angle_is_told_from_one_that_jumps(name, sizes):
     runs = [generate("omni", motion, {name: sizes}, 8.0, 80 + i) for i, motion in enumerate(["eight", "square"])]
@@ -106,6 +107,7 @@ def test_a_pendulum_with_its_weight_elsewhere_is_held_by_a_filter_of_its_own():
     assert effect.parameters["height_m"].estimate == pytest.approx(0.025, rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_no_name_explains_is_said():
     """To someone who knows of no patch, one of soft carpet is nearly soft floor, but goes with the place."""
     patch = {"soft_patch": scaled("soft_patch", "omni", 0.72)}
@@ -147,6 +149,7 @@ def test_a_patch_of_the_floor_is_named():
     assert effect.parameters["x_max_m"].estimate == pytest.approx(PATCH_M[1], abs=0.1)
 
 
+@pytest.mark.slow
 def test_two_effects_at_once_are_both_named_and_measured():
     effects = {"mass_error": {"share": 0.2}, "wheel_radius_error": {"share": 0.03}}
     runs = [generate("omni", motion, effects, SECONDS["omni"], 60 + i) for i, motion in enumerate(MOTIONS)]
@@ -156,6 +159,7 @@ def test_two_effects_at_once_are_both_named_and_measured():
     assert sizes == {"mass_error": pytest.approx(0.2, rel=0.1), "wheel_radius_error": pytest.approx(0.03, rel=0.1)}
 
 
+@pytest.mark.slow
 def test_effects_that_look_alike_are_returned_together():
     """A late camera and a clock that is behind are the same to one robot."""
     few = some("wheel_radius_error", "viscous_friction", "camera_latency", "clock_offset")

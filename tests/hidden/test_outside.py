@@ -26,6 +26,7 @@ def test_each_case_says_where_it_must_show():
     assert all(case["channel"] and case["driver"] for case in cases())
 
 
+@pytest.mark.slow
 def test_an_effect_outside_of_the_library_is_not_called_sound():
     answer = told("omni", "cable_pull", 1.2)
     assert answer.verdict in ("incomplete", "unknown"), answer
@@ -37,6 +38,7 @@ def test_a_motor_that_warms_up_is_no_battery_that_charges():
     assert answer.verdict == "unknown" and "time" in answer.unknown.driver, answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_a_supply_that_drops_half_way_is_no_battery_that_sags(robot):
     names = [*FEW, "battery_sag_time", "torque_gain_error", "battery_sag_load"]
@@ -47,6 +49,7 @@ def test_a_supply_that_drops_half_way_is_no_battery_that_sags(robot):
     assert "more than in the model, as a smooth curve:" in str(answer)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "size"), [("omni", 0.01), ("pendulum", 0.015)])
 def test_bearings_that_seize_half_way_show_in_the_second_half(robot, size):
     answer = told(robot, "seized_bearings", size, seconds=16.0)

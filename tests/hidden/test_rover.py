@@ -17,6 +17,7 @@ def told(sizes, effects=None):
     return case, answer(case, 9.0, effects and [di.effects()[name] for name in effects])
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_as_it_is_told_lacks_nothing():
     _, found = told({})
     assert found.verdict == "none", found
@@ -46,6 +47,7 @@ def test_a_drive_may_be_half_a_second_late():
     assert effect.parameters["delay_s"].estimate == pytest.approx(0.5, abs=0.003)
 
 
+@pytest.mark.slow
 def test_a_drive_that_speeds_up_slowly_is_no_drive_that_lags_or_goes_too_slowly():
     """Of its two limits neither alone lowers the deviance."""
     case, found = told({"ramp_s2_m": 4.0}, ["velocity_slew_limit", "velocity_lag", "velocity_gain"])
@@ -54,6 +56,7 @@ def test_a_drive_that_speeds_up_slowly_is_no_drive_that_lags_or_goes_too_slowly(
     assert found.effects[0].parameters["limit_rad_s2"].estimate == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hidden", "name", "size"), [
     pytest.param(
         {"brake_s2_m": 0.5}, "velocity_braking_limit", {"limit_m_s2": 2.0, "limit_rad_s2": 8.0},
@@ -73,6 +76,7 @@ def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
     assert {n: p.estimate for n, p in found.effects[0].parameters.items()} == pytest.approx(size, rel=0.05)
 
 
+@pytest.mark.slow
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
     _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
     (effect,) = found.effects
@@ -136,6 +140,7 @@ def test_a_marker_far_from_the_middle_is_named_and_measured():
     assert effect.parameters["y_m"].estimate == pytest.approx(0.4, abs=0.005)
 
 
+@pytest.mark.slow
 def test_fixes_with_heavy_tails_change_no_name_and_hardly_a_size():
     """Errors of Student's distribution with two degrees of freedom, many of them beyond ten standard deviations."""
     case = Case({"track_share": 0.03}, 700)
@@ -158,6 +163,7 @@ def with_a_spin(seed, seconds, others, before):
     return di.explain(two_wheels.model(), runs, effects=few)
 
 
+@pytest.mark.slow
 def test_a_run_that_alone_shows_a_size_is_not_held_against_it():
     """Two runs straight ahead do not tell the track, with which the third one would have to be predicted."""
     straight = {"rates_rad_s": (0.0, 0.0)}
@@ -167,6 +173,7 @@ def test_a_run_that_alone_shows_a_size_is_not_held_against_it():
     assert not found.drifts and any(said.startswith("run 3: only there") for said in found.warnings)
 
 
+@pytest.mark.slow
 def test_what_is_below_detection_is_named_if_the_answer_does_not_suffice_without_it():
     found = with_a_spin(25, 20.0, {"track_share": 0.002, "slip_share": 0.025}, {})
     sizes = {effect.name: effect.parameters.popitem()[1].estimate for effect in found.effects}
@@ -180,6 +187,7 @@ def test_a_floor_that_moves_has_no_name():
     assert judged(case, found) in ("unknown", "incomplete")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [
     ["track_error", "constant_slip"], pytest.param(None, marks=pytest.mark.slow),
 ], ids=["some", "all"])
@@ -189,6 +197,7 @@ def test_tyres_that_are_pressed_in_bends_are_no_wrong_track(effects):
     assert judged(case, found) == "unknown" and found.unknown.driver == "speed and turning"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "others", "seized"), [(840, {"least_rad_s": 1.0}, []), (830, {}, [1])])
 def test_a_wheel_that_does_not_turn_as_told_for_a_while_is_no_noise_of_the_drive(seed, others, seized):
     drive = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "ramp_s": 0.3, "others": others}
@@ -198,6 +207,7 @@ def test_a_wheel_that_does_not_turn_as_told_for_a_while_is_no_noise_of_the_drive
     assert found.verdict == "unknown" and found.remainders
 
 
+@pytest.mark.slow
 def test_a_tyre_that_goes_flat_half_way_is_no_smaller_wheel():
     drive = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "others": {"punctured_share": 0.04}}
     runs = [two_wheels.drive(850 + i, 18.0, ramp_s=0.3, **drive) for i in range(4)]

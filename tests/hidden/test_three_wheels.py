@@ -13,6 +13,7 @@ def told(effects=None, **hidden):
     return di.explain(three_wheels.model(), runs[:3], runs[3:], effects and [di.effects()[name] for name in effects])
 
 
+@pytest.mark.slow
 def test_a_sound_robot_lacks_nothing():
     assert told().verdict == "none"
 

@@ -34,6 +34,7 @@ def test_a_planted_mistake_is_found_under_its_own_name(originals, tmp_path, name
     assert result.shown and result.first and not result.error, result.found
 
 
+@pytest.mark.slow
 def test_wheels_elsewhere_are_told_where_swapped_ones_may_be_a_mirrored_room(tmp_path):
     if not (chosen := bases(["diff"], 20.0, 100)):
         pytest.skip(NO_DATA)

@@ -9,7 +9,9 @@ from stand_ins.tried import FEW
 
 
 @pytest.mark.parametrize(("name", "values", "channel"), [
-    ("wheel_radius_error", {"share": 0.03}, "kinect"),  # the wheels turn as told, the robot gets elsewhere
+    pytest.param(  # the wheels turn as told, the robot gets elsewhere
+        "wheel_radius_error", {"share": 0.03}, "kinect", marks=pytest.mark.slow,
+    ),
     ("floor_tilt", {"slope_x_rad": 0.03}, "encoder"),  # the robot is pushed, and its wheels with it
 ])
 def test_it_shows_in_the_channel_that_the_effect_moves(name, values, channel):
@@ -24,8 +26,8 @@ def test_it_shows_in_the_channel_that_the_effect_moves(name, values, channel):
 
 
 @pytest.mark.parametrize(("name", "values", "driver"), [
-    ("viscous_friction", {"coefficient_n_m_s": 0.001}, "speed"),
-    ("coulomb_friction", {"torque_n_m": 0.01}, "direction"),
+    pytest.param("viscous_friction", {"coefficient_n_m_s": 0.001}, "speed", marks=pytest.mark.slow),
+    pytest.param("coulomb_friction", {"torque_n_m": 0.01}, "direction", marks=pytest.mark.slow),
     ("mass_error", {"share": 0.3}, "acceleration"),
 ])
 def test_it_goes_with_what_drives_the_effect_though_the_command_reacts_to_all(name, values, driver):

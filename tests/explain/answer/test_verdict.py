@@ -180,6 +180,7 @@ def test_a_size_that_differs_from_run_to_run_is_told():
     assert answer.verdict == "incomplete" and "drifts between runs" in answer.drifts[0], answer
 
 
+@pytest.mark.slow
 def test_a_size_that_fades_in_every_run_is_told():
     runs = [
         generate("omni", motion, {}, 12.0, 60 + i, unknown=("motor_warm_up", 0.02))
@@ -189,6 +190,7 @@ def test_a_size_that_fades_in_every_run_is_told():
     assert answer.verdict == "incomplete" and "drifts between the halves of runs" in answer.drifts[0], answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag, verdict", [(1.5e-5, "none"), pytest.param(1.5e-4, "named", marks=pytest.mark.slow)],
                          ids=["trace", "effect"])
 def test_an_alarm_in_doubt_must_show_on_unseen_runs(monkeypatch, drag, verdict):

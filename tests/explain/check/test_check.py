@@ -20,6 +20,9 @@ from hidden.generator import generate
 from hidden.outside import cases, runs_of
 
 MODEL = {"omni": "omni_multirate", "pendulum": "pendulum_multirate"}
+#: One of the two every time, both with the slow tests.
+OMNI = ["omni", pytest.param("pendulum", marks=pytest.mark.slow)]
+PENDULUM = [pytest.param("omni", marks=pytest.mark.slow), "pendulum"]
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +61,14 @@ def marked(run, ahead_m, left_m):
     return changed(run, "kinect", placed)
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("place", [(0.25, 0.0), (0.0, -0.4), (0.7, 0.0), (-0.5, 0.5)])
 def test_a_marker_anywhere_on_the_robot_accuses_nobody(sound, robot, place):
     assert found([marked(run, *place) for run in sound[robot]], robot) == []
 
 
 @pytest.mark.parametrize("robot", MODEL)
-@pytest.mark.parametrize("degrees", [30, 60, -150])
+@pytest.mark.parametrize("degrees", [60, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (30, -150))])
 def test_headings_may_be_off_by_any_angle(sound, robot, degrees):
     turned = lambda t, v: v + np.deg2rad(degrees) * (np.arange(v.shape[1]) == 2)  # noqa: E731
     off = [changed(run, "kinect", turned) for run in sound[robot]]
@@ -86,7 +89,7 @@ def test_mistakes_are_found_beside_a_marker_that_is_not_at_the_middle(sound, rob
     assert (finding.fault, finding.channel) == (fault, channel)
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", OMNI)
 @pytest.mark.parametrize(("channel", "factors", "fault"), [
     ("kinect", (1e3, 1e3, 1), "wrong_unit"), ("kinect", (1, 1, 180 / np.pi), "wrong_unit"),
     ("kinect", (-1, 1, 1), "camera_axis_mirrored"), ("encoder", (-1,) + (1,) * 3, "wheel_sign"),
@@ -104,14 +107,14 @@ def test_units_and_signs_of_whole_logs(sound, robot, channel, factors, fault):
 
 
 @pytest.mark.parametrize("robot", MODEL)
-@pytest.mark.parametrize("factor", [20.0, 5.0])
+@pytest.mark.parametrize("factor", [20.0, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_torques_in_no_known_unit_are_told_with_the_factor(sound, robot, factor):
     (finding,) = found([changed(run, "torque", lambda t, v: factor * v) for run in sound[robot]], robot)
     assert (finding.fault, finding.channel, finding.run) == ("wrong_unit", "torque", "all")
     assert finding.repairs[0].matrix[0][0] == pytest.approx(1.0 / factor, rel=0.1)
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", PENDULUM)
 def test_a_motor_may_be_weak_and_a_robot_heavy(sound, robot):
     for factor in (2.5, 0.5):
         assert not found([changed(run, "torque", lambda t, v, k=factor: k * v) for run in sound[robot]], robot)
@@ -285,7 +288,7 @@ def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
     assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("column", [0, 1])
 @pytest.mark.parametrize(("values", "fault", "what", "lasts_s"), [
     (frozen_column, "channel_frozen", "repeats, then leaps", 2.0), (set_anew, "counter_reset", "leaps", 0.0),
@@ -483,7 +486,7 @@ def test_a_steady_turn_on_the_spot_accuses_nobody(wheels):
 @pytest.mark.parametrize(("speed", "rate", "lag_s"), [
     (0.0, 1.2, 0.0), (0.0, 1.2, 0.1), (0.3, 0.0, 0.0), (0.3, 0.5, 0.0), (0.3, 0.5, 0.1),
 ])
-@pytest.mark.parametrize("gain", [0.0, -0.03])
+@pytest.mark.parametrize("gain", [pytest.param(0.0, marks=pytest.mark.slow), -0.03])
 def test_steady_motion_accuses_nobody(speed, rate, lag_s, gain):
     """In which a gain looks like a drifting clock, and a turn like a share of the way."""
     steady = {"speeds_m_s": (speed, speed), "rates_rad_s": (rate, rate), "lag_s": lag_s, "others": {"gain_share": gain}}
@@ -530,6 +533,7 @@ def test_a_larger_wheel_is_no_gyro_of_another_run_where_the_robot_only_drives_st
     assert check(MODEL["pendulum"], [run]).serious == []
 
 
+@pytest.mark.slow
 def test_a_gyro_of_another_run_is_found(sound):
     runs = list(sound["pendulum"])
     runs[0] = replace(runs[0], channels=runs[0].channels | {"imu": runs[1].channels["imu"]})
@@ -574,6 +578,7 @@ def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
     assert case["effect"] == "cogging" and found(runs_of(case), "pendulum") == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("dimension", "share", "fault"), [
     ("track_share", 0.6, "effective_track"), ("track_share", 1.0, "half_track"), ("track_share", 0.3, None),
     ("track_share", 2.0, "effective_track"), ("track_share", -0.5, "half_track"),
@@ -587,7 +592,7 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
     assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", OMNI)
 @pytest.mark.parametrize("times", [3.0, 20.0])
 def test_a_track_of_the_model_that_is_far_too_wide_is_the_models(robot, times):
     """The omni robot is looked at where it turns; beside such dimensions nothing is told of torques."""
@@ -607,7 +612,7 @@ def test_a_robot_of_millimetres_typed_as_metres_is_refused(key):
         load_scenario("velocity_base", [f"{key}=200"])
 
 
-@pytest.mark.parametrize("robot", MODEL)
+@pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("times", [0.3, 1.7, 2.0])
 def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, sound):
     larger = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, times, 1.0)  # noqa: E731

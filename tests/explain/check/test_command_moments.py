@@ -83,12 +83,14 @@ def test_a_log_without_any_noise_whose_command_has_few_speeds_is_sound():
     assert "command_moments" not in {finding.fault for finding in check(model, [run]).findings}
 
 
+@pytest.mark.slow
 def test_a_robot_without_lag_lacks_nothing_although_its_command_changes_between_samples():
     runs, _ = checked(15.0, lag_s=0.0)
     answer = explained(runs)
     assert answer.verdict == "none" and {finding.fault for finding in answer.data} == {"command_moments"}
 
 
+@pytest.mark.slow
 def test_a_lag_is_not_short_by_half_a_sample():
     runs, _ = checked(15.0, lag_s=0.05)
     answer = explained(runs)

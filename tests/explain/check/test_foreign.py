@@ -79,7 +79,9 @@ def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
     assert finding.what == "moves with the wheels of run 1 of these"
 
 
-@pytest.mark.parametrize(("robot", "channel"), [("omni", "torque"), ("pendulum", "torque"), ("pendulum", "imu")])
+@pytest.mark.parametrize(("robot", "channel"), [
+    ("omni", "torque"), ("pendulum", "torque"), pytest.param("pendulum", "imu", marks=pytest.mark.slow),
+])
 def test_a_torque_or_an_imu_of_another_run_is_found_by_whose_wheels_it_follows(robot, channel):
     own, other = (generate(robot, motion, {}, 8.0, 7 + i) for i, motion in enumerate(("back_and_forth", "eight")))
     mixed = replace(own, channels=own.channels | {channel: other.channels[channel]})

@@ -105,6 +105,7 @@ def test_an_encoder_may_be_read_more_rarely_than_the_command_is_logged(run):
     assert check(two_wheels.model(), [thinned(run, 2), thinned(two_wheels.drive(4, 20.0, **SOUND), 2)]).findings == []
 
 
+@pytest.mark.slow
 def test_a_sound_robot_lacks_nothing_although_its_fixes_are_held():
     runs = [held(two_wheels.drive(seed, 15.0, **SOUND), "kinect", 0.01) for seed in range(2)]
     answer = di.explain(two_wheels.model(), runs)

@@ -44,6 +44,7 @@ def test_a_late_setpoint_is_not_told_from_a_late_command():
     assert faults_of({"lag_s": 0.0, "others": {"delay_s": 0.05}}) == []
 
 
+@pytest.mark.slow
 def test_the_lag_behind_a_setpoint_is_not_short_by_half_a_sample():
     few = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain")]
     answer = di.explain(two_wheels.model(), runs_of({"lag_s": 0.1}, 20.0), effects=few)

@@ -46,14 +46,14 @@ def mistaken(run, names):
 
 
 @pytest.mark.parametrize(("robot", "one", "other"), [
-    ("omni", "inches", "headings a quarter off"),
+    pytest.param("omni", "inches", "headings a quarter off", marks=pytest.mark.slow),
     ("omni", "headings in degrees", "revolutions"),
     pytest.param("omni", "millimetres and degrees", "wheel backwards", marks=pytest.mark.slow),
-    ("omni", "headings a quarter off", "camera late"),
+    pytest.param("omni", "headings a quarter off", "camera late", marks=pytest.mark.slow),
     pytest.param("omni", "x mirrored", "camera late", marks=pytest.mark.slow),
     ("omni", "torque in N cm", "torque backwards"),
     ("pendulum", "inches", "x mirrored"),
-    ("pendulum", "revolutions", "headings a quarter off"),
+    pytest.param("pendulum", "revolutions", "headings a quarter off", marks=pytest.mark.slow),
     pytest.param("pendulum", "gyro in degrees", "imu late", marks=pytest.mark.slow),
 ])
 def test_both_mistakes_are_found_and_nothing_else(sound, robot, one, other):

@@ -38,7 +38,8 @@ def test_sound_runs_have_no_finding(unseen):
 
 @pytest.mark.parametrize(("matrix", "fault"), [
     ([[0.0, 1.0], [1.0, 0.0]], "wheels_swapped"), ([[1.0, 0.0], [0.0, -1.0]], "wheel_sign"),
-    ([[-1.0, 0.0], [0.0, -1.0]], "encoder_sign"), ([[4.0, 0.0], [0.0, 4.0]], "counts_per_turn"),
+    pytest.param([[-1.0, 0.0], [0.0, -1.0]], "encoder_sign", marks=pytest.mark.slow),
+    pytest.param([[4.0, 0.0], [0.0, 4.0]], "counts_per_turn", marks=pytest.mark.slow),
 ])
 def test_one_mistake_of_the_encoders_is_one(unseen, matrix, fault):
     checked = check(MODEL, mixed(unseen, "encoder", matrix))
@@ -62,6 +63,7 @@ def test_a_mistake_of_a_gyro_is_its_own_where_torques_tell_nothing(unseen):
         assert {channel for fault, channel, _ in found(runs) if fault != "channel_dead"} == {"imu"}
 
 
+@pytest.mark.slow
 def test_runs_need_not_have_the_same_channels_nor_names_of_columns(unseen):
     one, other = mixed(unseen, "encoder", [[0.0, 1.0], [1.0, 0.0]])
     encoder = replace(other.channels["encoder"], columns=("theta_1", "theta_2"))
@@ -85,6 +87,7 @@ def test_faults_of_the_encoders_are_rivals_of_others_once():
     assert with_rivals([axes], ("wheels_swapped", "wheel_sign"))[0].rivals == ("wheels_swapped", "wheel_sign")
 
 
+@pytest.mark.slow
 def test_a_gyro_that_goes_with_no_run_may_be_mistaken_otherwise(unseen):
     noise = np.random.default_rng(3)
     shaken = [

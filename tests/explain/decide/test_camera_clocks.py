@@ -108,6 +108,7 @@ def test_parts_that_stand_for_runs_are_left_as_they_are():
     assert camera_clocks(case, runs) and camera_clocks(case, runs[:2]) == {}
 
 
+@pytest.mark.slow
 def test_what_the_model_lacks_is_named_with_right_sizes_once_the_clocks_are_set():
     runs = runs_of(LACKING | {"lag_s": 0.0}, clock_0=(0.004, 0.05))
     answer = di.explain(two_wheels.model(), runs[:2], runs[2:], LIBRARY[:4])
@@ -118,6 +119,7 @@ def test_what_the_model_lacks_is_named_with_right_sizes_once_the_clocks_are_set(
     assert sizes["camera_latency"]["latency_s"].estimate == pytest.approx(0.08, abs=0.005)
 
 
+@pytest.mark.slow
 def test_data_that_are_trusted_keep_their_clocks():
     runs = runs_of(SOUND, clock_0=(0.004, 0.05))
     answer = di.explain(two_wheels.model(), runs, (), LIBRARY[:1], trust_data=True)

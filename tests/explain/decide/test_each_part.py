@@ -52,26 +52,31 @@ def test_runs_of_a_sound_robot_show_nothing():
     assert not shown({}, ())
 
 
+@pytest.mark.slow
 def test_what_every_run_has_is_no_matter_of_single_runs():
     assert not shown(MARKER, range(4))
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_as_the_robot_starts_shows_nothing():
     *others, last = runs({}, ())
     assert not shown_in([*others, until(2.2, last)])
 
 
+@pytest.mark.slow
 def test_two_seconds_of_motion_tell_that_the_camera_is_late():
     *others, last = runs(LATE, [3])
     assert shown_in([*others, until(4.0, last)]) == {("run 4", "camera_latency")}
 
 
+@pytest.mark.slow
 def test_what_explains_as_much_of_a_run_is_told_too():
     *others, last = runs(MARKER, [3])
     (one,) = found_in([*others, until(4.0, last)])
     assert {one.candidate.name, *(candidate.name for candidate in one.alike)} >= {"marker_offset", "cornering_slip"}
 
 
+@pytest.mark.slow
 def test_a_view_of_all_runs_serves_for_each():
     case = prepare(two_wheels.model(), runs(MARKER, [0]))
     tried = candidates(case.effects_to_try, case.replay.body)
@@ -86,11 +91,13 @@ def test_the_run_in_which_the_marker_was_moved_is_told(where):
     assert shown(MARKER, [where]) == {(f"run {where + 1}", "marker_offset")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved, are_told", [((3,), True), ((2, 3), False)], ids=["a minority", "half of them"])
 def test_single_runs_are_no_answer_for_all_unless_the_others_are_sound(moved, are_told):
     assert bool(found_in(runs(MARKER, moved), sound_others=True)) is are_told
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_late_in_the_unseen_run_only_has_another_clock_there():
     *training, unseen = runs(LATE, [3])
     some = [di.effects()[name] for name in ("camera_latency", "marker_offset", "constant_slip")]
@@ -99,6 +106,7 @@ def test_a_camera_that_is_late_in_the_unseen_run_only_has_another_clock_there():
     assert [(one.fault, one.run) for one in answer.data if one.channel == "kinect"] == [("clock_offset", "run 4")]
 
 
+@pytest.mark.slow
 def test_a_marker_that_was_moved_before_the_unseen_run_only_is_not_nothing():
     *training, unseen = runs(MARKER, [3])
     some = [di.effects()[name] for name in ("camera_latency", "marker_offset", "constant_slip")]
@@ -182,6 +190,7 @@ def test_halves_in_which_the_model_runs_away_are_left_alone(monkeypatch):
     assert halves_of(late) == set()
 
 
+@pytest.mark.slow
 def test_a_drive_that_lags_alike_in_both_halves_does_so_although_a_lag_is_not_linear():
     named = {"velocity_lag": [0.0599, 4e-5], "clock_offset": [0.0815], "single_wheel_radius_error[2]": [0.04]}
     *training, unseen = (two_wheels.drive(i, 30.0, camera_hz=30.0) for i in range(4))

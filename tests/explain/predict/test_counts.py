@@ -118,6 +118,7 @@ def test_a_few_counts_a_turn_that_nobody_stated_are_not_missing(has_command, mon
     assert answer.verdict == "none", answer
 
 
+@pytest.mark.slow
 def test_a_gain_is_found_though_what_another_filter_leaves_looks_like_it_where_it_is_missing(monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 64)
     runs = [two_wheels.drive(700 + i, 20.0, 0.0, 0.0, 0.0, others={"gain_share": 0.05}) for i in range(2)]

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 import drake_ispace as di
 from drake_ispace.explain.predict.case import prepare
@@ -37,6 +38,7 @@ def test_noise_of_headings_is_no_reason_to_take_every_place_for_exact():
     assert gains(0.03)[0] < 0.5
 
 
+@pytest.mark.slow
 def test_a_marker_is_named_whatever_the_noise_of_the_headings():
     *training, unseen = runs(0.1, 3, 12.0, others={"marker_x_m": 0.03})
     some = [di.effects()[name] for name in ("marker_offset", "constant_slip", "track_error", "camera_latency")]

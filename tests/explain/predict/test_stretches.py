@@ -152,6 +152,7 @@ def test_coarse_counts_do_not_hide_that_a_robot_moves(count):
     assert begun(replace(moving, measured=measured, count_rad=count), 2, 500).unscored_ticks == 500
 
 
+@pytest.mark.slow
 def test_an_effect_is_found_in_stretches_and_proved_on_others():
     runs = di.hide(
         di.load_scenario("omni_multirate"), robots()["omni"].name, {"battery_sag_time": {"rate_per_s": 0.006}},

@@ -62,6 +62,7 @@ def test_a_robot_that_is_never_told_to_move_tells_nothing():
     assert left_at_changes([(np.empty((0, 2)), np.empty((0, 1)))] * 2) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [
     {"swing_s2": 0.001}, pytest.param({"brake_s2_m": 0.5}, marks=pytest.mark.slow),
 ])

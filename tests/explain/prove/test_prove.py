@@ -122,6 +122,7 @@ def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):
     assert proof.sizes[radius] == [pytest.approx(0.04, rel=0.05)] and proof.remainders == []
 
 
+@pytest.mark.slow
 def test_an_effect_with_which_unseen_runs_come_no_nearer_is_not_confirmed(decided):
     """So is one of the wrong sign, and none of half the right size, or that training or unseen runs do not show."""
     case, decision = decided
