@@ -233,6 +233,8 @@ def _descended(likelihood, start, iterations, tolerance) -> tuple[Fit, list[tupl
             if new < deviance:
                 drop, point, w, deviance, damping = deviance - new, moved, w_new, new, max(damping / 5.0, 1e-7)
                 break
+            if -step @ (2.0 * gradient + normal @ step) < tolerance:  # a shorter step promises even less
+                break
             damping *= 8.0
         idle = [c for c, level in zip(order, _level(normal), strict=True) if level and c[0].parameters[c[1]].reciprocal]
         if drop < tolerance:
