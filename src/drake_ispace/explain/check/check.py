@@ -35,6 +35,7 @@ from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.sampling.undersampled import tick_findings
 from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
+from drake_ispace.explain.check.turns import turn_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
@@ -146,6 +147,7 @@ class _Search:
         odd = another | {i for finding in strangers for i in finding.runs}
         fits = [i not in odd for i in range(len(self.runs))]
         self._each(lambda run, found, fits: found if fits else (), steps, fits)
+        self._each(lambda run, base, fits: turn_findings(run, base) if fits else (), self._bases(), fits)
         self._each(lambda run, fits: gyro_findings(run, self.robot) if fits else (), fits)
         made = [_complete(finding, self.names) for finding in self.findings]
         findings = sorted(made, key=lambda finding: (

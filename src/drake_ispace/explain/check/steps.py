@@ -27,8 +27,8 @@ from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
-_SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
-_APART = 2.0  # times the next smaller one of a run, and what chance makes, from which on a short step stands out
+SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
+APART = 2.0  # times the next smaller one of a run, and what chance makes, from which on a short step stands out
 _SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
@@ -47,7 +47,7 @@ def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     radius = min(wheel.radius_m for wheel in base.geometry.wheels)
     command = run.channels.get(COMMAND) if base.robot.driven == COMMAND else None
     if command is not None and len(command.t) and not command.values.any():
-        if np.ptp(run.channels["encoder"].values, axis=0).max() * radius > _SHOWS_M:
+        if np.ptp(run.channels["encoder"].values, axis=0).max() * radius > SHOWS_M:
             yield Finding("channel_dead", "it is always 0, and the wheels turn", COMMAND,
                           repairs=(Without(COMMAND),))
     if not has_motion(run):
@@ -57,16 +57,16 @@ def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     ways = seen(kinect, whole) @ base.geometry.inverse.T * radius
     noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * base.geometry.inverse, axis=1) * radius
     dead = [c for i, c in enumerate(encoder.columns) if np.ptp(encoder.column(c)) == 0.0
-            and moving(ways[:, [i]], noise[[i]]) and np.abs(ways[:, i]).sum() > _SHOWS_M]
+            and moving(ways[:, [i]], noise[[i]]) and np.abs(ways[:, i]).sum() > SHOWS_M]
     if dead:
         yield Finding("channel_dead", f"{', '.join(dead)} never changes", "encoder",
                       repairs=(Without("encoder"),))
     moved = base.moved(whole.since_s, whole.until_s)
-    if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > _SHOWS_M:
+    if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > SHOWS_M:
         yield Finding("channel_dead", "the place never changes", "kinect", repairs=(Without("kinect"),))
     elif not np.ptp(kinect.values[:, 2]):
         headings = np.cumsum(moved[:, 2])
-        if np.ptp(headings) * radius / np.abs(base.geometry.forward[2]).max() > _SHOWS_M:
+        if np.ptp(headings) * radius / np.abs(base.geometry.forward[2]).max() > SHOWS_M:
             what = "the heading never changes, and the wheels turn the robot"
             yield Finding("channel_dead", what, "kinect", repairs=(Without("kinect"),))
 
@@ -79,7 +79,7 @@ def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
     for first, last in stretches(repeats(kinect.values[:, :3])):
         since, until = float(kinect.t[first]), float(kinect.t[last])
         moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
-        if STUCK_S <= until - since and _part(run, since, until) and moved > _SHOWS_M:
+        if STUCK_S <= until - since and _part(run, since, until) and moved > SHOWS_M:
             yield Finding("channel_frozen", "fixes repeat", "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 
@@ -115,7 +115,7 @@ def _camera_steps(run, base, seen_of):
     difference = np.linalg.norm((ways - wheels_ways)[:, :2], axis=1)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
-    is_far = difference > max(_SHOWS_M, most)
+    is_far = difference > max(SHOWS_M, most)
     is_large = short & (is_far | _small_jumps(base, seen_of, each, ways, np.where(short, difference, np.nan), most))
     faster = [
         speed > speed[short & ~is_large].max(initial=0.0) for speed in (
@@ -132,7 +132,7 @@ def _camera_steps(run, base, seen_of):
                 spikes.append(spike)
             continue
         if faster[1][i] and not faster[0][i]:
-            row = _largest_step(run.channels["encoder"], since, until)
+            row = largest_step(run.channels["encoder"], since, until)
             of_row = np.linalg.norm((base.moved(*map(np.atleast_1d, row)) @ seen_of)[0, :2])
             if of_row > 0.5 * difference[i]:
                 what = "angles of the wheels change at once, and the place does not"
@@ -157,17 +157,17 @@ def _small_jumps(base, seen_of, steps, ways, differences, most):
     at_once = known & (lasts <= min(1.5 * np.median(lasts[known]), WINDOW_S)) if known.any() else known
     ordered = np.sort(differences[at_once])
     lower = np.maximum(np.concatenate([[0.0], ordered])[: len(ordered)], most)
-    far = at_once & (differences >= ordered[ordered > _APART * lower].min(initial=np.inf))
+    far = at_once & (differences >= ordered[ordered > APART * lower].min(initial=np.inf))
     which = np.zeros_like(far)
     for i in np.flatnonzero(far):
         since, until = steps.since_s[i], steps.until_s[i]
         if (far & (steps.since_s < until + WINDOW_S) & (steps.until_s > since - WINDOW_S)).sum() == 1:
             left = ways[i] - base.moved(since + LATENCIES_S, until + LATENCIES_S) @ seen_of
-            which[i] = np.linalg.norm(left[:, :2], axis=1).min() > _APART * most
+            which[i] = np.linalg.norm(left[:, :2], axis=1).min() > APART * most
     return which
 
 
-def _largest_step(encoder, since_s, until_s):
+def largest_step(encoder, since_s, until_s):
     """(since, until) the rows [s] between which angles change most, about a time."""
     steps = np.abs(np.diff(encoder.values, axis=0)).max(axis=1)
     between = np.flatnonzero((encoder.t[1:] > since_s) & (encoder.t[:-1] < until_s))
@@ -209,7 +209,7 @@ def _frozen(run, base, seen_of):
             turned = base.geometry.inverse @ (seen(kinect, pairs) @ of_seen).sum(axis=0)
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
-            if missed < _SHOWS_M:
+            if missed < SHOWS_M:
                 continue
             after = np.abs(np.diff(encoder.values[last : last + 2, column], axis=0)).max(initial=0.0) * radius
             jumps = after > 0.5 * missed
@@ -253,7 +253,7 @@ def _carried(run, base):
             continue
         a, b = float(since[first]), float(until[last])
         total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / _SERIES)
-        if max(total, float(size[first : last + 1].max())) < _SHOWS_M or not _part(run, a, b):
+        if max(total, float(size[first : last + 1].max())) < SHOWS_M or not _part(run, a, b):
             continue
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to

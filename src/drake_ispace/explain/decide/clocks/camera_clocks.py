@@ -8,6 +8,7 @@ it may be a latency.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -83,38 +84,54 @@ class _Lateness:
     middle: _Number
     drift: _Number
 
+    @cached_property
+    def without_drift(self) -> _Number:
+        """How late it is without its drift: at the begin of a run in which it drifts for certain.
+
+        Two clocks are set, or counted from, when a recording begins. Were the middle taken for right, half of what the
+        clock drifts by would be a latency.
+        """
+        if not self.drift.differs_from():
+            return self.middle
+        return _Number(
+            self.middle.value - 0.5 * self.drift.value, self.middle.variance + 0.25 * self.drift.variance,
+            self.middle.without - 0.5 * self.drift.without, self.middle.variances + 0.25 * self.drift.variances,
+        )
+
     def differs_from(self, other: "_Lateness") -> bool:
-        """Whether it is later or earlier in the middle than another one for certain."""
-        return self.middle.differs_from(other.middle.value, other.middle.variance)
+        """Whether it is later or earlier without its drift than another one for certain."""
+        return self.without_drift.differs_from(other.without_drift.value, other.without_drift.variance)
 
     def certain_part(self, usual: "_Lateness") -> tuple[float, float]:
         """By how much it is later than usual, and drifts [s]; zeros where that is not certain."""
         same = self is usual or not self.differs_from(usual)
-        return 0.0 if same else self.middle.value - usual.middle.value, self.drift.value * self.drift.differs_from()
+        later_s = 0.0 if same else self.without_drift.value - usual.without_drift.value
+        return later_s, self.drift.value * self.drift.differs_from()
 
 
 def _usual(found: Sequence[_Lateness]) -> _Lateness:
     """The one from which the fewest others differ for certain; of several the one that is nearest to none."""
-    return min(found, key=lambda usual: (sum(one.differs_from(usual) for one in found), abs(usual.middle.value)))
+    return min(found, key=lambda usual: (sum(one.differs_from(usual) for one in found), abs(usual.without_drift.value)))
 
 
 def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | None:
     """What is wrong with the clock of a run; None where nothing is for certain."""
     later_s, drift_s = of_run.certain_part(usual)
-    gain = later_s**2 / (of_run.middle.variance + usual.middle.variance) + drift_s**2 / of_run.drift.variance
+    variance = of_run.without_drift.variance + usual.without_drift.variance
+    gain = later_s**2 / variance + drift_s**2 / of_run.drift.variance
     said = []
     rate = drift_s / float(np.ptp(track.fix_t)) if drift_s else 0.0
     if rate:
         said.append(f"{100 * abs(rate):.2g} % {'fast' if rate > 0 else 'slow'} against the wheels'")
     if later_s:
-        where = "in the middle of the run" if rate else "against the wheels'"
+        where = "at the begin of the run" if rate else "against the wheels'"
         said.append(f"{abs(later_s):.2g} s {'later' if later_s > 0 else 'earlier'} {where} than in other runs")
     if not said:
         return None
-    middle_s = track.begun_s + float(np.mean(track.fix_t))
+    begin_s = track.begun_s + float(np.mean(track.fix_t) - 0.5 * np.ptp(track.fix_t))
     return Finding(
         "clock_drift" if rate else OFFSET, f"clock {', '.join(said)}", "kinect", run=track.name, harmless=True,
-        drop_in_deviance=gain, repairs=(Clock("kinect", 1.0 - rate, rate * middle_s - later_s),),
+        drop_in_deviance=gain, repairs=(Clock("kinect", 1.0 - rate, rate * begin_s - later_s),),
     )
 
 
