@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from drake_ispace.blocks.kernels import kernel
+from drake_ispace.blocks.kernels import copy, kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body
 
@@ -24,7 +24,11 @@ _WRITTEN_S = 0.005  # a tick as people write it: TICK_S is that but for its last
 @kernel
 def held_before(xd, held, age, i):
     """The command that was held `age` ticks ago; x_d as in `keep`."""
-    return held[i] if age == 0 else xd[(age - 1) * held.shape[0] + i]
+    if age == 0:
+        return held[i]
+    n, last = held.shape[0], xd.shape[0] - 1
+    at = int(xd[last]) - (age - 1) * n
+    return xd[at + i if at >= 0 else at + last + i]
 
 
 @kernel
@@ -39,12 +43,18 @@ def shift(xd, held, delay_ticks, out):
 
 @kernel
 def keep(xd, held, out):
-    """x_d = the commands held on the last ticks, the newest (n) first."""
-    n = held.shape[0]
-    for i in range(out.shape[0] - 1, n - 1, -1):  # the oldest first, or one would overwrite the next in place
-        out[i] = xd[i - n]
+    """x_d = [commands held on the last ticks (n each), one behind the other and begun anew at the end; where the newest
+    lies].
+
+    Nothing is moved on: a memory of a second would cost more than all else that happens in a tick.
+    """
+    n, last = held.shape[0], xd.shape[0] - 1
+    copy(xd, out)
+    newest = int(xd[last]) + n
+    newest = newest if newest < last else 0
     for i in range(n):
-        out[i] = held[i]
+        out[newest + i] = held[i]
+    out[last] = newest
 
 
 class Delay(BlockEffect):
@@ -54,7 +64,7 @@ class Delay(BlockEffect):
 
     def memory_size(self, body):
         (delay,) = self.parameters
-        return (math.ceil(delay.high / TICK_S) + 1) * super().memory_size(body)
+        return (math.ceil(delay.high / TICK_S) + 1) * super().memory_size(body) + 1
 
     def block_parameters(self, body, values):
         # no coarser than that: a fit looks at changes by a hundred millionth
