@@ -156,14 +156,17 @@ def _best_near(
 ) -> Fit:
     """The fit of the leader, or of a proposal near it that does better under the noises that all of these leave.
 
-    Under noise that was learned while an effect was missing, a look-alike may gain more than the effect. least: share
-    of the leader's gain from which on a proposal is near.
+    Under noise that was learned while an effect was missing, a look-alike may gain more than the effect. Where the
+    effect is large, so is what that noise adds up to along it, by which its gain is divided: one that fits better than
+    the leader is near, too. least: share of the leader's gain from which on a proposal is near.
     """
-    near = [
-        proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)
-        if proposal.penalised_gain > least * leader.penalised_gain and proposal is not leader
-    ]
-    followed = [leader, *near[:_MOST_NEAR]]
+    def deviance(proposal):
+        return proposal.fit.deviance + penalty(proposal.candidate)
+
+    others = [proposal for proposal in proposals if proposal is not leader]
+    better = sorted((one for one in others if deviance(one) < deviance(leader)), key=deviance)
+    near = [one for one in others if one.penalised_gain > least * leader.penalised_gain and one not in better]
+    followed = [leader, *[*better, *sorted(near, key=lambda one: -one.penalised_gain)][:_MOST_NEAR]]
     settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]
     if len(followed) == 1:
         return settled[0][1]
