@@ -375,11 +375,14 @@ def test_an_effect_that_explains_nothing_under_the_noise_that_it_leaves_is_not_n
     assert sizes(pruned(None, decision)).keys() == {"tilt"}
 
 
-def test_only_what_comes_near_in_gain_is_followed(monkeypatch):
-    def proposal(name, gain):
-        return SimpleNamespace(penalised_gain=gain, candidate=made(name)[0], fit=SimpleNamespace(point=name))
+@pytest.mark.parametrize(("deviance", "names"), [(50.0, ["leader", "near"]), (5.0, ["leader", "small", "near"])])
+def test_only_what_comes_near_in_gain_or_fits_better_is_followed(monkeypatch, deviance, names):
+    def proposal(name, gain, deviance):
+        fitted = SimpleNamespace(point=name, deviance=deviance)
+        return SimpleNamespace(penalised_gain=gain, candidate=made(name)[0], fit=fitted)
 
-    leader, near, small = proposal("leader", 100.0), proposal("near", 60.0), proposal("small", 20.0)
+    leader, near = proposal("leader", 100.0, 10.0), proposal("near", 60.0, 20.0)
+    small = proposal("small", 20.0, deviance)
     followed = []
 
     def settled(view, point):
@@ -389,4 +392,4 @@ def test_only_what_comes_near_in_gain_is_followed(monkeypatch):
     monkeypatch.setattr(module, "fit_with_noise", settled)
     monkeypatch.setattr(module, "fit", lambda likelihood, point, iterations: SimpleNamespace(deviance=len(point)))
     best = module._best_near(SimpleNamespace(view=None), [small, near, leader], leader)
-    assert followed == ["leader", "near"] and best.point == "near"
+    assert followed == names and best.point == "near"
