@@ -5,9 +5,9 @@ from drake_ispace.faults.card import Fault
 FAULTS = (
     Fault(
         "robot_carried", "the robot is carried or pushed by hand",
-        "the camera sees a motion that no wheel makes", "somebody puts the robot back to its start",
-        "camera and wheels tell of different motions for a while", "cut the stretch out",
-        same=("robot_lifted", "camera_jump", "channel_frozen"), harmless=True,
+        "the camera sees a motion that no wheel makes", "somebody puts the robot back to its start, or turns it",
+        "camera and wheels tell of different motions for a while, or of another heading from then on",
+        "cut the stretch out", same=("robot_lifted", "camera_jump", "channel_frozen"), harmless=True,
     ),
     Fault(
         "robot_lifted", "the robot is lifted",
