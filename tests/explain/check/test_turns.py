@@ -18,13 +18,13 @@ def runs(**others):
     return [two_wheels.drive(660 + i, 40.0, **drive) for i in range(2)]
 
 
-def pushed(run, degrees):
+def pushed(run, degrees, at_s=AT_S):
     """The run if somebody turns the robot where it is: the rest of its path is turned about that place."""
     kinect = run.channels["kinect"]
     seen_s = kinect.t - 0.05  # the camera is late
-    angles = np.deg2rad(degrees) * np.clip((seen_s - AT_S) / LASTS_S, 0.0, 1.0)
+    angles = np.deg2rad(degrees) * np.clip((seen_s - at_s) / LASTS_S, 0.0, 1.0)
     values = kinect.values.copy()
-    there = values[np.searchsorted(seen_s, AT_S), :2]
+    there = values[np.searchsorted(seen_s, at_s), :2]
     values[:, :2] = there + rotated(values[:, :2] - there, angles)
     values[:, 2] += angles
     return replace(run, channels=run.channels | {"kinect": replace(kinect, values=values)})
@@ -65,3 +65,35 @@ def test_no_turn_is_told_of_whatever_else_is_missing(others):
 def test_a_turn_that_takes_the_robot_nowhere_is_not_told():
     first, second = runs()
     assert found(pushed(first, 0.7), second) == []
+
+
+def test_two_turns_by_hand_do_not_hide_each_other():
+    first, second = runs()
+    checked = found(pushed(pushed(first, 8.0), 8.0, 30.0), second)
+    assert [(f.fault, round(f.from_s)) for f in checked] == [("robot_carried", 20), ("robot_carried", 30)]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_headings_that_turn_without_the_path_are_the_cameras_and_turned_back(share):
+    first, second = runs()
+    kinect = first.channels["kinect"]
+    values, after = kinect.values.copy(), kinect.t > share * 40.0
+    values[after, 2] += np.deg2rad(10.0)
+    turned = replace(first, channels=first.channels | {"kinect": replace(kinect, values=values)})
+    (finding,) = found(turned, second)
+    assert (finding.fault, finding.channel, finding.runs) == ("heading_offset", "kinect", (0,))
+    back = check(two_wheels.model(), [turned, second]).repaired[0].channels["kinect"].column("phi")
+    assert np.abs(np.diff(back - kinect.column("phi"))).max() < 0.02
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.05, 0.12])
+@pytest.mark.parametrize("rate_rad_s", [1.5, 4.0])
+def test_one_quick_turn_before_a_late_camera_is_made_by_wheels(monkeypatch, rate_rad_s, late_s):
+    def wandering(random, t, low, high, step_s):
+        if low < 0.0:
+            return np.where((t >= 9.3) & (t < 9.3 + np.pi / rate_rad_s), rate_rad_s, 0.0)
+        return np.where(((t >= 2.0) & (t < 9.0)) | ((t >= 12.0) & (t < 18.0)), 0.4, 0.0)
+
+    monkeypatch.setattr(two_wheels, "wandering", wandering)
+    sound = {"left_share": 0.0, "late_s": late_s, "lag_s": 0.04, "in_step": True}
+    assert found(*(two_wheels.drive(670 + i, 20.0, **sound) for i in range(2))) == []

@@ -46,7 +46,8 @@ def keep(xd, held, out):
     """x_d = [commands held on the last ticks (n each), one behind the other and begun anew at the end; where the newest
     lies].
 
-    Nothing is moved on: a memory of a second would cost more than all else that happens in a tick.
+    Nothing is moved on: a memory of a second would cost more than all else that happens in a tick. What lies where is a
+    number of x_d itself, so that a block with it has no symbolic form.
     """
     n, last = held.shape[0], xd.shape[0] - 1
     copy(xd, out)

@@ -1,4 +1,4 @@
-"""Turns of the robot, at once, that no wheel makes: somebody pushes it, or counts are lost at once.
+"""Turns of the robot, at once, that no wheel makes: somebody pushes it, counts are lost, or a marker is moved.
 
 A turn of a few degrees is less than the way that must show in steps.py, and takes the robot aside for the rest of the
 run. From then on camera and wheels are apart by an angle, which all fixes before and after it tell.
@@ -8,86 +8,141 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, Base, inside, seen_of_wheels
-from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion
+from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, seen, windows
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.steps import APART, SHOWS_M, largest_by_chance, largest_step
-from drake_ispace.faults.repair import CutOut
+from drake_ispace.faults.repair import CutOut, Turned
 from drake_ispace.files.recording import Recording
+
+_FEWEST = FEWEST // 2  # fixes on either side of a turn
 
 
 def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
-    """The turn that stands out: twice as large as any other change of the angle between camera and wheels, and as what
-    chance makes of it, whatever usual latency the camera has: a turn that begins looks alike to a late one. It must
+    """The turns that stand out: twice as large as any other change of the angle between camera and wheels, and as what
+    chance makes of it, whatever usual latency the camera has: a turn that begins looks alike to a late one. They must
     take the robot aside by a way that shows. Headings are those of `run`, in radians.
     """
     if base is None or not base.robot.in_room or not has_motion(run):
         return
-    kinect, lag_s, seen_of = run.channels["kinect"], latency_of(run, base), seen_of_wheels(run, base)
+    kinect, lag_s = run.channels["kinect"], latency_of(run, base)
     kept = inside(base, kinect.t + lag_s, kinect.t + lag_s)
-    t, phi = kinect.t[kept], np.unwrap(kinect.column("phi"))[kept]
-    if len(t) < FEWEST:
+    if kept.sum() < FEWEST:
         return
+    beside = _Beside(run, base, lag_s, kept)
+    changed = beside.changes(slice(None), lag_s)
+    for k, least in _standing_out(beside.t, np.abs(np.nan_to_num(changed))):
+        reach = np.linalg.norm(beside.places - beside.places[k], axis=1).max()
+        if abs(changed[k]) * reach >= SHOWS_M:
+            yield from beside.finding(k, float(changed[k]), least)
 
-    def apart_in(part, lag_s):
-        """The angle between camera and wheels at some of the fixes, if the camera is so early."""
-        at = t[part] + lag_s
-        turned = (base.moved(at[:-1], at[1:]) @ seen_of)[:, 2]
-        return phi[part] - np.concatenate([[0.0], np.cumsum(turned)])
 
-    apart = apart_in(slice(None), lag_s)
-    changed = _changes(t, apart)
-    known = np.isfinite(changed)
-    if known.sum() < FEWEST:
-        return
-    sizes = np.where(known, np.abs(changed), 0.0)
-    k = int(np.argmax(sizes))
-    others = known & ((t[1:] < t[k] - 2.0 * WINDOW_S) | (t[:-1] > t[k + 1] + 2.0 * WINDOW_S))
-    if not others.any():
-        return
-    chance = largest_by_chance(int(known.sum()), 1) * float(np.median(sizes[others]))
-    reach = float(np.linalg.norm(kinect.values[kept, :2] - kinect.values[kept, :2][k], axis=1).max())
-    least = max(APART * max(float(sizes[others].max()), chance), SHOWS_M / max(reach, SHOWS_M))
-    if not sizes[k] > least:
-        return
-    (since, until), degrees = _between(t, apart, k), f"{np.degrees(sizes[k]):.2g} degrees"
-    row = _fastest_row(run.channels["encoder"], base, seen_of, since + lag_s, until + lag_s)
-    if row is not None and row[2] > 0.5 * sizes[k]:
-        what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
-        yield Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
-        return
-    near = slice(*np.searchsorted(t, [t[k] - WINDOW_S, t[k + 1] + WINDOW_S]))
-    if min(abs(_changes(t[near], apart_in(near, lag))[k - near.start]) for lag in LATENCIES_S) > least:
-        since, until = since + min(lag_s, 0.0), until + max(lag_s, 0.0)
+class _Beside:
+    """Camera and wheels of a run; lag_s: by how much later the wheels say what the camera sees. kept: which fixes."""
+
+    def __init__(self, run, base, lag_s, kept):
+        self.kinect = kinect = run.channels["kinect"]
+        self.encoder, self.base, self.lag_s, self.seen_of = base.encoder, base, lag_s, seen_of_wheels(run, base, lag_s)
+        self.t, self.places, self.phi = kinect.t[kept], kinect.values[kept, :2], np.unwrap(kinect.column("phi"))[kept]
+
+    def moved(self, since_s, until_s):
+        """(n, 3) motions [m, m, rad] that the camera should see, by the wheels at these times."""
+        return self.base.moved(since_s, until_s) @ self.seen_of
+
+    def apart(self, part, lag_s):
+        """The angle between camera and wheels at some of the fixes, at a lag."""
+        at = self.t[part] + lag_s
+        return self.phi[part] - np.concatenate([[0.0], np.cumsum(self.moved(at[:-1], at[1:])[:, 2])])
+
+    def changes(self, part, lag_s):
+        """For every step between some fixes, by how much the mean angle after it differs from that before, at a lag."""
+        return _changes(self.t[part], self.apart(part, lag_s))
+
+    def finding(self, k, turn, least):
+        """The finding of a turn at step `k`; none unless it is more than `least` whatever the latency."""
+        t, degrees = self.t, f"{np.degrees(abs(turn)):.2g} degrees"
+        since, until = _between(t, self.apart(slice(None), self.lag_s), k)
+        row = self._fastest_row(since + self.lag_s, until + self.lag_s)
+        if row is not None and row[2] > 0.5 * abs(turn):
+            what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
+            yield Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
+            return
+        near = slice(*np.searchsorted(t, [t[k] - WINDOW_S, t[k + 1] + WINDOW_S]))
+        if not min(abs(self.changes(near, lag_s)[k - near.start]) for lag_s in LATENCIES_S) > least:
+            return
+        path = self._path_turns_by(since, until, turn)
+        if path is not None and abs(path) < abs(path - turn):
+            yield self._heading_alone(since, until, turn, degrees)
+            return
+        a, b = since + min(self.lag_s, 0.0), until + max(self.lag_s, 0.0)
         what = f"the robot turns by {degrees} at once, and its wheels do not turn it"
-        yield Finding("robot_carried", what, "all", since, until, rivals=("camera_jump", "counter_reset"),
-                      repairs=(CutOut(since, until),))
+        rivals = ("counter_reset", "camera_jump", *(("heading_offset",) if path is None else ()))
+        yield Finding("robot_carried", what, "all", a, b, rivals=rivals, repairs=(CutOut(a, b),))
+
+    def _fastest_row(self, since_s, until_s):
+        """From when to when [s], and by which angle, wheels turn the robot most from one row to the next about a time.
+
+        None where they turn it half as fast in another row.
+        """
+        t, (since, until) = self.encoder.t, largest_step(self.encoder, since_s, until_s)
+        turns = np.abs(self.moved(t[:-1], t[1:])[:, 2])
+        rates, at = turns / np.maximum(np.diff(t), TICK_S), int(np.searchsorted(t, since))
+        return (since, until, turns[at]) if rates[at] > APART * np.delete(rates, at).max(initial=0.0) else None
+
+    def _path_turns_by(self, since, until, turn):
+        """By how much [rad] the path turns at a time at which the heading turns; None where the robot hardly drives."""
+        parts = windows(self.kinect)
+        ways = [motion[:, :2] @ [1.0, 1.0j] for motion in (
+            seen(self.kinect, parts), self.moved(parts.since_s + self.lag_s, parts.until_s + self.lag_s))]
+        sides = [kept & inside(self.base, parts.since_s, parts.until_s, self.lag_s)
+                 for kept in (parts.until_s <= since, parts.since_s >= until)]
+        if min(np.abs(way[side]).sum() for way in ways for side in sides) < SHOWS_M:
+            return None
+        before, after = (np.sum(ways[0][side] * np.conj(ways[1][side])) for side in sides)
+        return turn + float(np.angle(after * np.conj(before)))  # in the body's axes a path goes on if it turns as well
+
+    def _heading_alone(self, since, until, turn, degrees):
+        """The Finding of headings that are off in the shorter part of the run, before or after a time."""
+        t = self.kinect.t
+        if until - t[0] < t[-1] - since:
+            repair = Turned("kinect", float(t[0]), since, turn)
+        else:
+            repair = Turned("kinect", until, float(t[-1]), -turn)
+        what = f"headings turn by {degrees} at once, and neither the path nor the wheels do"
+        return Finding("heading_offset", what, "kinect", repair.from_s, repair.to_s, repairs=(repair,))
 
 
-def _fastest_row(encoder, base, seen_of, since_s, until_s):
-    """From when to when [s], and by which angle, wheels turn the robot most from one row to the next about a time.
+def _standing_out(t, sizes):
+    """Yield the numbers of the steps at which the largest sizes (k - 1,) are, and what each must be more than.
 
-    None where they turn it half as fast in another row.
+    As many as are twice as large as the next smaller one, and as what chance makes of it.
     """
-    since, until = largest_step(encoder, since_s, until_s)
-    turns = np.abs((base.moved(encoder.t[:-1], encoder.t[1:]) @ seen_of)[:, 2])
-    rates, at = turns / np.diff(encoder.t), int(np.searchsorted(encoder.t, since))
-    return (since, until, turns[at]) if rates[at] > APART * np.delete(rates, at).max(initial=0.0) else None
+    left, found = sizes.copy(), []
+    known = sizes[sizes > 0.0]
+    chance = largest_by_chance(len(known), 1) * float(np.median(known)) if len(known) else 0.0
+    while left.any():
+        k = int(np.argmax(left))
+        found.append((k, float(left[k])))
+        left[(t[1:] > t[k] - 2.0 * WINDOW_S) & (t[:-1] < t[k + 1] + 2.0 * WINDOW_S)] = 0.0
+    next_smaller = [max(size, chance) for _, size in found[1:]]
+    last = max((m for m, size in enumerate(next_smaller) if found[m][1] > APART * size), default=-1)
+    for k, _ in found[: last + 1]:
+        yield k, APART * next_smaller[last]
 
 
 def _changes(t, apart):
     """(k - 1,) by how much the mean of `apart` (k,) over the fixes of WINDOW_S after a step differs from that before.
 
-    NaN where fixes are missing.
+    NaN where there are too few.
     """
     total = np.concatenate([[0.0], np.cumsum(apart)])
     last, first = np.arange(1, len(t)), np.searchsorted(t, t - WINDOW_S)[:-1]
     end = np.searchsorted(t, t + WINDOW_S, side="right")[1:]
     before, after = last - first, end - last
     changed = (total[end] - total[last]) / after - (total[last] - total[first]) / before
-    fewest = 0.5 * min(np.median(before), np.median(after))
-    there = (before >= fewest) & (after >= fewest) & (np.diff(t) <= WINDOW_S)
+    there = (before >= _FEWEST) & (after >= _FEWEST) & (np.diff(t) <= WINDOW_S)
     return np.where(there, changed, np.nan)
 
 

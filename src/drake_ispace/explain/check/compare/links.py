@@ -198,16 +198,17 @@ def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
     )
 
 
-def seen_of_wheels(run: Recording, base: Base) -> np.ndarray:
+def seen_of_wheels(run: Recording, base: Base, lag_s: float = 0.0) -> np.ndarray:
     """(3, 3) what turns motions [m, m, rad] (n, 3) that wheels make into those that the camera sees, all in all.
 
     It is not the identity where the marker is beside the robot's middle, or the wheels are larger than believed.
+    lag_s: by how much later the wheels say what the camera sees.
     """
     link, unit = camera_link(run, base), np.array([1.0, 1.0, arm(base.geometry)])
-    kept = inside(base, link.since_s, link.until_s)
+    kept = inside(base, link.since_s, link.until_s, lag_s)
     if not kept.any():
         return np.eye(3)
-    wheels = link.predicted(link.since_s[kept], link.until_s[kept])
+    wheels = link.predicted(link.since_s[kept] + lag_s, link.until_s[kept] + lag_s)
     return relation(wheels[None], link.measured[kept][None], link.slack)[0] * unit[:, None] / unit
 
 

@@ -8,7 +8,6 @@ it may be a latency.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -78,25 +77,21 @@ class _Number:
 
 @dataclass(frozen=True, eq=False)
 class _Lateness:
-    """How late the camera's clock of a run is in the middle of it, and by how much more at its end than at its begin.
-    """
+    """How late the camera's clock of a run is in the middle of it, by how much more at its end than at its begin, and
+    how late at its begin."""
 
     middle: _Number
     drift: _Number
+    begin: _Number
 
-    @cached_property
+    @property
     def without_drift(self) -> _Number:
         """How late it is without its drift: at the begin of a run in which it drifts for certain.
 
         Two clocks are set, or counted from, when a recording begins. Were the middle taken for right, half of what the
         clock drifts by would be a latency.
         """
-        if not self.drift.differs_from():
-            return self.middle
-        return _Number(
-            self.middle.value - 0.5 * self.drift.value, self.middle.variance + 0.25 * self.drift.variance,
-            self.middle.without - 0.5 * self.drift.without, self.middle.variances + 0.25 * self.drift.variances,
-        )
+        return self.begin if self.drift.differs_from() else self.middle
 
     def differs_from(self, other: "_Lateness") -> bool:
         """Whether it is later or earlier without its drift than another one for certain."""
@@ -206,7 +201,9 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
     apart = np.zeros_like(own.screen.inner)  # for each signature a combination that has none of the others
     apart[np.ix_(known, known)] = unit[:, None] * np.linalg.pinv(unit[:, None] * inner * unit, 1e-8, True) * unit
     middles, drifts, _ = np.arange(len(apart) - 3 * len(late), len(apart)).reshape(3, -1)
-    wanted = apart[np.column_stack([middles, drifts]).ravel()]
+    of_middle, of_drift = apart[middles], apart[drifts]
+    wanted = np.stack([of_middle, of_drift, of_middle - 0.5 * of_drift], axis=1).reshape(-1, len(apart))
+    values = np.column_stack([late, late @ [1.0, -0.5]]).ravel()
     changes = np.hstack([wanted @ own.changes.of_run(i) for i in range(len(late))])
     left = own.tested.marginalised(changes)
     blocks = blocks_of(own.view.prediction, own.likelihood.whitening, own.residuals)
@@ -214,7 +211,7 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
     products, noise, squares = (np.add.reduceat(left * rows, begun, axis=1) for rows in (own.w, own.noise, changes))
 
     def number(i):
-        in_run, value, square = own.runs[begun] == i // 2, late.flat[i], squares[i].sum()
+        in_run, value, square = own.runs[begun] == i // 3, values[i], squares[i].sum()
         if not square:
             return _Number(value, np.inf, np.array([value]), np.array([np.inf]))
         share = 1.0 - squares[i, in_run] / square  # that the other seconds have
@@ -225,4 +222,4 @@ def _of_runs(own: Survey, late: np.ndarray) -> list[_Lateness]:
         variances[known] = variance / share[known]
         return _Number(float(value + _PROBE_S * step), float(variance), without, variances)
 
-    return [_Lateness(number(2 * i), number(2 * i + 1)) for i in range(len(late))]
+    return [_Lateness(*map(number, range(3 * i, 3 * i + 3))) for i in range(len(late))]
