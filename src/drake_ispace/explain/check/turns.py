@@ -12,6 +12,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, Base, inside, seen_of_wheels
 from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, seen, windows
+from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.steps import APART, SHOWS_M, largest_by_chance, largest_step
 from drake_ispace.faults.repair import CutOut, Turned
@@ -22,8 +23,10 @@ _FEWEST = FEWEST // 2  # fixes on either side of a turn
 
 def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     """The turns that stand out: twice as large as any other change of the angle between camera and wheels, and as what
-    chance makes of it, whatever usual latency the camera has: a turn that begins looks alike to a late one. They must
-    take the robot aside by a way that shows. Headings are those of `run`, in radians.
+    chance makes of it, whatever usual latency the camera has: a turn that begins looks alike to a late one.
+
+    They must be no mere share of what the wheels do meanwhile, and take the robot aside by a way that shows. Headings
+    are those of `run`, in radians.
     """
     if base is None or not base.robot.in_room or not has_motion(run):
         return
@@ -35,7 +38,7 @@ def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     changed = beside.changes(slice(None), lag_s)
     for k, least in _standing_out(beside.t, np.abs(np.nan_to_num(changed))):
         reach = np.linalg.norm(beside.places - beside.places[k], axis=1).max()
-        if abs(changed[k]) * reach >= SHOWS_M:
+        if abs(changed[k]) > SLACK * beside.turned(k) and abs(changed[k]) * reach >= SHOWS_M:
             yield from beside.finding(k, float(changed[k]), least)
 
 
@@ -60,6 +63,14 @@ class _Beside:
         """For every step between some fixes, by how much the mean angle after it differs from that before, at a lag."""
         return _changes(self.t[part], self.apart(part, lag_s))
 
+    def turned(self, k):
+        """By how much [rad] the wheels turn the robot, to and fro, in the windows before and after step `k`."""
+        at = self.t[self._near(k)] + self.lag_s
+        return float(np.abs(self.moved(at[:-1], at[1:])[:, 2]).sum())
+
+    def _near(self, k):
+        return slice(*np.searchsorted(self.t, [self.t[k] - WINDOW_S, self.t[k + 1] + WINDOW_S]))
+
     def finding(self, k, turn, least):
         """The finding of a turn at step `k`; none unless it is more than `least` whatever the latency."""
         t, degrees = self.t, f"{np.degrees(abs(turn)):.2g} degrees"
@@ -69,7 +80,7 @@ class _Beside:
             what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
             yield Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
             return
-        near = slice(*np.searchsorted(t, [t[k] - WINDOW_S, t[k + 1] + WINDOW_S]))
+        near = self._near(k)
         if not min(abs(self.changes(near, lag_s)[k - near.start]) for lag_s in LATENCIES_S) > least:
             return
         path = self._path_turns_by(since, until, turn)
