@@ -105,13 +105,16 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
 
 
 def _survey_under(survey_of_half, halves, noises, point, effect, i) -> Survey:
-    """The Survey of a half that tests one effect of `point` beside the others, under a noise that is known."""
+    """The Survey of a half that tests one effect of `point` beside the others, under a noise that is known.
+
+    What other assumptions about noise change is that with the effect: without it they change what looks like it.
+    """
     rest = {other: z for other, z in point.items() if other is not effect}
     at = [
         [*effect.neutral[:k], size, *effect.neutral[k + 1 :]] for k, size in enumerate(point[effect])
         if size != effect.neutral[k]
     ]
-    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i], at={effect: at})
+    return survey_of_half(halves[i], rest, [effect, *rest], whitening=noises[i], at={effect: at}, assuming=point)
 
 
 def _no_generics(prediction, point, base) -> list[Signature]:

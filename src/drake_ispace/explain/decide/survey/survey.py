@@ -90,7 +90,7 @@ class Survey:
 def survey(
     prediction: Prediction, point: Point, candidates: Sequence[Candidate],
     whitening: Whitening | None = None, near: bool = False, generics: Generics = generic_signatures,
-    at: Mapping[Candidate, Sequence[list[float]]] = MappingProxyType({}),
+    at: Mapping[Candidate, Sequence[list[float]]] = MappingProxyType({}), assuming: Point | None = None,
 ) -> Survey:
     """Test all effects for a model that has those of `point`.
 
@@ -98,10 +98,13 @@ def survey(
         prediction: model and runs. candidates: effects to try.
         whitening: noise, default that of the residuals at `point`. near: whether `point` is nearly the best one, so
             that the noise's memory is marginalised. generics: signatures of what competes with the candidates.
-        at: further probes of some candidates.
+        at: further probes of some candidates. assuming: effects with which other assumptions about noise change the
+            residuals, default those of `point`.
     """
     base = prediction.residuals(merged(point))
     view = view_from(prediction, point, candidates, base, generics, at)
+    if assuming is not None:
+        view = view.assuming_at(assuming, prediction.residuals(merged(assuming)))
     likelihood = view.likelihood(point, base, near) if whitening is None else view.with_noise(whitening, base, near)
     return _survey(point, view, base, likelihood)
 
