@@ -163,10 +163,13 @@ def _best_near(
     def deviance(proposal):
         return proposal.fit.deviance + penalty(proposal.candidate)
 
-    others = [proposal for proposal in proposals if proposal is not leader]
-    better = sorted((one for one in others if deviance(one) < deviance(leader)), key=deviance)
-    near = [one for one in others if one.penalised_gain > least * leader.penalised_gain and one not in better]
-    followed = [leader, *[*better, *sorted(near, key=lambda one: -one.penalised_gain)][:_MOST_NEAR]]
+    better = sorted((one for one in proposals if deviance(one) < deviance(leader)), key=deviance)
+    near = [
+        proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)
+        if proposal.penalised_gain > least * leader.penalised_gain and proposal is not leader
+        and not deviance(proposal) < deviance(leader)
+    ]
+    followed = [leader, *[*better, *near][:_MOST_NEAR]]
     settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]
     if len(followed) == 1:
         return settled[0][1]
