@@ -35,7 +35,7 @@ def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     if kept.sum() < FEWEST:
         return
     beside = _Beside(run, base, lag_s, kept)
-    changed = beside.changes(slice(None), lag_s)
+    changed = _changes(beside.t, beside.angle)
     for k, least in _standing_out(beside.t, np.abs(np.nan_to_num(changed))):
         reach = np.linalg.norm(beside.places - beside.places[k], axis=1).max()
         if abs(changed[k]) > SLACK * beside.turned(k) and abs(changed[k]) * reach >= SHOWS_M:
@@ -43,25 +43,25 @@ def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
 
 
 class _Beside:
-    """Camera and wheels of a run; lag_s: by how much later the wheels say what the camera sees. kept: which fixes."""
+    """Camera and wheels of a run; lag_s: by how much later the wheels say what the camera sees. kept: which fixes.
+
+    angle: (k,) between camera and wheels at these fixes.
+    """
 
     def __init__(self, run, base, lag_s, kept):
         self.kinect = kinect = run.channels["kinect"]
         self.encoder, self.base, self.lag_s, self.seen_of = base.encoder, base, lag_s, seen_of_wheels(run, base, lag_s)
         self.t, self.places, self.phi = kinect.t[kept], kinect.values[kept, :2], np.unwrap(kinect.column("phi"))[kept]
+        self.angle = self._apart(slice(None), lag_s)
 
     def moved(self, since_s, until_s):
         """(n, 3) motions [m, m, rad] that the camera should see, by the wheels at these times."""
         return self.base.moved(since_s, until_s) @ self.seen_of
 
-    def apart(self, part, lag_s):
+    def _apart(self, part, lag_s):
         """The angle between camera and wheels at some of the fixes, at a lag."""
         at = self.t[part] + lag_s
         return self.phi[part] - np.concatenate([[0.0], np.cumsum(self.moved(at[:-1], at[1:])[:, 2])])
-
-    def changes(self, part, lag_s):
-        """For every step between some fixes, by how much the mean angle after it differs from that before, at a lag."""
-        return _changes(self.t[part], self.apart(part, lag_s))
 
     def turned(self, k):
         """By how much [rad] the wheels turn the robot, to and fro, in the windows before and after step `k`."""
@@ -74,14 +74,15 @@ class _Beside:
     def finding(self, k, turn, least):
         """The finding of a turn at step `k`; none unless it is more than `least` whatever the latency."""
         t, degrees = self.t, f"{np.degrees(abs(turn)):.2g} degrees"
-        since, until = _between(t, self.apart(slice(None), self.lag_s), k)
+        since, until = _between(t, self.angle, k)
         row = self._fastest_row(since + self.lag_s, until + self.lag_s)
         if row is not None and row[2] > 0.5 * abs(turn):
             what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
             yield Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
             return
         near = self._near(k)
-        if not min(abs(self.changes(near, lag_s)[k - near.start]) for lag_s in LATENCIES_S) > least:
+        turns = [_changes(t[near], self._apart(near, lag_s))[k - near.start] for lag_s in LATENCIES_S]
+        if not np.abs(turns).min() > least:
             return
         path = self._path_turns_by(since, until, turn)
         if path is not None and abs(path) < abs(path - turn):
