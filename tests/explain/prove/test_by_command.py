@@ -25,10 +25,10 @@ def test_what_is_told_to_rest_for_a_while_is_told_to_move_no_more():
 
 def runs(after, quiet=1.0):
     """Runs whose command changes in every fifth of 40 blocks of 25 rows, with noise of either size."""
-    result = []
+    result, random = [], np.random.default_rng(8)
     for shift in range(3):
         changed = np.repeat(np.arange(40) % 5 == shift, 25)
-        noise = RANDOM.standard_normal((1000, 1)) * np.where(changed, after, quiet)[:, None]
+        noise = random.standard_normal((1000, 1)) * np.where(changed, after, quiet)[:, None]
         result.append((changed[:, None].astype(float), noise))
     return result
 
