@@ -1,13 +1,16 @@
 """Nuisances as vectors that are all kept whitened: what those that are whitened run by run must equal."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 
+@dataclass(frozen=True)
 class Dense:
-    """Of (k, n) vectors what a Likelihood asks of its offsets."""
+    """Of (k, n) vectors what a Likelihood asks of its offsets; whitening: not used."""
 
-    def __init__(self, vectors: np.ndarray):
-        self.vectors = vectors
+    vectors: np.ndarray
+    whitening: object = None
 
     def __len__(self) -> int:
         return len(self.vectors)

@@ -1,4 +1,4 @@
-"""Named effects resolve a generic disagreement if they explain as much as it, whatever the noise was learned with."""
+"""Named effects resolve a generic disagreement if they explain as much under the noise that makes runs likeliest."""
 
 from types import SimpleNamespace
 
@@ -16,19 +16,35 @@ EFFECT, OTHER = pattern(1) * (1.0 - EARLY), pattern(2) * EARLY  # what the effec
 (TILT,) = made("tilt")
 
 
+class Weighted:
+    """Independent noise of so many standard deviations, early and late."""
+
+    def __init__(self, early: float, late: float):
+        self.weights = np.tile(EARLY / early + (1.0 - EARLY) / late, 2)
+
+    def __call__(self, residuals):
+        return self.weights * np.concatenate([run["room"][:, 0] for run in residuals])
+
+    def scoring_as(self, other):
+        return self
+
+    def log_volume(self, residuals):
+        return -2.0 * np.sum(np.log(self.weights))
+
+
 def likelihood(runs: Linear, early: float, late: float) -> Likelihood:
     """Under noise of so many standard deviations."""
-    weights = np.tile(EARLY / early + (1.0 - EARLY) / late, 2)
-    whitening = lambda residuals: weights * np.concatenate([run["room"][:, 0] for run in residuals])  # noqa: E731
-    return Likelihood(runs, whitening, Dense(np.empty((0, len(weights)))), {TILT: [1.0]})
+    whitening = Weighted(early, late)
+    return Likelihood(runs, whitening, Dense(np.empty((0, 2 * ROWS)), whitening), {TILT: [1.0]})
 
 
 @pytest.mark.parametrize("near_late, resolved", [(1.0, True), (20.0, False)])
-def test_what_counts_is_the_mean_under_the_noise_without_and_with_the_effects(near_late, resolved):
+def test_what_counts_is_the_noise_under_which_the_runs_are_likeliest(near_late, resolved):
     runs = Linear(noise() + EFFECT + 0.6 * OTHER, {"tilt": EFFECT})
     far, near = likelihood(runs, 1.0, 20.0), likelihood(runs, 1.0, near_late)
     (signature,) = generics_of("time", OTHER)(None, None, None)
-    start = SimpleNamespace(point={}, likelihood=far, view=SimpleNamespace(signatures=[signature]))
+    view = SimpleNamespace(signatures=[signature])
+    start = SimpleNamespace(point={}, likelihood=far, residuals=None, view=view)
     unknown = SimpleNamespace(candidate=signature.candidate, generic=signature.candidate.effect)
     decided = SimpleNamespace(named=fit(near, {TILT: [0.5]}), end=SimpleNamespace(likelihood=near))
     assert Doubt(None, start, unknown, None).is_resolved_by(decided) == resolved

@@ -125,3 +125,16 @@ def test_a_start_at_which_the_model_runs_away_is_drawn_in():
     whitened = found.whitened
     found.whitened = lambda point: whitened(point) * (np.nan if point[TILT][0] > 3.0 else 1.0)
     assert fit(found, {TILT: [20.0]}).point[TILT][0] == pytest.approx(0.7, abs=0.1)
+
+
+def test_a_deviance_and_a_log_determinant_are_those_of_noise_and_offsets_together():
+    """-2 log of the density of white noise and of offsets that each have a standard deviation of one."""
+    random = np.random.default_rng(4)
+    found = likelihood(noise())
+    w = random.standard_normal(len(found.whitened({})))
+    offsets = random.standard_normal((3, len(w)))
+    found = replace(found, offsets=Dense(offsets))
+    covariance = np.eye(len(w)) + offsets.T @ offsets
+    squares = w @ np.linalg.solve(covariance, w)
+    assert found.deviance(w) == pytest.approx(squares)
+    assert found.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1])

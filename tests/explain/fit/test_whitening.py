@@ -138,3 +138,37 @@ def test_the_memory_lasts_as_long_in_time_however_often_the_motion_is_measured()
     rows = coloured(3000, np.random.default_rng(0))
     often, rarely = fit_noise([rows], "motion", [None]).means, fit_noise([rows], "motion", [None], ticks=4).means
     assert [(1.0 - rate) ** 4 for rate in often] == pytest.approx([1.0 - rate for rate in rarely])
+
+
+def two_noises(seed):
+    """Residuals of a run with two streams, and the noise of others, with classes of its own."""
+    random = np.random.default_rng(seed)
+    classes = [{"motion": random.integers(0, 3, 300)}]
+    learned = [{"motion": coloured(300, random, 0.5) * (1.0 + 3.0 * (classes[0]["motion"][:, None] == 2)),
+                "room": random.standard_normal((80, 3))}]
+    return learned, Whitening(learned, classes)
+
+
+def test_a_log_volume_makes_sums_of_squares_under_several_noises_comparable():
+    """With it they are -2 log of a density, whose Jacobian is that of the whitening."""
+    residuals, whitening = two_noises(1)
+    rows, p = residuals[0]["motion"].shape
+    lags, scored = whitening.noise["motion"].lags, np.repeat(whitening.classes[0]["motion"], p) > 0
+    columns = []
+    for at in range(rows * p):
+        y = np.zeros(rows * p)
+        y[at] = 1.0
+        columns.append(whitening.one(0, {"motion": y.reshape(rows, p), "room": 0.0 * residuals[0]["room"]}))
+    motion = np.array(columns).T[: (rows - lags) * p, lags * p :]
+    kept = scored[lags * p :]
+    room = whitening.noise["room"]
+    of_room = -2.0 * room.rows(residuals[0]["room"]) * np.linalg.slogdet(room.unit)[1]
+    volume = of_room - 2.0 * np.linalg.slogdet(motion[np.ix_(kept, kept)])[1]
+    assert whitening.log_volume(residuals) == pytest.approx(volume)
+
+
+def test_two_noises_can_be_made_to_score_the_same_rows():
+    (residuals, one), (_, other) = two_noises(1), two_noises(2)
+    both = [one.scoring_as(other), other.scoring_as(one)]
+    (first, second) = (np.isnan(noise.plain(residuals)) for noise in both)
+    assert first.tolist() == second.tolist() and first.sum() > np.isnan(one.plain(residuals)).sum()

@@ -12,7 +12,7 @@ from drake_ispace.explain.decide.survey.generic import Generic
 from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.directions import amounts_of
-from drake_ispace.explain.fit.likelihood import fit
+from drake_ispace.explain.fit.likelihood import Likelihood, fit
 
 _RELATIVE_MARGIN = 0.03  # of what the best effect, or disagreement, explains
 
@@ -91,25 +91,38 @@ class Doubt:
         """Whether the effects that `decision` names explain as much.
 
         Noise that was learned without effects forgets too little where these are large, and noise that was learned with
-        them favours them. What counts is the mean drop in deviance under both.
+        them favours them. The effects count under whichever of both makes the runs likelier with them, and so does the
+        disagreement in their place.
         """
         added = [] if decision.named is None else [c for c in decision.named.point if c not in self.survey.point]
         if not added:
             return False
-        likelihoods = self.survey.likelihood, decision.end.likelihood
-        named, generic = np.mean([self._drops(one, decision.named.point) for one in likelihoods], axis=0)
-        named -= sum(penalty(c) for c in added)
-        generic -= 2.0 * self.unknown.generic.columns
-        return bool(generic <= named + max(MARGIN, _RELATIVE_MARGIN * named))
+        first, last = self.survey.likelihood, decision.end.likelihood
+        both = [_scoring_as(first, last), _scoring_as(last, first)]
+        totals = np.array([self._totals(one, decision.named.point) for one in both])
+        named, generic = totals[:, 1:].min(axis=0)
+        drop = np.ptp(totals[totals[:, 1].argmin(), :2])
+        named += sum(penalty(c) for c in added)
+        generic += 2.0 * self.unknown.generic.columns
+        return bool(named <= generic + max(MARGIN, _RELATIVE_MARGIN * drop))
 
-    def _drops(self, likelihood, named) -> tuple[float, float]:
-        """Drops in deviance by the effects of `named`, and by the disagreement in their place."""
+    def _totals(self, likelihood, named) -> np.ndarray:
+        """-2 log likelihood of the runs before, with the effects of `named`, and with the disagreement in their place.
+        """
         w = likelihood.whitened(self.survey.point)
         signatures = [s for s in self.survey.view.signatures if s.candidate == self.unknown.candidate]
         changes = [likelihood.whitening(s.change) for s in signatures]
         gram = likelihood.products(np.vstack([changes, w]))
         drop = float(gram[:-1, -1] @ amounts_of(gram[:-1, :-1], gram[:-1, -1]))
-        return likelihood.deviance(w) - fit(likelihood, named).deviance, drop
+        before, after = likelihood.deviance(w), fit(likelihood, named).deviance
+        constant = likelihood.log_determinant + likelihood.whitening.log_volume(self.survey.residuals)
+        return constant + np.array([before, after, before - drop])
+
+
+def _scoring_as(likelihood, other) -> Likelihood:
+    """The Likelihood on what `other` scores as well, with the memory of the noise left in."""
+    whitening = likelihood.whitening.scoring_as(other.whitening)
+    return replace(likelihood, whitening=whitening, offsets=replace(likelihood.offsets, whitening=whitening), memory=())
 
 
 def better_than(

@@ -48,6 +48,7 @@ class Likelihood:
         memory: of the noise model, to be removed; empty: it is not removed.
         free: how many of the offsets these are.
         inner: (q, q) inverse of the products of the offsets, memory removed, plus 1 for the prior of each that has one.
+        log_determinant: of the same before it is inverted, where all offsets have a prior.
         remembered: of each memory, the amounts of its basis in the offsets.
     """
 
@@ -58,13 +59,15 @@ class Likelihood:
     memory: Sequence[Memory] = ()
     free: int = 0
     inner: np.ndarray = field(init=False, repr=False)
+    log_determinant: float = field(init=False, repr=False)
     remembered: list[np.ndarray] = field(init=False, repr=False)
 
     def __post_init__(self):
         gram, self.remembered = self.offsets.gram_and_amounts(self.memory)
-        products = gram - sum(alike(amounts, amounts) for amounts in self.remembered)
         prior = (np.arange(len(gram)) < len(gram) - self.free).astype(float)
-        self.inner = inverse_of(products + np.diag(prior), squares=np.diag(gram) + prior)
+        products = gram - sum(alike(amounts, amounts) for amounts in self.remembered) + np.diag(prior)
+        self.inner = inverse_of(products, squares=np.diag(gram) + prior)
+        self.log_determinant = float(np.linalg.slogdet(products)[1])
 
     def freed(self, changes: np.ndarray) -> "Likelihood":
         """The Likelihood with further offsets, of any size: whitened changes (k, rows) of the residuals."""

@@ -1,6 +1,7 @@
 """The noise of residuals, per stream a vector autoregression with a long memory; it whitens the residuals."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,6 +74,15 @@ class Noise:
             a, rates = np.ascontiguousarray(self.a.T), np.array(self.means)
             transpose(np.ascontiguousarray(z), classes, a, 1.0 / self.sizes, self.unit, rates, y)
         return y
+
+    def log_volume(self, rows: int, classes: np.ndarray | None = None) -> float:
+        """Twice the log of the volume that `whiten` makes 1, of `rows` rows: with the sum of squares of what it gives,
+        -2 log of the density of all rows that are scored, but for a factor that depends on their number alone."""
+        of_a_row = -2.0 * np.linalg.slogdet(self.unit)[1]
+        if classes is None:
+            return max(rows - self.lags, 0) * of_a_row
+        scored = classes[self.lags :][classes[self.lags :] > 0]
+        return len(scored) * of_a_row + 2.0 * float(np.sum(np.log(self.sizes[scored])))
 
     def past_of(self, y: np.ndarray, classes: np.ndarray | None = None) -> np.ndarray:
         """(rows - lags, p (lags + means)) regressors of `whiten`, each row over the size of the noise in it."""
@@ -297,6 +307,23 @@ class Whitening:
                 found[-1][name] = noise.transposed(z, classes.get(name)) if rows else np.zeros(run[name].shape)
                 at += rows * p
         return found
+
+    def scoring_as(self, other: "Whitening") -> "Whitening":
+        """The Whitening that does not score what `other` does not score either."""
+        scoring = copy(self)
+        scoring.classes = [
+            {name: np.where(theirs[name] > 0, own[name], 0) for name in own}
+            for own, theirs in zip(self.classes, other.classes, strict=True)
+        ]
+        return scoring
+
+    def log_volume(self, residuals: Residuals) -> float:
+        """What is missing in the sum of squares of whitened residuals to -2 log likelihood, but for a number that is
+        the same under every noise; residuals: only their sizes are used."""
+        return sum(
+            noise.log_volume(len(run[name]), classes.get(name))
+            for run, classes in zip(residuals, self.classes, strict=True) for name, noise in self.noise.items()
+        )
 
     def memory(self, residuals: Residuals) -> list[Memory]:
         """The Memory of each stream whose noise has one: what slightly different coefficients could explain."""
