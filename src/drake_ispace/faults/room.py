@@ -30,8 +30,15 @@ FAULTS = (
         "heading_is_course", "headings that are directions of motion",
         "phi says where the place moves to, not where the robot points to",
         "a tracker without a heading, and a program that makes one of its places",
-        "phi has all noise of the directions from fix to fix",
+        "phi has all noise of the directions from fix to fix, or over a few of them",
         "record the heading, or leave the camera out",
+    ),
+    Fault(
+        "camera_is_odometry", "poses that were computed from the wheels",
+        "the poses are those of dead reckoning, and no camera's",
+        "odometry was recorded, or exported, in the camera's place",
+        "between two fixes the poses know the wheels' angles better than to a count",
+        "record something that does not know the wheels, or leave the poses out",
     ),
     Fault(
         "camera_turned", "the axes of the room are turned by a quarter or a half",

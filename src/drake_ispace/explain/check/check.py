@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from drake_ispace.effects.library import library
+from drake_ispace.explain.check.camera.fixes import course_findings, outlier_findings, turned_findings
+from drake_ispace.explain.check.camera.odometry import odometry_findings
+from drake_ispace.explain.check.camera.smoothed import smoothed_fixes
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
@@ -25,7 +28,6 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of,
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
-from drake_ispace.explain.check.fixes import course_findings, outlier_findings, turned_findings
 from drake_ispace.explain.check.gyro import gyro_findings
 from drake_ispace.explain.check.runs import check_sizes, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.sampling.held import held_samples
@@ -33,7 +35,6 @@ from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.sampling.undersampled import tick_findings
-from drake_ispace.explain.check.smoothed import smoothed_fixes
 from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.check.turns import turn_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
@@ -104,6 +105,7 @@ class _Search:
         self._each(lambda run: sample_findings(run, not self.robot.in_si))
         self._each(lambda run: tick_findings(run, self.robot))
         self._each(course_findings)
+        self._each(odometry_findings, self._bases())
         self._each(outlier_findings)
         self._each(turned_findings, self._bases())
         self._each(dead_findings, self._bases())

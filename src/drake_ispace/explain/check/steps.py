@@ -6,11 +6,12 @@ import numpy as np
 from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.explain.check.camera.fixes import off
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCIES_S,
-    LATENCY_S,
+    SERIES,
     Base,
     camera_link,
     inside,
@@ -20,7 +21,6 @@ from drake_ispace.explain.check.compare.links import (
 from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.fixes import off
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import CutOut, Dropped, Without
@@ -29,7 +29,6 @@ from drake_ispace.robots.robot import COMMAND, TORQUE
 
 SHOWS_M = 0.12  # way of a wheel, or of the robot, that must show
 APART = 2.0  # times the next smaller one of a run, and what chance makes, from which on a short step stands out
-_SERIES = int(np.ceil(WINDOW_S / LATENCY_S))  # of overlapping windows, of which some begin within every latency
 
 
 def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
@@ -231,10 +230,10 @@ def _carried(run, base):
     They reach as far as the motions differ by more than chance: a robot that drives on has most in common with a push.
     A camera may be late.
     """
-    link = camera_link(run, base, _SERIES)
+    link = camera_link(run, base, SERIES)
     lag_s = latency_of(run, base)
     kept = inside(base, link.since_s + lag_s, link.until_s + lag_s)
-    if kept.sum() < FEWEST * _SERIES:
+    if kept.sum() < FEWEST * SERIES:
         return
     since, until, y = link.since_s[kept], link.until_s[kept], link.measured[kept]
     x = link.predicted(since + lag_s, until + lag_s)
@@ -252,7 +251,7 @@ def _carried(run, base):
         if last < first or first <= reached:
             continue
         a, b = float(since[first]), float(until[last])
-        total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / _SERIES)
+        total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / SERIES)
         if max(total, float(size[first : last + 1].max())) < SHOWS_M or not _part(run, a, b):
             continue
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()

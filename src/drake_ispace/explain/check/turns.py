@@ -5,9 +5,11 @@ run. From then on camera and wheels are apart by an angle, which all fixes befor
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
+from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, Base, inside, seen_of_wheels
@@ -36,10 +38,25 @@ def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
         return
     beside = _Beside(run, base, lag_s, kept)
     changed = _changes(beside.t, beside.angle)
-    for k, least in _standing_out(beside.t, np.abs(np.nan_to_num(changed))):
+    large = sorted(_standing_out(beside.t, np.abs(np.nan_to_num(changed))))
+    lows, highs = [-np.inf, *(beside.t[k + 1] for k, _ in large)], [*(beside.t[k] for k, _ in large), np.inf]
+    told = []
+    for m, (k, least) in enumerate(large):
         reach = np.linalg.norm(beside.places - beside.places[k], axis=1).max()
         if abs(changed[k]) > SLACK * beside.turned(k) and abs(changed[k]) * reach >= SHOWS_M:
-            yield from beside.finding(k, float(changed[k]), least)
+            told += beside.told(k, float(changed[k]), least, lows[m], highs[m + 1])
+    yield from (one for one in told if isinstance(one, Finding))
+    yield from _of_headings(beside, [one for one in told if isinstance(one, _Jump)])
+
+
+@dataclass(frozen=True)
+class _Jump:
+    """A turn of the headings alone, between two fixes [s], by an angle [rad] that is known but for `least`."""
+
+    since: float
+    until: float
+    turn: float
+    least: float
 
 
 class _Beside:
@@ -71,27 +88,29 @@ class _Beside:
     def _near(self, k):
         return slice(*np.searchsorted(self.t, [self.t[k] - WINDOW_S, self.t[k + 1] + WINDOW_S]))
 
-    def finding(self, k, turn, least):
-        """The finding of a turn at step `k`; none unless it is more than `least` whatever the latency."""
+    def told(self, k, turn, least, low, high):
+        """The Finding or the _Jump of a turn at step `k`, in a list; none unless it is more than `least` whatever the
+        latency.
+
+        low, high: when [s] the turns before and after it are.
+        """
         t, degrees = self.t, f"{np.degrees(abs(turn)):.2g} degrees"
         since, until = _between(t, self.angle, k)
         row = self._fastest_row(since + self.lag_s, until + self.lag_s)
         if row is not None and row[2] > 0.5 * abs(turn):
             what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
-            yield Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
-            return
+            return [Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))]
         near = self._near(k)
         turns = [_changes(t[near], self._apart(near, lag_s))[k - near.start] for lag_s in LATENCIES_S]
         if not np.abs(turns).min() > least:
-            return
-        path = self._path_turns_by(since, until, turn)
+            return []
+        path = self._path_turns_by(since, until, turn, low, high)
         if path is not None and abs(path) < abs(path - turn):
-            yield self._heading_alone(since, until, turn, degrees)
-            return
+            return [_Jump(since, until, turn, least)]
         a, b = since + min(self.lag_s, 0.0), until + max(self.lag_s, 0.0)
         what = f"the robot turns by {degrees} at once, and its wheels do not turn it"
         rivals = ("counter_reset", "camera_jump", *(("heading_offset",) if path is None else ()))
-        yield Finding("robot_carried", what, "all", a, b, rivals=rivals, repairs=(CutOut(a, b),))
+        return [Finding("robot_carried", what, "all", a, b, rivals=rivals, repairs=(CutOut(a, b),))]
 
     def _fastest_row(self, since_s, until_s):
         """From when to when [s], and by which angle, wheels turn the robot most from one row to the next about a time.
@@ -103,27 +122,56 @@ class _Beside:
         rates, at = turns / np.maximum(np.diff(t), TICK_S), int(np.searchsorted(t, since))
         return (since, until, turns[at]) if rates[at] > APART * np.delete(rates, at).max(initial=0.0) else None
 
-    def _path_turns_by(self, since, until, turn):
-        """By how much [rad] the path turns at a time at which the heading turns; None where the robot hardly drives."""
-        parts = windows(self.kinect)
-        ways = [motion[:, :2] @ [1.0, 1.0j] for motion in (
-            seen(self.kinect, parts), self.moved(parts.since_s + self.lag_s, parts.until_s + self.lag_s))]
-        sides = [kept & inside(self.base, parts.since_s, parts.until_s, self.lag_s)
-                 for kept in (parts.until_s <= since, parts.since_s >= until)]
-        if min(np.abs(way[side]).sum() for way in ways for side in sides) < SHOWS_M:
+    def _path_turns_by(self, since, until, turn, low, high):
+        """By how much [rad] the path turns at a time at which the heading turns; None where the robot hardly drives.
+
+        low, high: as of `told`.
+        """
+        before, after = self.path_apart(low, since), self.path_apart(until, high)
+        if before is None or after is None:
             return None
-        before, after = (np.sum(ways[0][side] * np.conj(ways[1][side])) for side in sides)
         return turn + float(np.angle(after * np.conj(before)))  # in the body's axes a path goes on if it turns as well
 
-    def _heading_alone(self, since, until, turn, degrees):
-        """The Finding of headings that are off in the shorter part of the run, before or after a time."""
-        t = self.kinect.t
-        if until - t[0] < t[-1] - since:
-            repair = Turned("kinect", float(t[0]), since, turn)
-        else:
-            repair = Turned("kinect", until, float(t[-1]), -turn)
-        what = f"headings turn by {degrees} at once, and neither the path nor the wheels do"
-        return Finding("heading_offset", what, "kinect", repair.from_s, repair.to_s, repairs=(repair,))
+    def path_apart(self, since, until):
+        """A complex number whose angle is between the paths, in the body's axes, that camera and wheels tell of from
+        one time to another; None where the robot hardly drives."""
+        parts = windows(self.kinect)
+        kept = inside(self.base, parts.since_s, parts.until_s, self.lag_s)
+        kept &= (parts.since_s >= since) & (parts.until_s <= until)
+        ways = [motion[kept, :2] @ [1.0, 1.0j] for motion in (
+            seen(self.kinect, parts), self.moved(parts.since_s + self.lag_s, parts.until_s + self.lag_s))]
+        return np.sum(ways[0] * np.conj(ways[1])) if min(np.abs(way).sum() for way in ways) >= SHOWS_M else None
+
+
+def _of_headings(beside, jumps) -> Iterator[Finding]:
+    """The Findings of headings that are off between jumps, or before or after them.
+
+    What the headings say for longest counts as right. Others are turned only where the path has not turned with them;
+    else some of the jumps were not found, and those that were are cut out.
+    """
+    if not jumps:
+        return
+    t = beside.kinect.t
+    off_by = np.cumsum([0.0, *(jump.turn for jump in jumps)])
+    begins, ends = [t[0], *(jump.until for jump in jumps)], [*(jump.since for jump in jumps), t[-1]]
+    least = max(jump.least for jump in jumps)
+    is_alike = np.abs(wrap(off_by[:, None] - off_by)) <= least
+    right = int(np.argmax(is_alike @ np.subtract(ends, begins)))
+    paths, turned = [beside.path_apart(*part) for part in zip(begins, ends, strict=True)], is_alike[right].copy()
+    for k in np.flatnonzero(~is_alike[right]):
+        off = float(wrap(off_by[k] - off_by[right]))
+        apart = None if paths[k] is None or paths[right] is None else np.angle(paths[k] * np.conj(paths[right]))
+        if apart is None or abs(wrap(apart + off)) < abs(apart):
+            turned[k] = True
+            degrees = f"{np.degrees(abs(off)):.2g} degrees"
+            what = f"headings turn by {degrees} at once, and neither the path nor the wheels do"
+            yield Finding("heading_offset", what, "kinect", float(begins[k]), float(ends[k]),
+                          repairs=(Turned("kinect", float(begins[k]), float(ends[k]), -off),))
+    for jump, before, after in zip(jumps, turned[:-1], turned[1:], strict=True):
+        if not (before and after):
+            what = f"headings turn by {np.degrees(abs(jump.turn)):.2g} degrees at once, and the wheels do not"
+            yield Finding("heading_offset", what, "kinect", jump.since, jump.until, rivals=("robot_carried",),
+                          repairs=(CutOut(jump.since, jump.until),))
 
 
 def _standing_out(t, sizes):

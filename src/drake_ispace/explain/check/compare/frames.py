@@ -6,8 +6,15 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, Base, seen_of_wheels
-from drake_ispace.explain.check.compare.motion import Windows, has_motion, seen, within
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, SERIES, Base, seen_of_wheels
+from drake_ispace.explain.check.compare.motion import (
+    Windows,
+    camera_noise,
+    has_motion,
+    seen,
+    windows,
+    within,
+)
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Recording
@@ -48,11 +55,15 @@ def _grid(t: np.ndarray) -> Gridded:
 
 
 def latency_of(run: Recording, base: Base) -> float:
-    """The latency [s] of the camera at which most of its motions from fix to fix are nearest to those of the wheels.
+    """The latency [s] of the camera at which most of its motions over a window are nearest to those of the wheels.
 
     The least of equal ones: a robot that mostly rests tells none.
     """
-    apart, _ = _apart(run, base)
+    kinect = run.channels["kinect"]
+    parts = windows(kinect, SERIES)
+    noise = base.noise_beside(camera_noise(kinect))
+    noise = np.where(noise > 0.0, noise, noise.max() or 1.0)
+    apart, _ = _apart(run, base, parts, seen(kinect, parts) / noise, 1.0 / noise)
     return float(min(LATENCIES_S[apart <= apart.min() + 1e-9], key=abs))
 
 
@@ -61,20 +72,22 @@ def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
 
     At the best latency.
     """
-    apart, count = _apart(run, base)
+    kinect = run.channels["kinect"]
+    first = np.arange(len(kinect.t) - 1)
+    steps = Windows(kinect.t[:-1], kinect.t[1:], first, first + 1)
+    places = np.array([1.0, 1.0, 0.0])
+    apart, count = _apart(run, base, steps, seen(kinect, steps) * places, places)
     return float(apart.min()), count
 
 
-def _apart(run, base):
-    """(lags,) the median distance of `_disagreement` at each of LATENCIES_S, and number of the motions."""
-    kinect = run.channels["kinect"]
-    first = np.arange(len(kinect.t) - 1)
-    since, until = kinect.t[:-1], kinect.t[1:]
-    steps = Windows(since, until, first, first + 1)
-    moved = seen(kinect, steps)[:, :2]
-    inside = within(base.encoder, steps, -LATENCY_S) & within(base.encoder, steps, LATENCY_S)
-    if not inside.any():
+def _apart(run, base, parts, moved, unit):
+    """How far motions (n, 3) are apart from those of the wheels: (lags,) medians, one for each of LATENCIES_S.
+
+    And the number of the motions. parts: the stretches of `moved`; unit: (3,) what it is measured in.
+    """
+    inner = within(base.encoder, parts, -LATENCY_S) & within(base.encoder, parts, LATENCY_S)
+    if not inner.any():
         return np.zeros(len(LATENCIES_S)), 0
-    since, until = (np.ravel(t[inside] + LATENCIES_S[:, None]) for t in (since, until))
-    turned = (base.moved(since, until) @ seen_of_wheels(run, base))[:, :2].reshape(len(LATENCIES_S), -1, 2)
-    return np.median(np.linalg.norm(moved[inside] - turned, axis=2), axis=1), int(inside.sum())
+    since, until = (np.ravel(t[inner] + LATENCIES_S[:, None]) for t in (parts.since_s, parts.until_s))
+    turned = (base.moved(since, until) @ seen_of_wheels(run, base) * unit).reshape(len(LATENCIES_S), -1, 3)
+    return np.median(np.linalg.norm(moved[inner] - turned, axis=2), axis=1), int(inner.sum())

@@ -43,6 +43,8 @@ def lags(most_s: float, step_s: float) -> np.ndarray:
 
 #: Latencies [s] that a sound channel may have.
 LATENCIES_S = lags(LATENCY_S, TICK_S)
+#: Number of series of overlapping windows, of which some begin within every latency.
+SERIES = int(np.ceil(WINDOW_S / LATENCY_S))
 
 
 @dataclass(frozen=True)

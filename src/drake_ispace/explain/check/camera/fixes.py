@@ -15,6 +15,7 @@ from drake_ispace.files.recording import Recording
 _SPIKE_STEPS = 5.0  # larger than most
 _QUARTER = 0.5 * np.pi
 _SAME = 0.02  # of what noise changes
+_BLOCK, _MOST_BLOCKS = 100, 40  # of fixes whose headings are looked at
 
 
 def outlier_findings(run: Recording) -> Iterator[Finding]:
@@ -43,7 +44,12 @@ def _spikes(t, distance, no_motion=None, least=0.0):
     """
     k = np.arange(len(t) - 1)
     steps = distance(k, k + 1)
-    large = np.flatnonzero(steps > max(no_motion or least, _SPIKE_STEPS * np.quantile(steps, 0.9)))
+    usual = np.quantile(steps[_goes_on(distance, steps)], 0.9)
+    is_large = steps > max(no_motion or least, _SPIKE_STEPS * usual)
+    for i in np.flatnonzero(is_large).tolist():  # and of a robot that shakes for a while only what is large meanwhile
+        near = slice(*np.searchsorted(t[:-1], [t[i] - WINDOW_S, t[i + 1] + WINDOW_S]))
+        is_large[i] = steps[i] > _SPIKE_STEPS * np.median(steps[near])
+    large = np.flatnonzero(is_large)
     ends = np.searchsorted(t[large], t[large + 1] + WINDOW_S, side="right")
     pairs = [(int(large[m]), int(j)) for m, end in enumerate(ends) for j in large[m + 1 : end]]
     spikes, used = [], set()
@@ -57,6 +63,17 @@ def _spikes(t, distance, no_motion=None, least=0.0):
     if left and t[-1] - t[left[-1] + 1] <= WINDOW_S:
         spikes.append((left[-1] + 1, len(t) - 1))
     return spikes
+
+
+def _goes_on(distance, steps):
+    """(k,) which steps neither go to a single fix from where the next one comes back, nor come back; else all.
+
+    A step there and one back tell of no motion: of every tenth fix that is off, a fifth of all steps.
+    """
+    k = np.arange(len(steps) - 1)
+    alone = distance(k, k + 2) < 0.5 * np.minimum(steps[:-1], steps[1:])
+    back = np.append(alone, False) | np.append(False, alone)
+    return ~back if np.count_nonzero(back) < 0.5 * len(back) else np.ones(len(back), bool)
 
 
 def off(t, spikes):
@@ -101,7 +118,7 @@ def turned_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
 
 
 def course_findings(run: Recording) -> Iterator[Finding]:
-    """Headings that were computed from the places: they are the directions from fix to fix, noise and all.
+    """Headings that were computed from the places: directions from fix to fix, or over a few of them, noise and all.
 
     The heading of a robot that drives ahead is near these directions, but has no part in their noise.
     """
@@ -109,16 +126,22 @@ def course_findings(run: Recording) -> Iterator[Finding]:
     if kinect is None or len(kinect.t) < 5:
         return
     place, phi = kinect.values[:, :2], kinect.column("phi")
-    for way, heading in (
-        (np.diff(place, axis=0), phi[:-1]), (np.diff(place, axis=0), phi[1:]), (place[2:] - place[:-2], phi[1:-1]),
-        (np.gradient(place, kinect.t, axis=0), phi),
+    longest = min(max(int(np.searchsorted(kinect.t, kinect.t[0] + WINDOW_S)), 2), len(place) - 3)
+    blocks = np.array_split(np.arange(len(place) - longest), -(-len(place) // _BLOCK))
+    some = np.concatenate(blocks[:: -(-len(blocks) // _MOST_BLOCKS)])  # of a long run, from all over it
+    if _are_courses(np.gradient(place, kinect.t, axis=0)[some], [phi[some]]) or any(
+        _are_courses(place[some + k] - place[some], [phi[some + at] for at in {0, k // 2, k}])
+        for k in range(1, longest + 1)
     ):
-        moved = way.any(axis=1)
-        if 2 * np.sum(moved) < len(moved):  # rounded
-            return
-        course, heading = np.arctan2(way[moved, 1], way[moved, 0]), heading[moved]
-        noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
-        if np.median(np.abs(wrap(heading - course))) < _SAME * noise:
-            yield Finding("heading_is_course", "phi is the direction from fix to fix", "kinect",
-                          repairs=(Without("kinect"),))
-            return
+        what = "phi is the direction in which the place moves"
+        yield Finding("heading_is_course", what, "kinect", repairs=(Without("kinect"),))
+
+
+def _are_courses(ways, headings) -> bool:
+    """Whether one of the headings, each (n,), is the direction of `ways` (n, 2). Not where most of these are none."""
+    moved = ways.any(axis=1)
+    if np.count_nonzero(moved) < max(0.5 * len(moved), 3):
+        return False
+    course = np.arctan2(*ways[moved].T[::-1])
+    noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
+    return any(np.quantile(np.abs(wrap(heading[moved] - course)), 0.9) < _SAME * noise for heading in headings)
