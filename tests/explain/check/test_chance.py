@@ -7,7 +7,7 @@ from drake_ispace.explain.check.compare.agreement import following
 from drake_ispace.explain.check.compare.regression import Slack, most, scores
 from drake_ispace.explain.check.sampling.samples import sample_findings, wrap_findings
 from drake_ispace.explain.check.sampling.stamps import stamp_findings
-from drake_ispace.explain.check.steps import largest_by_chance
+from drake_ispace.explain.levels import largest_by_chance
 from drake_ispace.files.recording import Channel, Recording
 
 COLUMNS = {"imu": ("ax", "ay", "az", "wx", "wy", "wz"), "torque": ("tau_1", "tau_2"), "encoder": ("theta_1", "theta_2"),

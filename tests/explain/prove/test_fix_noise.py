@@ -129,3 +129,11 @@ def test_a_heading_that_comes_again_at_rest_says_nothing():
     few.seen = few.seen[:8].copy()
     few.seen[:, 3] = 0.5
     assert at_rest([few], 2) is None
+
+
+def test_fixes_at_rest_that_were_mistaken_have_no_part_in_the_noise():
+    sound = recorded(STD, rests=True)
+    mistaken = recorded(STD, rests=True)
+    mistaken.seen[::40, 1:] += [0.5, -1.0, 0.7]
+    _, likely, _ = at_rest([mistaken], 2)
+    assert likely == pytest.approx(at_rest([sound], 2)[1], rel=0.03)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.camera.fixes import off
@@ -22,7 +21,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
-from drake_ispace.explain.levels import CHANCE
+from drake_ispace.explain.levels import largest_by_chance
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -270,14 +269,6 @@ def _carried(run, base):
 def _count(flags: np.ndarray) -> int:
     """How many flags hold before the first one that does not."""
     return len(flags) if flags.all() else int(np.argmin(flags))
-
-
-def largest_by_chance(count: int, components: int) -> float:
-    """Times their median, beyond which the largest of so many distances lies by chance as rarely as CHANCE.
-
-    Distances of so many normal components.
-    """
-    return float(np.sqrt(chi2.isf(CHANCE / count, components) / chi2.median(components)))
 
 
 def _part(run, since_s, until_s):

@@ -16,7 +16,8 @@ from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, Base, 
 from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.steps import APART, SHOWS_M, largest_by_chance, largest_step
+from drake_ispace.explain.check.steps import APART, SHOWS_M, largest_step
+from drake_ispace.explain.levels import largest_by_chance
 from drake_ispace.faults.repair import CutOut, Turned
 from drake_ispace.files.recording import Recording
 

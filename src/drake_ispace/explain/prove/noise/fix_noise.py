@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.levels import CHANCE
+from drake_ispace.explain.levels import CHANCE, largest_by_chance
 from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, RUN, horizon_of
@@ -21,7 +21,8 @@ _REST_RAD_S = 0.01  # speed below which every wheel is at rest
 def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
     """(3, 3) standard deviations [m, m, rad] of the fixes of a robot at rest: the least, the likely and the most.
 
-    The least and the most are those that chance makes of Gaussian errors as rarely as CHANCE.
+    The least and the most are those that chance makes of Gaussian errors as rarely as CHANCE. So rare errors are left
+    out: fixes that were mistaken have no part in the noise of the others.
 
     None: there are too few, or a coordinate has values that come again, as whole pixels do: that says nothing of a
     moving robot.
@@ -36,13 +37,25 @@ def at_rest(tracks: Sequence[Track], wheels: int) -> np.ndarray | None:
             if len(stretch) > 2 and seen[stretch[0]]:
                 poses = track.seen[stretch[1:-1], 1:].copy()  # the robot may still move at the ends
                 poses[:, 2] = np.unwrap(poses[:, 2])
-                parts.append((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / max(len(poses) - 1, 1)))
-    deviations = np.vstack([*parts, np.empty((0, 3))])
+                parts.append(poses)
+    parts = [poses for poses in _without_mistaken(parts) if len(poses) > 1]
+    deviations = np.vstack([
+        *((poses - poses.mean(axis=0)) * np.sqrt(len(poses) / (len(poses) - 1)) for poses in parts), np.empty((0, 3)),
+    ])
     free = len(deviations) - len(parts)
     if free < 1 or not all(map(_are_distinct, deviations.T)):
         return None
     likely = np.sqrt(np.mean(deviations**2, axis=0))
     return np.array([likely * _off(free, chi2.isf), likely, likely * _off(free, chi2.ppf)])
+
+
+def _without_mistaken(parts):
+    """Poses (k, 3) of several stretches at rest, less those that are off by more than chance makes of the others."""
+    off = [np.abs(poses - np.median(poses, axis=0)) for poses in parts]
+    every = np.vstack([*off, np.empty((0, 3))])
+    usual = [np.median(column[column > 0.0]) if column.any() else 0.0 for column in every.T]  # medians are not off
+    most = largest_by_chance(max(len(every), 1), 1) * np.array(usual)
+    return [poses[(sizes <= most).all(axis=1)] for poses, sizes in zip(parts, off, strict=True)]
 
 
 def on_the_move(tracks: Sequence[Track], geometry: WheelGeometry, stated: np.ndarray) -> np.ndarray:
