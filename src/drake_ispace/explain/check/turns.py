@@ -161,8 +161,10 @@ def _of_headings(beside, jumps) -> Iterator[Finding]:
     paths, turned = [beside.path_apart(*part) for part in zip(begins, ends, strict=True)], is_alike[right].copy()
     for k in np.flatnonzero(~is_alike[right]):
         off = float(wrap(off_by[k] - off_by[right]))
-        apart = None if paths[k] is None or paths[right] is None else np.angle(paths[k] * np.conj(paths[right]))
-        if apart is None or abs(wrap(apart + off)) < abs(apart):
+        if paths[k] is None or paths[right] is None:
+            continue
+        apart = np.angle(paths[k] * np.conj(paths[right]))
+        if abs(wrap(apart + off)) < abs(apart):
             turned[k] = True
             degrees = f"{np.degrees(abs(off)):.2g} degrees"
             what = f"headings turn by {degrees} at once, and neither the path nor the wheels do"
