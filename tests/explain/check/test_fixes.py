@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.blocks.frames import rotated, wrap
+from drake_ispace.explain.check.camera.fixes import course_findings
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.compare.links import base_of
 from drake_ispace.explain.check.runs import robot_of
@@ -167,3 +168,11 @@ def test_headings_that_are_directions_over_half_a_second_are_told():
         values[5:, 2] = np.arctan2(way[:, 1], way[:, 0])
         changed.append(with_fixes(run, values))
     assert [f.fault for f in check(two_wheels.model(), changed).findings] == ["heading_is_course"]
+
+
+def test_a_robot_that_drives_along_an_axis_has_headings_where_places_are_rounded():
+    """Most of its directions from fix to fix are exactly along the axis, as are its headings."""
+    t = np.arange(0.0, 30.0, 0.2)
+    x, y = 0.2 * t, 4e-4 * np.random.default_rng(5).normal(size=len(t))
+    kinect = Channel(t, ("x", "y", "phi"), np.column_stack([np.round(x, 3), np.round(y, 3), 0.0 * t]), {}, None)
+    assert not list(course_findings(Recording("mine", "velocity_base", {"kinect": kinect}, "")))

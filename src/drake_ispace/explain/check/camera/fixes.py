@@ -138,10 +138,16 @@ def course_findings(run: Recording) -> Iterator[Finding]:
 
 
 def _are_courses(ways, headings) -> bool:
-    """Whether one of the headings, each (n,), is the direction of `ways` (n, 2). Not where most of these are none."""
+    """Whether one of the headings, each (n,), changes as the direction of `ways` (n, 2) does, and when it does.
+
+    Not where most of `ways` are none, or all are in one direction.
+    """
     moved = ways.any(axis=1)
     if np.count_nonzero(moved) < max(0.5 * len(moved), 3):
         return False
-    course = np.arctan2(*ways[moved].T[::-1])
-    noise = np.median(np.abs(np.diff(np.unwrap(course), n=2)))
-    return any(np.quantile(np.abs(wrap(heading[moved] - course)), 0.9) < _SAME * noise for heading in headings)
+    course = np.unwrap(np.arctan2(*ways[moved].T[::-1]))
+    noise, turns = np.median(np.abs(np.diff(course, n=2))), np.diff(course)
+    changes = turns != 0.0
+    return bool(changes.any()) and any(
+        np.median(np.abs(wrap(np.diff(heading[moved]) - turns)[changes])) < _SAME * noise for heading in headings
+    )
