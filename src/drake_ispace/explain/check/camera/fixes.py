@@ -28,11 +28,19 @@ def outlier_findings(run: Recording) -> Iterator[Finding]:
         return
     place, phi = kinect.values[:, :2], kinect.column("phi")
     rounded = 2.0 * max(step_of(column) for column in place.T)  # makes less of no motion
-    spikes = _spikes(kinect.t, lambda i, j: np.linalg.norm(place[j] - place[i], axis=-1), least=rounded)
-    if np.ptp(phi) <= 6.0 * _QUARTER:  # a turn to wrap by and half a turn; beyond, headings may be in degrees
-        spikes += _spikes(kinect.t, lambda i, j: np.abs(wrap(phi[j] - phi[i])), 0.5 * _QUARTER)
-    if spikes:  # no more than a tenth of the steps are large, and of two of them a spike is made
-        yield off(kinect.t, sorted(set(spikes)))
+    in_radians = np.ptp(phi) <= 6.0 * _QUARTER  # a turn to wrap by and half a turn; beyond, headings may be in degrees
+    left, found = np.arange(len(place)), []
+    while len(left) > 1:  # of two in a row that are off the second may stand out without the first alone
+        t, places, headings = kinect.t[left], place[left], phi[left]
+        spikes = _spikes(t, lambda i, j, of=places: np.linalg.norm(of[j] - of[i], axis=-1), least=rounded)
+        if in_radians:
+            spikes += _spikes(t, lambda i, j, of=headings: np.abs(wrap(of[j] - of[i])), 0.5 * _QUARTER)
+        if not spikes:
+            break
+        found += [(int(left[a]), int(left[b])) for a, b in spikes]
+        left = np.delete(left, np.concatenate([np.arange(a, b + 1) for a, b in spikes]))
+    if found:
+        yield off(kinect.t, sorted(set(found)))
 
 
 def _spikes(t, distance, no_motion=None, least=0.0):
