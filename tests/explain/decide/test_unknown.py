@@ -44,7 +44,7 @@ def test_what_counts_is_the_noise_under_which_the_runs_are_likeliest(near_late, 
     far, near = likelihood(runs, 1.0, 20.0), likelihood(runs, 1.0, near_late)
     (signature,) = generics_of("time", OTHER)(None, None, None)
     view = SimpleNamespace(signatures=[signature])
-    start = SimpleNamespace(point={}, likelihood=far, residuals=None, view=view)
+    start = SimpleNamespace(point={}, likelihood=far, residuals=runs.residuals({}), view=view)
     unknown = SimpleNamespace(candidate=signature.candidate, generic=signature.candidate.effect)
     decided = SimpleNamespace(named=fit(near, {TILT: [0.5]}), end=SimpleNamespace(likelihood=near))
     assert Doubt(None, start, unknown, None).is_resolved_by(decided) == resolved

@@ -17,7 +17,7 @@ from drake_ispace.explain.check.compare.links import (
     moving,
     seen_of_wheels,
 )
-from drake_ispace.explain.check.compare.motion import WINDOW_S, Windows, camera_noise, has_motion, seen, windows
+from drake_ispace.explain.check.compare.motion import WINDOW_S, between, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
@@ -107,7 +107,7 @@ def _camera_steps(run, base, seen_of):
     """
     kinect = run.channels["kinect"]
     k = np.arange(len(kinect.t))
-    each = Windows(kinect.t[:-1], kinect.t[1:], k[:-1], k[1:])
+    each = between(kinect, k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
     ways, wheels_ways = seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of
     difference = np.linalg.norm((ways - wheels_ways)[:, :2], axis=1)
@@ -187,7 +187,7 @@ def _spike(kinect, base, seen_of, i, step):
     if not spans:
         return None
     begins, ends = np.array(sorted(spans, key=lambda span: span[1] - span[0])).T
-    left = _unexplained(kinect, base, seen_of, Windows(t[begins], t[ends], begins, ends))
+    left = _unexplained(kinect, base, seen_of, between(kinect, begins, ends))
     back = np.flatnonzero(left < 0.5 * step)
     return (int(begins[back[0]]) + 1, int(ends[back[0]]) - 1) if len(back) else None
 
@@ -203,7 +203,7 @@ def _frozen(run, base, seen_of):
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
             fixes = np.arange(first_fix, end)  # ways add up along an arc, and not along its chord
-            pairs = Windows(kinect.t[fixes[:-1]], kinect.t[fixes[1:]], fixes[:-1], fixes[1:])
+            pairs = between(kinect, fixes[:-1], fixes[1:])
             turned = base.geometry.inverse @ (seen(kinect, pairs) @ of_seen).sum(axis=0)
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius

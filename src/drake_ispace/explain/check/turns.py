@@ -6,6 +6,7 @@ run. From then on camera and wheels are apart by an angle, which all fixes befor
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from drake_ispace.blocks.frames import wrap
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.frames import latency_of
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, Base, inside, seen_of_wheels
-from drake_ispace.explain.check.compare.motion import WINDOW_S, has_motion, seen, windows
+from drake_ispace.explain.check.compare.motion import WINDOW_S, between, has_motion, seen, windows
 from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.steps import APART, SHOWS_M, largest_step
@@ -41,13 +42,14 @@ def turn_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     changed = _changes(beside.t, beside.angle)
     large = sorted(_standing_out(beside.t, np.abs(np.nan_to_num(changed))))
     lows, highs = [-np.inf, *(beside.t[k + 1] for k, _ in large)], [*(beside.t[k] for k, _ in large), np.inf]
-    told = []
+    findings, jumps = [], []
     for m, (k, least) in enumerate(large):
         reach = np.linalg.norm(beside.places - beside.places[k], axis=1).max()
         if abs(changed[k]) > SLACK * beside.turned(k) and abs(changed[k]) * reach >= SHOWS_M:
-            told += beside.told(k, float(changed[k]), least, lows[m], highs[m + 1])
-    yield from (one for one in told if isinstance(one, Finding))
-    yield from _of_headings(beside, [one for one in told if isinstance(one, _Jump)])
+            told = beside.told(k, float(changed[k]), least, lows[m], highs[m + 1])
+            (jumps if isinstance(told, _Jump) else findings).append(told)
+    yield from filter(None, findings)
+    yield from _of_headings(beside, jumps)
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,7 @@ class _Beside:
         return slice(*np.searchsorted(self.t, [self.t[k] - WINDOW_S, self.t[k + 1] + WINDOW_S]))
 
     def told(self, k, turn, least, low, high):
-        """The Finding or the _Jump of a turn at step `k`, in a list; none unless it is more than `least` whatever the
-        latency.
+        """The Finding or the _Jump of a turn at step `k`; None unless it is more than `least` whatever the latency.
 
         low, high: when [s] the turns before and after it are.
         """
@@ -100,18 +101,18 @@ class _Beside:
         row = self._fastest_row(since + self.lag_s, until + self.lag_s)
         if row is not None and row[2] > 0.5 * abs(turn):
             what = f"angles of the wheels change at once by a turn of {degrees}, and the heading does not"
-            return [Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))]
+            return Finding("counter_reset", what, "encoder", *row[:2], repairs=(CutOut(*row[:2]),))
         near = self._near(k)
         turns = [_changes(t[near], self._apart(near, lag_s))[k - near.start] for lag_s in LATENCIES_S]
         if not np.abs(turns).min() > least:
-            return []
+            return None
         path = self._path_turns_by(since, until, turn, low, high)
         if path is not None and abs(path) < abs(path - turn):
-            return [_Jump(since, until, turn, least)]
+            return _Jump(since, until, turn, least)
         a, b = since + min(self.lag_s, 0.0), until + max(self.lag_s, 0.0)
         what = f"the robot turns by {degrees} at once, and its wheels do not turn it"
         rivals = ("counter_reset", "camera_jump", *(("heading_offset",) if path is None else ()))
-        return [Finding("robot_carried", what, "all", a, b, rivals=rivals, repairs=(CutOut(a, b),))]
+        return Finding("robot_carried", what, "all", a, b, rivals=rivals, repairs=(CutOut(a, b),))
 
     def _fastest_row(self, since_s, until_s):
         """From when to when [s], and by which angle, wheels turn the robot most from one row to the next about a time.
@@ -136,12 +137,18 @@ class _Beside:
     def path_apart(self, since, until):
         """A complex number whose angle is between the paths, in the body's axes, that camera and wheels tell of from
         one time to another; None where the robot hardly drives."""
+        parts, ways = self._paths
+        ways = [way[(parts.since_s >= since) & (parts.until_s <= until)] for way in ways]
+        return np.sum(ways[0] * np.conj(ways[1])) if min(np.abs(way).sum() for way in ways) >= SHOWS_M else None
+
+    @cached_property
+    def _paths(self):
+        """Windows that lie inside the wheels' time, and the ways in these by camera and wheels, complex numbers."""
         parts = windows(self.kinect)
         kept = inside(self.base, parts.since_s, parts.until_s, self.lag_s)
-        kept &= (parts.since_s >= since) & (parts.until_s <= until)
-        ways = [motion[kept, :2] @ [1.0, 1.0j] for motion in (
-            seen(self.kinect, parts), self.moved(parts.since_s + self.lag_s, parts.until_s + self.lag_s))]
-        return np.sum(ways[0] * np.conj(ways[1])) if min(np.abs(way).sum() for way in ways) >= SHOWS_M else None
+        parts = between(self.kinect, parts.first[kept], parts.last[kept])
+        moved = self.moved(parts.since_s + self.lag_s, parts.until_s + self.lag_s)
+        return parts, [motion[:, :2] @ [1.0, 1.0j] for motion in (seen(self.kinect, parts), moved)]
 
 
 def _of_headings(beside, jumps) -> Iterator[Finding]:

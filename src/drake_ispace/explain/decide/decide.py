@@ -163,11 +163,14 @@ def _best_near(
     def deviance(proposal):
         return proposal.fit.deviance + penalty(proposal.candidate)
 
-    better = sorted((one for one in proposals if deviance(one) < deviance(leader)), key=deviance)
+    def is_better(proposal):
+        return deviance(proposal) < deviance(leader)
+
+    better = sorted(filter(is_better, proposals), key=deviance)
     near = [
         proposal for proposal in sorted(proposals, key=lambda proposal: -proposal.penalised_gain)
-        if proposal.penalised_gain > least * leader.penalised_gain and proposal is not leader
-        and not deviance(proposal) < deviance(leader)
+        if proposal is not leader and not is_better(proposal)
+        and proposal.penalised_gain > least * leader.penalised_gain
     ]
     followed = [leader, *[*better, *near][:_MOST_NEAR]]
     settled = [fit_with_noise(current.view, proposal.fit.point) for proposal in followed]

@@ -109,7 +109,7 @@ class Doubt:
     def _totals(self, likelihood, named) -> np.ndarray:
         """-2 log likelihood of the runs before, with the effects of `named`, and with the disagreement in their place.
         """
-        w = likelihood.whitened(self.survey.point)
+        w = likelihood.whitening(self.survey.residuals)
         signatures = [s for s in self.survey.view.signatures if s.candidate == self.unknown.candidate]
         changes = [likelihood.whitening(s.change) for s in signatures]
         gram = likelihood.products(np.vstack([changes, w]))

@@ -19,7 +19,7 @@ from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import BlockEffect, Body, Effect, PlantEffect, body_of
 from drake_ispace.effects.library import library
-from drake_ispace.effects.wires import WheelAngleEffect
+from drake_ispace.effects.wires import VelocityEffect, WheelAngleEffect
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.filters import ASSUMED, filters_of
 from drake_ispace.explain.predict.follower import Filter, Follower, numbers_of
@@ -308,7 +308,7 @@ def replay_of(
 
 def _changes_command(effect) -> bool:
     """Whether an effect lies between the commanded velocity and the wheels."""
-    return effect.wire == "velocity"
+    return effect.wire == VelocityEffect.wire
 
 
 def _alone(rollout, robot, effects, filter):

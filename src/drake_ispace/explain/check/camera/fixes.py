@@ -29,14 +29,17 @@ def outlier_findings(run: Recording) -> Iterator[Finding]:
     place, phi = kinect.values[:, :2], kinect.column("phi")
     rounded = 2.0 * max(step_of(column) for column in place.T)  # makes less of no motion
     in_radians = np.ptp(phi) <= 6.0 * _QUARTER  # a turn to wrap by and half a turn; beyond, headings may be in degrees
-    left, found = np.arange(len(place)), []
-    while len(left) > 1:  # of two in a row that are off the second may stand out without the first alone
-        t, places, headings = kinect.t[left], place[left], phi[left]
-        spikes = _spikes(t, lambda i, j, of=places: np.linalg.norm(of[j] - of[i], axis=-1), least=rounded)
+
+    def spikes_of(left):
+        """The groups among these fixes."""
+        t, at, angle = kinect.t[left], place[left], phi[left]
+        spikes = _spikes(t, lambda i, j: np.linalg.norm(at[j] - at[i], axis=-1), least=rounded)
         if in_radians:
-            spikes += _spikes(t, lambda i, j, of=headings: np.abs(wrap(of[j] - of[i])), 0.5 * _QUARTER)
-        if not spikes:
-            break
+            spikes += _spikes(t, lambda i, j: np.abs(wrap(angle[j] - angle[i])), 0.5 * _QUARTER)
+        return spikes
+
+    left, found = np.arange(len(place)), []
+    while len(left) > 1 and (spikes := spikes_of(left)):  # of two in a row one may stand out without the other alone
         found += [(int(left[a]), int(left[b])) for a, b in spikes]
         left = np.delete(left, np.concatenate([np.arange(a, b + 1) for a, b in spikes]))
     if found:

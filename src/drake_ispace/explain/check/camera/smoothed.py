@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from drake_ispace.explain.check.compare.links import LATENCY_S, Base
-from drake_ispace.explain.check.compare.motion import Windows, has_motion, of_third, seen
+from drake_ispace.explain.check.compare.motion import between, has_motion, of_third, seen
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import LeftOut
 from drake_ispace.files.recording import Recording
@@ -65,7 +65,7 @@ def _noise(kinect, base, late_s) -> np.ndarray:
         if len(inside) < 3 * lag + _FEWEST:
             break
         first, last = inside[:-lag], inside[lag:]
-        windows = Windows(kinect.t[first], kinect.t[last], first, last)
+        windows = between(kinect, first, last)
         apart = seen(kinect, windows) - base.moved(windows.since_s - late_s, windows.until_s - late_s)
         twice = apart[2 * lag :] - 2.0 * apart[lag:-lag] + apart[: -2 * lag]
         along, across, turn = of_third(twice)

@@ -6,15 +6,8 @@ import numpy as np
 from scipy.fft import next_fast_len, rfft
 
 from drake_ispace.explain.check.compare.agreement import SAID
-from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, SERIES, Base, seen_of_wheels
-from drake_ispace.explain.check.compare.motion import (
-    Windows,
-    camera_noise,
-    has_motion,
-    seen,
-    windows,
-    within,
-)
+from drake_ispace.explain.check.compare.links import LATENCIES_S, SERIES, Base, inside_late_or_early, seen_of_wheels
+from drake_ispace.explain.check.compare.motion import between, camera_noise, has_motion, seen, windows
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Evened, Gridded
 from drake_ispace.files.recording import Recording
@@ -74,7 +67,7 @@ def _disagreement(run: Recording, base: Base) -> tuple[float, int]:
     """
     kinect = run.channels["kinect"]
     first = np.arange(len(kinect.t) - 1)
-    steps = Windows(kinect.t[:-1], kinect.t[1:], first, first + 1)
+    steps = between(kinect, first, first + 1)
     places = np.array([1.0, 1.0, 0.0])
     apart, count = _apart(run, base, steps, seen(kinect, steps) * places, places)
     return float(apart.min()), count
@@ -85,7 +78,7 @@ def _apart(run, base, parts, moved, unit):
 
     And the number of the motions. parts: the stretches of `moved`; unit: (3,) what it is measured in.
     """
-    inner = within(base.encoder, parts, -LATENCY_S) & within(base.encoder, parts, LATENCY_S)
+    inner = inside_late_or_early(base, parts)
     if not inner.any():
         return np.zeros(len(LATENCIES_S)), 0
     since, until = (np.ravel(t[inner] + LATENCIES_S[:, None]) for t in (parts.since_s, parts.until_s))

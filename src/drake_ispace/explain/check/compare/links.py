@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.motion import (
     WINDOW_S,
+    Windows,
     arm,
     camera_noise,
     change_over,
@@ -21,6 +22,7 @@ from drake_ispace.explain.check.compare.motion import (
     seen,
     turned,
     windows,
+    within,
 )
 from drake_ispace.explain.check.compare.regression import CAMERA, MOST_ROWS, PHYSICS, SLACK, Slack, relation
 from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
@@ -102,7 +104,11 @@ class Base:
     @property
     def noise(self) -> np.ndarray:
         """(3,) standard deviation [m, m, rad] of `moved` by whole counts."""
-        return self.count_rad / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
+        return self.rounding(self.count_rad)
+
+    def rounding(self, count_rad: float) -> np.ndarray:
+        """(3,) the same where angles are whole numbers of `count_rad`."""
+        return count_rad / np.sqrt(6.0) * np.linalg.norm(self.geometry.forward, axis=1)
 
     def noise_beside(self, of_fixes: np.ndarray) -> np.ndarray:
         """(3,) standard deviation [m, m, rad] of what the camera and `moved` differ by; of_fixes: (3,) of one fix."""
@@ -353,6 +359,11 @@ def inside(base: Base, since_s: np.ndarray, until_s: np.ndarray, lag_s: float = 
     for since, until in base.spoilt:
         kept &= (end <= since) | (begin >= until)
     return kept
+
+
+def inside_late_or_early(base: Base, stretches: Windows) -> np.ndarray:
+    """(n,) which stretches of a camera lie inside the wheels' time, by whatever usual time it is late or early."""
+    return within(base.encoder, stretches, -LATENCY_S) & within(base.encoder, stretches, LATENCY_S)
 
 
 def moves(link: Link) -> bool:

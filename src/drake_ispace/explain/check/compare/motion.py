@@ -46,6 +46,11 @@ class Windows:
     last: np.ndarray
 
 
+def between(kinect: Channel, first: np.ndarray, last: np.ndarray) -> Windows:
+    """The stretches from some fixes to later ones; first, last: (n,) their numbers."""
+    return Windows(kinect.t[first], kinect.t[last], first, last)
+
+
 def windows(kinect: Channel, starts: int = 1) -> Windows:
     """Windows that begin and end with a fix, end to end; starts: how many series, begun a share of a window apart."""
     pairs = set()
@@ -57,7 +62,7 @@ def windows(kinect: Channel, starts: int = 1) -> Windows:
                 pairs.add((i, j))
             i = max(j, i + 1)
     first, last = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T
-    return Windows(kinect.t[first], kinect.t[last], first, last)
+    return between(kinect, first, last)
 
 
 class Camera:
