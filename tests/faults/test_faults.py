@@ -64,6 +64,16 @@ def test_a_clock_is_shifted_and_stretched(run):
     assert str(Clock("encoder", 1.0, -0.25, 3.0)) == "encoder: t = t - 0.25 s from 3 s on"
 
 
+def test_a_clock_that_counts_from_1970_is_told_to_a_microsecond():
+    repair = Clock("encoder", 0.998315274, 2864040.123456, 1.7e9 + 0.25)
+    assert str(repair) == "encoder: t = 0.998315274 t + 2864040.123456 s from 1700000000.25 s on"
+    assert str(Dropped("imu", 1.7e9, 1.7e9 + 2.5)) == "imu: samples from 1700000000 s to 1700000002.5 s left out"
+
+
+def test_a_rate_without_an_offset_says_so():
+    assert str(Clock("encoder", 0.998, 1e-9)) == "encoder: t = 0.998 t"
+
+
 def test_a_clock_set_back_leaves_no_sample_before_another(run):
     t = Clock("encoder", 1.0, -0.35, 0.5).apply(run).channels["encoder"].t
     assert np.all(np.diff(t) > 0.0) and len(t) < len(T)

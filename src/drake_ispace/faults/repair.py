@@ -12,6 +12,11 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import PERIOD_TOLERANCE, Channel, Recording
 
 
+def moment(t_s: float, digits: int = 6) -> str:
+    """A time [s] to so many digits after the point, however long ago its clock began."""
+    return f"{t_s:.{digits}f}".rstrip("0").rstrip(".")
+
+
 @dataclass(frozen=True)
 class _OfChannel(abc.ABC):
     """Undoes a mistake of one channel."""
@@ -93,9 +98,12 @@ class Clock(_OfChannel):
     since_s: float = -math.inf
 
     def __str__(self):
-        scale = "t" if self.rate == 1.0 else f"{self.rate:.9g} t"
-        offset = f" {'-' if self.offset_s < 0 else '+'} {abs(self.offset_s):.6g} s" if self.offset_s else ""
-        since = f" from {self.since_s:.6g} s on" if self.since_s > -math.inf else ""
+        # the farther a rate moves the times, the more of its digits matter
+        rate = f"{self.rate:.9g}" if abs(self.offset_s) < 1.0 else repr(self.rate)
+        scale = "t" if self.rate == 1.0 else f"{rate} t"
+        by = moment(abs(self.offset_s))
+        offset = f" {'-' if self.offset_s < 0 else '+'} {by} s" if by != "0" else ""
+        since = f" from {moment(self.since_s)} s on" if self.since_s > -math.inf else ""
         return f"{self.channel}: t = {scale}{offset}{since}"
 
     def moved(self, t: np.ndarray) -> np.ndarray:
@@ -140,7 +148,7 @@ class Gridded(_OfChannel):
     since_s: float
 
     def __str__(self):
-        return f"{self.channel}: stamps at {self.since_s:.6g} s and multiples of {self.step_s:.6g} s after it"
+        return f"{self.channel}: stamps at {moment(self.since_s)} s and multiples of {self.step_s:.6g} s after it"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with such stamps: the nearest ones that no earlier sample has."""
@@ -218,7 +226,7 @@ class Dropped(_OfChannel):
     to_s: float
 
     def __str__(self):
-        return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s left out"
+        return f"{self.channel}: samples from {moment(self.from_s)} s to {moment(self.to_s)} s left out"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel without these samples."""
@@ -233,7 +241,7 @@ class Mirrored(_OfChannel):
     to_s: float
 
     def __str__(self):
-        return f"{self.channel}: samples from {self.from_s:.6g} s to {self.to_s:.6g} s in the opposite order"
+        return f"{self.channel}: samples from {moment(self.from_s)} s to {moment(self.to_s)} s in the opposite order"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with these samples turned round."""
@@ -255,7 +263,7 @@ class Turned(_OfChannel):
     def __str__(self):
         angle = f"{abs(math.degrees(self.angle_rad)):.4g} degrees"
         sense = "clockwise" if self.angle_rad < 0 else "counterclockwise"
-        return f"{self.channel}: phi from {self.from_s:.6g} s to {self.to_s:.6g} s turned {sense} by {angle}"
+        return f"{self.channel}: phi from {moment(self.from_s)} s to {moment(self.to_s)} s turned {sense} by {angle}"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with these headings turned."""
@@ -287,7 +295,7 @@ class CutOut:
     to_s: float
 
     def __str__(self):
-        return f"all channels: from {self.from_s:.6g} s to {self.to_s:.6g} s cut out"
+        return f"all channels: from {moment(self.from_s)} s to {moment(self.to_s)} s cut out"
 
 
 OfStretch = Dropped | Mirrored | CutOut
@@ -346,7 +354,7 @@ def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[R
             }
             held = {name: channel for name, channel in inside.items() if len(channel.t)}
             path = recording.path
-            named = None if path is None else path.with_name(f"{path.name} from {start:.4g} s")
+            named = None if path is None else path.with_name(f"{path.name} from {moment(start, 3)} s")
             found.append(replace(recording, channels=held, path=named))
         start = max(start, cut.to_s)
     return found
