@@ -43,13 +43,13 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
         found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
         earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
-        at_once, half, within, twice = (
-            _log_likelihood(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
+        (at_once, _), (half, _), (within, answered), (twice, _) = (
+            _likeliest(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
         )
         score, gained = within - at_once, within - at_once - score
         if score < SAID or not (std < step_s).any():
             return []
-        expected = _within_a_step(earlier, std, step_s, follows.late_s)
+        expected = _within_a_step(earlier - answered, std, step_s, follows.late_s)
         for i, one in zip(drives, np.split(expected, ends), strict=True):
             moved[i][samples[i]] = one
     if max(half, twice) > within + ALIKE:  # the drive's answers scatter, whatever the step of the log
@@ -100,13 +100,13 @@ def _moments(
 
 
 def _answers(drive, samples) -> list[np.ndarray]:
-    """Two ways in which a drive may be late at changes of its command whenever they act: (c, 4) and (c, 14) columns.
+    """Ways in which a drive may be late at changes of its command whenever they act: (c, 1), (c, 4), (c, 14) columns.
 
-    The lateness is a sum of columns, each times an amount that is the same for all changes. It is one for translation
-    and one for turning; where both change, wheels show the mean of both, by how much either turns them. The first way
-    grows linearly with the size of a change. The second is quadratic in it, apart for speeds that fall and others, as
-    under a limit of acceleration, with the part of the change on which the speed falls besides, as where brakes are
-    slow.
+    The lateness is a sum of columns, each times an amount that is the same for all changes. The first way is a
+    constant. In the others it is one for translation and one for turning; where both change, wheels show the mean of
+    both, by how much either turns them. The second way grows linearly with the size of a change. The third is quadratic
+    in it, apart for speeds that fall and others, as under a limit of acceleration, with the part of the change on which
+    the speed falls besides, as where brakes are slow.
     """
     before, changes = drive.command.values[samples - 1], drive.changes[samples - 1]
     turned, axes = drive.geometry.inverse, ([0, 1], [2])
@@ -119,15 +119,17 @@ def _answers(drive, samples) -> list[np.ndarray]:
     against = -np.column_stack([np.sum(before[:, own] * changes[:, own], axis=1) for own in axes])
     braking = np.clip(against / np.maximum(sizes**2, np.finfo(float).tiny), 0.0, 1.0)  # share of the way to the slowest
     slower, linear = reached < speeds, [shares * sizes**power for power in range(2)]
+    slow_brakes = shares * sizes * braking * (1.0 - 0.5 * braking)
     apart = [shares * which * sizes**power for which in (slower, ~slower) for power in range(3)]
-    return [np.hstack(linear), np.hstack([*apart, shares * sizes * braking * (1.0 - 0.5 * braking)])]
+    return [np.ones((len(samples), 1)), np.hstack(linear), np.hstack([*apart, slow_brakes])]
 
 
-def _log_likelihood(earlier, std, answers, step_s):
+def _likeliest(earlier, std, answers, step_s):
     """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
 
-    The drive's own answer is added to it, that of `answers` which makes this likelier. Its amounts have normal priors:
-    at the largest change each answer is as late as `earlier` is in the mean square.
+    The drive's own answer is added to it, that of `answers` which makes this likeliest. Its amounts have normal priors:
+    at the largest change each answer is as late as `earlier` is in the mean square. Returned besides: (c,) [s] what
+    this answer has of `earlier`, but for a constant.
 
     earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. answers: as of `_answers`.
     """
@@ -138,8 +140,10 @@ def _log_likelihood(earlier, std, answers, step_s):
         q, r = np.linalg.qr(np.vstack([columns, amounts]))
         shown = np.concatenate([earlier / spread, np.zeros(len(amounts))])
         left = shown - q @ (q.T @ shown)
-        found.append(-0.5 * left @ left - np.log(np.abs(np.diag(r))).sum() - np.log(spread).sum())
-    return float(max(found))
+        likelihood = float(-0.5 * left @ left - np.log(np.abs(np.diag(r))).sum() - np.log(spread).sum())
+        answered = earlier - left[: len(earlier)] * spread
+        found.append((likelihood, answered - np.average(answered, weights=spread**-2.0)))
+    return max(found, key=lambda one: one[0])
 
 
 def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: float) -> np.ndarray:
