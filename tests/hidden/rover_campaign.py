@@ -1,18 +1,18 @@
 """What `explain` says of a two-wheeled robot under commanded velocity: one or two effects, or one that it cannot name.
 
-    python -m hidden.rover_campaign --sound 12 --single 36 --pairs 20 --outside 32 --unlogged 8
+    python -m hidden.rover_campaign --sound 12 --single 36 --pairs 20 --outside 32 --unlogged 8 --between 17
 
 in the folder tests prints a line a case as it ends, then the shares. An effect is right if one of its names is
 returned, alone or in a set, and wrong if only other names are, with the verdict "named" or "set". A pair is exact if
 both are right and nothing else is named. Three training runs of 30 s and two unseen ones. Of "unlogged" robots, which
-lack nothing, the command changes between samples of its log.
+lack nothing, the command changes between samples of its log, and of those "between" them, which have one effect.
 """
 
 import argparse
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,7 +105,8 @@ def judged(case: Case, found: Explanation) -> str:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, count in (("sound", 12), ("single", 36), ("pairs", 20), ("outside", 32), ("unlogged", 8)):
+    counts = {"sound": 12, "single": 36, "pairs": 20, "outside": 32, "unlogged": 8, "between": 17}
+    for name, count in counts.items():
         parser.add_argument(f"--{name}", type=int, default=count, help="number of cases")
     options = parser.parse_args()
     known = {name: size for name, (size, _) in NAMED.items()}
@@ -115,6 +116,7 @@ def main():
         "pairs": cases(options.pairs, known, 2, 0.25),
         "outside": cases(options.outside, OUTSIDE, 1, 0.25),
         "unlogged": [Case({}, 400 + k, in_step=False) for k in range(options.unlogged)],
+        "between": [replace(case, in_step=False) for case in cases(options.between, known, 1, 0.25)],
     }
     for kind, some in drawn.items():
         results = Counter()

@@ -52,6 +52,14 @@ def test_runs_of_a_sound_robot_show_nothing():
     assert not shown({}, ())
 
 
+def test_a_change_of_the_command_whose_moment_is_not_known_is_no_effect():
+    sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
+    recordings = [two_wheels.drive(seed, 20.0, **sound) for seed in (100, 101, 104)]
+    examined = examine(two_wheels.model(), recordings, (), False, lambda said: None)
+    assert {finding.fault for finding in examined.findings} == {"command_moments"}
+    assert not shown_in(examined.runs)
+
+
 @pytest.mark.slow
 def test_what_every_run_has_is_no_matter_of_single_runs():
     assert not shown(MARKER, range(4))

@@ -194,7 +194,8 @@ def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
         raise InputError(f"{tracks[0].name}: the runs have no measured channel in common, expected encoder or kinect")
     if robot.driven == COMMAND and COMMAND not in common:
         tracks = [
-            replace(one, command=np.zeros_like(one.command), measured=one.turned, rounding=None) for one in tracks
+            replace(one, command=np.zeros_like(one.command), unsure=None, measured=one.turned, rounding=None)
+            for one in tracks
         ]
     return tracks, common
 

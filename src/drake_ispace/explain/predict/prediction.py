@@ -9,6 +9,7 @@ Residuals come in streams, each with its own clock and noise:
 - `looks`: captures of the camera without a fix.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -149,7 +150,8 @@ class Prediction:
         at, jobs, ticks = self.residuals(values), [], []
         for i, track in enumerate(self.tracks):
             moved = [(k, lambda t=track, o=o: replace(t, measured=t.measured + o)) for k, o in self._offsets(track)]
-            moved += [(k, lambda t=track, f=f: self.replay.pushed(t, f)) for k, f in self._slow_forces(track)]
+            pushes = itertools.chain(self._slow_forces(track), self._unsure_moments(track))
+            moved += [(k, lambda t=track, f=f: self.replay.pushed(t, f)) for k, f in pushes]
             ticks.append([since for since, _ in moved])
             jobs += [(i, *job) for job in moved]
         begun = each(
@@ -174,6 +176,16 @@ class Prediction:
                 force = np.zeros((len(track.command), 3))
                 force[start : start + _SLOW_TICKS, axis] = _SLOW_SHARE * size
                 yield start, force
+
+    def _unsure_moments(self, track):
+        """Yield each tick in which the command changes at an unknown moment, and its change (rows, 3) by a moment that
+        is one standard deviation earlier."""
+        if track.unsure is None or not self.channels["motion"]:
+            return
+        for tick in np.flatnonzero(track.unsure.any(axis=1)).tolist():
+            change = np.zeros(track.unsure.shape)
+            change[tick] = track.unsure[tick]
+            yield tick, change
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""

@@ -100,6 +100,7 @@ def stretch(track: Track, first: int, last: int, settling_ticks: int) -> Track:
         fix_ticks=track.fix_ticks[kept] - begin, fix_t=track.fix_t[kept] - begin * TICK_S, missed=np.empty(0),
         aim=track.aim if begin == 0 else None, force=None if track.force is None else track.force[rows],
         since_s=track.since_s + begin * TICK_S, unscored_ticks=max(first, track.unscored_ticks) - begin,
+        unsure=None if track.unsure is None else track.unsure[rows],
         reads=reads, rounding=None if track.rounding is None else track.rounding[rows],
         seen=track.seen[inside] - np.array([begin * TICK_S, 0.0, 0.0, 0.0]),
     )

@@ -7,13 +7,14 @@ import numpy as np
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S, VISION_TICKS
+from drake_ispace.explain.check.compare.command.drive import ramps
 from drake_ispace.explain.check.compare.links import LATENCY_S
 from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.faults.repair import from_zero
-from drake_ispace.files.recording import CHANNEL_COLUMNS, Recording, median_step
+from drake_ispace.faults.repair import from_zero, moment
+from drake_ispace.files.recording import CHANNEL_COLUMNS, PERIOD_TOLERANCE, Recording, median_step
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 IMU = len(CHANNEL_COLUMNS["imu"])
@@ -44,6 +45,8 @@ class Track:
         since_s: from the start of the recording to tick 0 [s]. begun_s: the recorded time at tick 0 [s].
         unscored_ticks: at the start, in which the state of a moving robot is not known yet.
         count_rad: of the encoders; 0 where they show none (`count_of`).
+        unsure: (rows, 3) by how much a commanded velocity would be another if it changed earlier, by the standard
+            deviation of a moment within a step of its log; None: each change is known to have come at its sample.
         rounding: (rows, p) what `measured` has besides the straightest motion of the wheels, where velocity is
             commanded; None: nothing.
         reads: (r,) ticks at which encoders were read of a robot that is driven by velocity, or of a user's own plant;
@@ -67,6 +70,7 @@ class Track:
     begun_s: float = 0.0
     unscored_ticks: int = 0
     count_rad: float = 0.0
+    unsure: np.ndarray | None = None
     rounding: np.ndarray | None = None
     reads: np.ndarray | None = None
     command_step_s: float = 0.0
@@ -108,7 +112,7 @@ class Track:
         """
         at = np.clip(np.arange(len(self.command)) + ticks, 0, self.ticks)
         if channel not in ("imu", "encoder"):
-            return replace(self, command=self.command[at])
+            return replace(self, command=self.command[at], unsure=None if self.unsure is None else self.unsure[at])
         of_wheels, of_imu = (at, slice(None)) if channel == "encoder" else (slice(None), at)
         wheels = self.measured.shape[1] - IMU
         return replace(self, measured=np.hstack([self.measured[of_wheels, :wheels], self.measured[of_imu, wheels:]]))
@@ -172,6 +176,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     return Track(
         name, ticks, command, has=has, aim=aim, since_s=since_s, begun_s=begun_s,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
+        unsure=_unsure(recording.channels[driven], rows) if driven == COMMAND and driven in has else None,
         **_of_wheels(recording, robot, wheels, has, rows), **_of_camera(recording, driven, has, rows, end_s),
     )
 
@@ -240,7 +245,7 @@ def _check_clocks(recording, has, name, shortest_s):
     spans = {c: (float(recording.channels[c].t[0]), float(recording.channels[c].t[-1])) for c in sorted(has)}
     starts, ends = max(start for start, _ in spans.values()), min(end for _, end in spans.values())
     if starts >= ends:
-        said = ", ".join(f"{c} from {start:.6g} s to {end:.6g} s" for c, (start, end) in spans.items())
+        said = ", ".join(f"{c} from {moment(start, 3)} s to {moment(end, 3)} s" for c, (start, end) in spans.items())
         raise InputError(f"{name}: the channels have no time in common ({said}), expected one clock for all")
     lasts = ends - min(start for start, _ in spans.values())
     if not shortest_s <= lasts <= _LONGEST_S:
@@ -274,6 +279,26 @@ def _means(channel, rows):
     sums = np.vstack([np.zeros(channel.values.shape[1]), np.cumsum(channel.values * np.diff(t)[:, None], axis=0)])
     inner = np.column_stack([np.interp(edges, t, column) for column in sums.T])
     return np.diff(inner, axis=0) / TICK_S
+
+
+def _unsure(command, rows):
+    """`Track.unsure` of a command of which some changes come between the even steps of its log; None: none does.
+
+    Stamps without even steps are those of the changes themselves, and a command that changes from sample to sample does
+    so at no moment.
+    """
+    sizes, steps = np.diff(command.values, axis=0), np.diff(command.t)
+    step_s = float(np.median(steps))
+    even = np.abs(steps - step_s) <= PERIOD_TOLERANCE * step_s
+    between = sizes.any(axis=1) & ~even
+    if ramps(sizes) or even.mean() < 0.5 or not between.any():
+        return None
+    ticks = np.floor(command.t[1:] / TICK_S).astype(int)
+    between &= (ticks >= 0) & (ticks < rows)
+    std_s = np.maximum(steps[between], step_s) / np.sqrt(12.0)
+    unsure = np.zeros((rows, 3))
+    np.add.at(unsure, ticks[between], sizes[between] * std_s[:, None] / TICK_S)
+    return unsure
 
 
 def _on_ticks(channel, rows):

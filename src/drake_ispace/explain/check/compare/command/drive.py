@@ -39,10 +39,8 @@ class Drive:
 
     @property
     def ramps(self) -> bool:
-        """Whether a change of the command comes right after another one as often as not: it is no series of steps."""
-        changed = self.changes.any(axis=1)
-        again = np.sum(changed[1:] & changed[:-1])
-        return bool(again >= np.sum(changed) - again and changed.any())
+        """Whether the command is no series of steps."""
+        return ramps(self.changes)
 
     def held(self, earlier_s: np.ndarray | float = 0.0) -> np.ndarray:
         """(k, n) commanded rates [rad/s] of the wheels if each sample holds until the next; means over each fine time.
@@ -65,6 +63,16 @@ class Drive:
         total = np.vstack([np.zeros(after.shape[1]), after])
         at = np.column_stack([np.interp(self.edges - late_s, self.t, column) for column in total.T])
         return np.diff(at, axis=0)
+
+
+def ramps(changes: np.ndarray) -> bool:
+    """Whether a change comes right after another one as often as not.
+
+    changes: (c, n) by how much a command changes at each sample but the first.
+    """
+    changed = changes.any(axis=1)
+    again = np.sum(changed[1:] & changed[:-1])
+    return bool(again >= np.sum(changed) - again and changed.any())
 
 
 def drive_of(command: Channel, base: Base) -> Drive | None:
