@@ -26,7 +26,7 @@ class Begun:
         if not replay.may_begin_late:
             return
         segments = Segments(replay.rollout, self._last, replay.packed(run, self._numbers, replay.logged_inputs))
-        state, at = (replay.state(start), replay.rollout.discrete_state.copy()), 0
+        state, at = (replay.state(start, self._numbers), replay.rollout.discrete_state.copy()), 0
         for tick in sorted({*ticks}):
             segments.run(at, tick, state, self._numbers)
             self._states[tick], at = tuple(part.copy() for part in state), tick

@@ -89,7 +89,7 @@ class OwnReplay(Replay):
 
     def _logs(self, run, angles, numbers, rates=None):
         """Logs of the rollout from these wheel angles (n,) [rad] and rates (n,) [rad/s] at t = 0; None: at rest."""
-        state = self.rollout.continuous_state + self.place @ (angles - self.angles)
+        state = self.rollout.continuous_state + self.place @ (angles / self._shown_per_turned(numbers) - self.angles)
         if rates is not None:
             state = state + self.motion @ rates
         inputs = {"command": run.command, "measured": run.shown}

@@ -164,7 +164,7 @@ class Replay:
 
     def _logs(self, run, start, numbers, inputs):
         return self.rollout.run(
-            run.ticks + LEAD_TICKS, numbers, self.state(start), inputs=self.packed(run, numbers, inputs)
+            run.ticks + LEAD_TICKS, numbers, self.state(start, numbers), inputs=self.packed(run, numbers, inputs)
         )
 
     def packed(self, run: Track, numbers: np.ndarray, inputs: Inputs) -> np.ndarray:
@@ -198,12 +198,16 @@ class Replay:
         numbers[[name.endswith(".since_s") for name in self.rollout.parameter_names]] = run.since_s
         return numbers
 
-    def state(self, start: np.ndarray) -> np.ndarray:
-        """The rollout's continuous state at rest; start: (3 + n,) pose and wheel angles."""
+    def state(self, start: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """The rollout's continuous state at rest.
+
+        start: (3 + n,) pose, and angles of the wheels as encoders show them: a counter may have begun long ago.
+        numbers: the rollout's run-time numbers.
+        """
         state = self.rollout.continuous_state.copy()
         state[:3] = start[:3]
         first = self.body.robot.first_wheel
-        state[first : first + self.body.wheels] = start[3:]
+        state[first : first + self.body.wheels] = start[3:] / self._shown_per_turned(numbers)
         return state
 
     def inputs(self, run: Track, numbers: np.ndarray) -> dict[str, np.ndarray]:
@@ -249,9 +253,13 @@ class Replay:
             [self.rollout.index(f"{self.body.name}_{name}.gain[{wheel}]") for wheel in wheels] for name in scaling
         ], dtype=int).reshape(-1, self.body.wheels)
 
+    def _shown_per_turned(self, numbers):
+        """(wheels,) by what encoders with these run-time numbers multiply the angles of the wheels."""
+        return numbers[self._scales].prod(axis=0)
+
     def _turned(self, run, numbers):
         """(rows, 3) velocity in B, as the wheels turn of which the encoders show the angles, without rounding."""
-        turned = np.diff(run.turned, axis=0, append=run.turned[-1:]) / numbers[self._scales].prod(axis=0)
+        turned = np.diff(run.turned, axis=0, append=run.turned[-1:]) / self._shown_per_turned(numbers)
         return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
 
     def ways(self, run: Track, numbers: np.ndarray) -> np.ndarray:

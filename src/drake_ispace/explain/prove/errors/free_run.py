@@ -153,7 +153,7 @@ class Simulation:
         self._states: dict[int, State] = {}
         inputs = replay.packed(track, self._held, replay.inputs)
         self._segments = Segments(replay.rollout, self._last + 1, inputs)
-        state, at = (replay.state(start), replay.rollout.discrete_state.copy()), 0
+        state, at = (replay.state(start, self._held), replay.rollout.discrete_state.copy()), 0
         for stop in sorted({*map(int, stops), self._last}):
             logs = self._segments.run(at, stop, state, self._held)
             self._states[stop], at = tuple(part.copy() for part in state), stop
