@@ -128,8 +128,8 @@ def _likeliest(earlier, std, answers, step_s):
     """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
 
     The drive's own answer is added to it, that of `answers` which makes this likeliest. Its amounts have normal priors:
-    at the largest change each answer is as late as `earlier` is in the mean square. Returned besides: (c,) [s] what
-    this answer has of `earlier`, but for a constant.
+    at the largest change each answer is as late as `earlier` is in the mean square. Returned besides: (c,) [s] what the
+    first answer has of `earlier`, but for a constant, beside which no other would be said.
 
     earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. answers: as of `_answers`.
     """
@@ -143,7 +143,8 @@ def _likeliest(earlier, std, answers, step_s):
         likelihood = float(-0.5 * left @ left - np.log(np.abs(np.diag(r))).sum() - np.log(spread).sum())
         answered = earlier - left[: len(earlier)] * spread
         found.append((likelihood, answered - np.average(answered, weights=spread**-2.0)))
-    return max(found, key=lambda one: one[0])
+    most = max(likelihood for likelihood, _ in found)
+    return most, next(answered for likelihood, answered in found if likelihood > most - SAID)
 
 
 def _within_a_step(earlier: np.ndarray, std: np.ndarray, step_s: float, late_s: float) -> np.ndarray:
