@@ -44,6 +44,7 @@ from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.clocks.camera_clocks import camera_clocks
 from drake_ispace.explain.decide.clocks.clocks_set import with_clocks_set
+from drake_ispace.explain.decide.counters import with_counters_set
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_run
 from drake_ispace.explain.decide.validate import validated_choice
@@ -98,6 +99,7 @@ def explain(
                 case = prepare(model, examined.runs, examined.held_out, effects, most_s)
             case, off = with_clocks_set(case, examined.names)
             examined = replace(examined, findings=[*examined.findings, *off])
+        case = with_counters_set(case)
 
         # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
         tried = candidates(case.effects_to_try, case.replay.body)

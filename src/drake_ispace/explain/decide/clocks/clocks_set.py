@@ -155,21 +155,32 @@ def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float | None:
     Slow errors, such as those of forces, do not count, nor does what the changes (k, p) in `lacking` explain.
     None of a run that is too short to tell; infinite where the model runs away.
     """
-    if len(rows) <= 2 * (_PAST * rows.shape[1] + len(lacking)):
+    if is_short(rows, len(lacking)):
         return None
     if not np.isfinite(rows).all():
         return np.inf
     if lacking:
-        past = _past(rows)
-        told = _told_by(past, rows)
-        left = rows[_PAST:] - past @ told
-        unit = 1.0 / (np.sqrt(np.mean(left**2, axis=0)) + 1e-300)
-        changes = [((change[_PAST:] - _past(change) @ told) * unit).ravel() for change in lacking]
-        amounts = np.linalg.lstsq(np.column_stack(changes), (left * unit).ravel(), rcond=None)[0]
+        left, changes = unpredicted(rows, lacking)
+        amounts = np.linalg.lstsq(changes, left, rcond=None)[0]
         rows = rows - np.tensordot(amounts, np.array(lacking), axes=1)
     past = _past(rows)
     left = rows[_PAST:] - past @ _told_by(past, rows)
     return len(left) * float(np.linalg.slogdet(left.T @ left / len(left))[1])
+
+
+def is_short(rows: np.ndarray, changes: int) -> bool:
+    """Whether residuals (k, p) are too few to be predicted from their past and explained by so many changes."""
+    return len(rows) <= 2 * (_PAST * rows.shape[1] + changes)
+
+
+def unpredicted(rows: np.ndarray, changes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """What the past of residuals (k, p) does not tell, (n,) in units of its RMS, and of m changes (k, p), (n, m)."""
+    past = _past(rows)
+    told = _told_by(past, rows)
+    left = rows[_PAST:] - past @ told
+    unit = 1.0 / (np.sqrt(np.mean(left**2, axis=0)) + 1e-300)
+    columns = [((change[_PAST:] - _past(change) @ told) * unit).ravel() for change in changes]
+    return (left * unit).ravel(), np.column_stack(columns)
 
 
 def _past(rows):

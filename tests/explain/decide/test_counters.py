@@ -1,0 +1,59 @@
+"""Counters of encoders begin anywhere: what errs once a turn has another phase in each run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import drake_ispace as di
+from drake_ispace.explain.decide.counters import with_counters_set
+from drake_ispace.explain.predict.case import prepare
+from hidden.generator import generate
+
+ECCENTRIC = {"encoder_eccentricity": {"wheel": 3, "sine_rad": 0.04, "cosine_rad": -0.03}}
+MOTIONS = ("square", "eight", "circle")
+COUNTS = 108
+
+
+def runs(effects, counts_later, seconds=8.0):
+    """Runs of the omni robot, the third wheel's counter of each of which began so many counts elsewhere."""
+    made = [generate("omni", motion, effects, seconds, 30 + i) for i, motion in enumerate(MOTIONS)]
+    return [moved(run, later) for run, later in zip(made, counts_later, strict=True)]
+
+
+def moved(run, later):
+    encoder = run.channels["encoder"]
+    values = encoder.values.copy()
+    values[:, 2] += later * 2.0 * np.pi / COUNTS
+    return replace(run, channels=run.channels | {"encoder": replace(encoder, values=values)})
+
+
+def zeros(case):
+    """(runs,) where the third wheel's counter of each begins [rad]."""
+    every = case.prediction.tracks + (case.held_out.tracks if case.held_out is not None else [])
+    return np.array([track.measured[0, 2] for track in every])
+
+
+@pytest.mark.parametrize("held_out", [0, 1])
+def test_phases_become_the_same_and_it_is_said(held_out):
+    recorded = runs(ECCENTRIC, (0, 36, -30))
+    case = prepare("omni_multirate", recorded[: 3 - held_out], recorded[3 - held_out :])
+    after = with_counters_set(case)
+    apart = np.ptp(np.unwrap(zeros(after) - zeros(prepare("omni_multirate", runs(ECCENTRIC, (0, 0, 0))))))
+    assert apart < 0.2 and np.ptp(zeros(case)) > 3.0
+    assert "encoders' zeros were moved" in after.warning and "wheel 3" in after.warning
+
+
+@pytest.mark.parametrize(("effects", "later"), [(ECCENTRIC, (0, 0, 0)), ({}, (0, 36, -30))], ids=["same", "sound"])
+def test_counters_that_agree_or_show_nothing_are_left(effects, later):
+    case = prepare("omni_multirate", runs(effects, later))
+    assert with_counters_set(case) is case
+
+
+@pytest.mark.slow
+def test_an_eccentric_encoder_is_named_though_each_run_has_a_zero_of_its_own():
+    answer = di.explain("omni_multirate", runs(ECCENTRIC, (0, 36, -30), 12.0))
+    (effect,) = answer.effects
+    sizes = [effect.parameters[name].estimate for name in ("sine_rad", "cosine_rad")]
+    assert answer.verdict == "named" and effect.name == "encoder_eccentricity"
+    assert np.hypot(*sizes) == pytest.approx(0.05, rel=0.1)
