@@ -19,6 +19,7 @@ from drake_ispace.faults.repair import (
     Unwrapped,
     Without,
     parts,
+    time_text,
     with_channel,
 )
 from drake_ispace.files.recording import Channel, Recording
@@ -65,13 +66,17 @@ def test_a_clock_is_shifted_and_stretched(run):
 
 
 def test_a_clock_that_counts_from_1970_is_told_to_a_microsecond():
-    repair = Clock("encoder", 0.998315274, 2864040.123456, 1.7e9 + 0.25)
-    assert str(repair) == "encoder: t = 0.998315274 t + 2864040.123456 s from 1700000000.25 s on"
+    repair = Clock("encoder", np.float64(0.99831527412345), 2864034.123456, 1.7e9 + 0.25)
+    assert str(repair) == "encoder: t = 0.99831527412345 t + 2864034.123456 s from 1700000000.25 s on"
     assert str(Dropped("imu", 1.7e9, 1.7e9 + 2.5)) == "imu: samples from 1700000000 s to 1700000002.5 s left out"
 
 
 def test_a_rate_without_an_offset_says_so():
     assert str(Clock("encoder", 0.998, 1e-9)) == "encoder: t = 0.998 t"
+
+
+def test_a_time_just_before_zero_has_no_sign():
+    assert time_text(-1e-7) == "0" and time_text(-0.0004, 3) == "0"
 
 
 def test_a_clock_set_back_leaves_no_sample_before_another(run):

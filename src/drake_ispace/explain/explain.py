@@ -44,7 +44,7 @@ from drake_ispace.explain.check.examine import examine
 from drake_ispace.explain.check.runs import Runs, solvable
 from drake_ispace.explain.decide.clocks.camera_clocks import camera_clocks
 from drake_ispace.explain.decide.clocks.clocks_set import with_clocks_set
-from drake_ispace.explain.decide.counters import with_counters_set
+from drake_ispace.explain.decide.counters import SHOWS, with_counters_set
 from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.decide.each_part import OfAPart, shown_by_half, shown_by_run
 from drake_ispace.explain.decide.validate import validated_choice
@@ -99,24 +99,13 @@ def explain(
                 case = prepare(model, examined.runs, examined.held_out, effects, most_s)
             case, off = with_clocks_set(case, examined.names)
             examined = replace(examined, findings=[*examined.findings, *off])
-        case = with_counters_set(case)
-
-        # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
-        tried = candidates(case.effects_to_try, case.replay.body)
-
-        # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
-        if case.is_filtered:
-            decision = decide(case.prediction, tried, seed, tell)
-        else:
-            decision = validated_choice(case.prediction, tried, tell)
-
-        best = _answered(case, decision, seed, tell)
-        if case.is_filtered:
-            best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
-            if best.proof.may_stand is not None:
-                rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
-            best = _with_parts(case, best, tried, seed, tell)
-    answer = best.answer
+        answer = _explained(case, seed, tell)
+        if answer.verdict in ("unknown", "incomplete") and (moved := with_counters_set(case)) is not case:
+            tell("asking again, with other zeros of the counters")
+            again = _explained(moved, seed, tell)
+            names = {name for effect in again.effects for name in (effect.name, *effect.equivalents)}
+            if again.verdict in ("named", "set") and SHOWS in names:
+                case, answer = moved, again
     add_chance(answer)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
     add_findings(answer, examined)
@@ -127,6 +116,21 @@ def explain(
     answer.held_out = [track.name for track in case.held_out.tracks] if case.held_out else []
     answer.seconds = time.perf_counter() - started
     return answer
+
+
+def _explained(case, seed, tell) -> Explanation:
+    """Stages 2 to 5."""
+    # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
+    tried = candidates(case.effects_to_try, case.replay.body)
+
+    # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
+    if not case.is_filtered:
+        return _answered(case, validated_choice(case.prediction, tried, tell), seed, tell).answer
+    best = _answered(case, decide(case.prediction, tried, seed, tell), seed, tell)
+    best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
+    if best.proof.may_stand is not None:
+        rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
+    return _with_parts(case, best, tried, seed, tell).answer
 
 
 def _with_parts(case, best, tried, seed, tell) -> Answered:

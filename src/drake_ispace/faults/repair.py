@@ -12,9 +12,14 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import PERIOD_TOLERANCE, Channel, Recording
 
 
-def moment(t_s: float, digits: int = 6) -> str:
+def time_text(t_s: float, digits: int = 6) -> str:
     """A time [s] to so many digits after the point, however long ago its clock began."""
-    return f"{t_s:.{digits}f}".rstrip("0").rstrip(".")
+    return f"{round(t_s, digits) + 0.0:.{digits}f}".rstrip("0").rstrip(".")  # without a minus before zero
+
+
+def span_text(from_s: float, to_s: float, digits: int = 6) -> str:
+    """Begin and end of a stretch of time [s]."""
+    return f"from {time_text(from_s, digits)} s to {time_text(to_s, digits)} s"
 
 
 @dataclass(frozen=True)
@@ -99,11 +104,11 @@ class Clock(_OfChannel):
 
     def __str__(self):
         # the farther a rate moves the times, the more of its digits matter
-        rate = f"{self.rate:.9g}" if abs(self.offset_s) < 1.0 else repr(self.rate)
+        rate = f"{self.rate:.9g}" if abs(self.offset_s) < 1.0 else repr(float(self.rate))
         scale = "t" if self.rate == 1.0 else f"{rate} t"
-        by = moment(abs(self.offset_s))
+        by = time_text(abs(self.offset_s))
         offset = f" {'-' if self.offset_s < 0 else '+'} {by} s" if by != "0" else ""
-        since = f" from {moment(self.since_s)} s on" if self.since_s > -math.inf else ""
+        since = f" from {time_text(self.since_s)} s on" if self.since_s > -math.inf else ""
         return f"{self.channel}: t = {scale}{offset}{since}"
 
     def moved(self, t: np.ndarray) -> np.ndarray:
@@ -148,7 +153,7 @@ class Gridded(_OfChannel):
     since_s: float
 
     def __str__(self):
-        return f"{self.channel}: stamps at {moment(self.since_s)} s and multiples of {self.step_s:.6g} s after it"
+        return f"{self.channel}: stamps at {time_text(self.since_s)} s and multiples of {self.step_s:.6g} s after it"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with such stamps: the nearest ones that no earlier sample has."""
@@ -226,7 +231,7 @@ class Dropped(_OfChannel):
     to_s: float
 
     def __str__(self):
-        return f"{self.channel}: samples from {moment(self.from_s)} s to {moment(self.to_s)} s left out"
+        return f"{self.channel}: samples {span_text(self.from_s, self.to_s)} left out"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel without these samples."""
@@ -241,7 +246,7 @@ class Mirrored(_OfChannel):
     to_s: float
 
     def __str__(self):
-        return f"{self.channel}: samples from {moment(self.from_s)} s to {moment(self.to_s)} s in the opposite order"
+        return f"{self.channel}: samples {span_text(self.from_s, self.to_s)} in the opposite order"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with these samples turned round."""
@@ -263,7 +268,7 @@ class Turned(_OfChannel):
     def __str__(self):
         angle = f"{abs(math.degrees(self.angle_rad)):.4g} degrees"
         sense = "clockwise" if self.angle_rad < 0 else "counterclockwise"
-        return f"{self.channel}: phi from {moment(self.from_s)} s to {moment(self.to_s)} s turned {sense} by {angle}"
+        return f"{self.channel}: phi {span_text(self.from_s, self.to_s)} turned {sense} by {angle}"
 
     def repaired(self, channel: Channel) -> Channel:
         """The channel with these headings turned."""
@@ -295,7 +300,7 @@ class CutOut:
     to_s: float
 
     def __str__(self):
-        return f"all channels: from {moment(self.from_s)} s to {moment(self.to_s)} s cut out"
+        return f"all channels: {span_text(self.from_s, self.to_s)} cut out"
 
 
 OfStretch = Dropped | Mirrored | CutOut
@@ -354,7 +359,7 @@ def parts(recording: Recording, cuts: list[CutOut], shortest_s: float) -> list[R
             }
             held = {name: channel for name, channel in inside.items() if len(channel.t)}
             path = recording.path
-            named = None if path is None else path.with_name(f"{path.name} from {moment(start, 3)} s")
+            named = None if path is None else path.with_name(f"{path.name} from {time_text(start, 3)} s")
             found.append(replace(recording, channels=held, path=named))
         start = max(start, cut.to_s)
     return found

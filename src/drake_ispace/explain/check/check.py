@@ -40,7 +40,7 @@ from drake_ispace.explain.check.turns import turn_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
-from drake_ispace.faults.repair import Clock, CutOut, moment, repaired
+from drake_ispace.faults.repair import Clock, CutOut, repaired, time_text
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
@@ -260,7 +260,7 @@ class _Search:
             late_s, drop = late_since([*camera, *imu] or torque, at_s)  # friction hides when a torque acts
             if late_s:
                 found.append(Finding(
-                    "clock_jump", f"clock jumps by {-late_s:.3g} s at {moment(at_s, 3)} s", "encoder", at_s,
+                    "clock_jump", f"clock jumps by {-late_s:.3g} s at {time_text(at_s, 3)} s", "encoder", at_s,
                     float(self.runs[i].channels["encoder"].t[-1]), drop, runs=(i,),
                     repairs=(Clock("encoder", 1.0, late_s, at_s),),
                 ))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from drake_ispace.faults.library import FAULTS
-from drake_ispace.faults.repair import Clock, OfStretch, Repair, Turned, moment
+from drake_ispace.faults.repair import Clock, OfStretch, Repair, Turned, span_text
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Finding:
 
     def __str__(self) -> str:
         where = "in all runs" if self.run == "all" else f"in {self.run}"
-        when = f" from {moment(self.from_s, 3)} s to {moment(self.to_s, 3)} s" if self.limited else ""
+        when = f" {span_text(self.from_s, self.to_s, 3)}" if self.limited else ""
         others = f" (or {', '.join(self.rivals[:3])})" if self.rivals else ""
         what = f"{FAULTS[self.fault].title}, {self.what}{others}"
         return f"{self.channel} {where}{when}: {what}; repair: {self.repair}"

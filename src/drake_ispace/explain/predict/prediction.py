@@ -35,6 +35,7 @@ _RECOVERY_TICKS = 120  # after a rest with dry friction, until the filter has fo
 COARSE_COUNT = 0.01  # rad: within a larger count, a wheel at rest hides more than its friction
 _SEGMENT_TICKS = 500  # over which the place of a wheel within a coarse count is one offset
 _SLOW_TICKS, _SLOW_SHARE = 400, 0.4  # slow unknown forces: how long one lasts, and its share of Robot.unknown_forces
+_MOST_MOMENTS = 100  # of changes of a command in a run: each costs as much as the run is long
 _START_M, _START_RAD = 0.15, 0.3  # a first fix farther from the scenario's start than this: the start is unknown
 #: By how much a sound consumer IMU, its mounting included, may be off in a run (standard deviations) [m/s^2, rad/s].
 IMU_OFFSETS = {"ax": 0.07, "ay": 0.1, "az": 0.05} | dict.fromkeys(("wx", "wy", "wz"), 0.004)
@@ -179,10 +180,11 @@ class Prediction:
 
     def _unsure_moments(self, track):
         """Yield each tick in which the command changes at an unknown moment, and its change (rows, 3) by a moment that
-        is one standard deviation earlier."""
+        is one standard deviation earlier; of a long run those of the largest changes."""
         if track.unsure is None or not self.channels["motion"]:
             return
-        for tick in np.flatnonzero(track.unsure.any(axis=1)).tolist():
+        sizes = np.linalg.norm(track.unsure[: track.ticks], axis=1)
+        for tick in sorted(np.argsort(-sizes, kind="stable")[: min(_MOST_MOMENTS, np.count_nonzero(sizes))].tolist()):
             change = np.zeros(track.unsure.shape)
             change[tick] = track.unsure[tick]
             yield tick, change

@@ -13,7 +13,7 @@ from drake_ispace.explain.check.runs import check_sizes
 from drake_ispace.explain.counts import count_of, straightened
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.explain.predict.room_view import LEAD_TICKS, SIGHTING
-from drake_ispace.faults.repair import from_zero, moment
+from drake_ispace.faults.repair import from_zero, span_text
 from drake_ispace.files.recording import CHANNEL_COLUMNS, PERIOD_TOLERANCE, Recording, median_step
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
@@ -28,7 +28,7 @@ class Track:
     """One run on ticks 0 to `ticks`; rows is ticks + LEAD_TICKS. Its arrays do not change.
 
     Attributes:
-        name: for messages.
+        name: for messages. recording: the name of what it is or is a part of.
         ticks: the last one.
         command: (rows, m) input of the plant, torque of each wheel [N m] or velocity in B [m/s, m/s, rad/s]; zeros
             where not recorded.
@@ -75,6 +75,7 @@ class Track:
     reads: np.ndarray | None = None
     command_step_s: float = 0.0
     seen: np.ndarray = field(default_factory=lambda: np.empty((0, 4)))
+    recording: str = ""
 
     @property
     def settled(self) -> int:
@@ -174,7 +175,7 @@ def track(recording: Recording, robot: Robot, plant, name: str, shortest_s: floa
     reference = recording.channels.get("reference")
     aim = reference.values[0, :3] if reference is not None and len(reference.t) and not since_s else None
     return Track(
-        name, ticks, command, has=has, aim=aim, since_s=since_s, begun_s=begun_s,
+        name, ticks, command, has=has, recording=name, aim=aim, since_s=since_s, begun_s=begun_s,
         command_step_s=float(np.median(np.diff(recording.channels[driven].t))) if driven in has else 0.0,
         unsure=_unsure(recording.channels[driven], rows) if driven == COMMAND and driven in has else None,
         **_of_wheels(recording, robot, wheels, has, rows), **_of_camera(recording, driven, has, rows, end_s),
@@ -245,7 +246,7 @@ def _check_clocks(recording, has, name, shortest_s):
     spans = {c: (float(recording.channels[c].t[0]), float(recording.channels[c].t[-1])) for c in sorted(has)}
     starts, ends = max(start for start, _ in spans.values()), min(end for _, end in spans.values())
     if starts >= ends:
-        said = ", ".join(f"{c} from {moment(start, 3)} s to {moment(end, 3)} s" for c, (start, end) in spans.items())
+        said = ", ".join(f"{c} {span_text(start, end, 3)}" for c, (start, end) in spans.items())
         raise InputError(f"{name}: the channels have no time in common ({said}), expected one clock for all")
     lasts = ends - min(start for start, _ in spans.values())
     if not shortest_s <= lasts <= _LONGEST_S:
@@ -282,22 +283,29 @@ def _means(channel, rows):
 
 
 def _unsure(command, rows):
-    """`Track.unsure` of a command of which some changes come between the even steps of its log; None: none does.
+    """`Track.unsure` of a command of which some changes were moved between the even steps of its log; None: none was.
 
-    Stamps without even steps are those of the changes themselves, and a command that changes from sample to sample does
-    so at no moment.
+    Between the samples that change nothing there is just the time for such changes at even steps, and yet they are off
+    these, by more than samples that change nothing are.
     """
-    sizes, steps = np.diff(command.values, axis=0), np.diff(command.t)
-    step_s = float(np.median(steps))
-    even = np.abs(steps - step_s) <= PERIOD_TOLERANCE * step_s
-    between = sizes.any(axis=1) & ~even
-    if ramps(sizes) or even.mean() < 0.5 or not between.any():
+    t, sizes = command.t, np.diff(command.values, axis=0, prepend=command.values[:1])
+    step_s, fixed, changes = float(np.median(np.diff(t))), ~sizes.any(axis=1), np.flatnonzero(sizes.any(axis=1))
+    at = np.flatnonzero(fixed)
+    changes = changes[changes < at[-1]]
+    if not len(changes) or ramps(sizes[1:]):
         return None
-    ticks = np.floor(command.t[1:] / TICK_S).astype(int)
-    between &= (ticks >= 0) & (ticks < rows)
-    std_s = np.maximum(steps[between], step_s) / np.sqrt(12.0)
+    after = np.searchsorted(at, changes)
+    before, after = at[after - 1], at[after]
+    in_place = np.abs(t[after] - t[before] - (after - before) * step_s) <= PERIOD_TOLERANCE * step_s
+    off = np.abs(t[changes] - t[before] - (changes - before) * step_s)
+    jitter = np.abs(np.diff(t) - step_s)[fixed[1:] & fixed[:-1]]
+    moved = in_place & (off > max(PERIOD_TOLERANCE * step_s, np.max(jitter[jitter < 0.5 * step_s], initial=0.0)))
+    ticks = np.ceil(t[changes] / TICK_S - 1e-6).astype(int) - 1  # which an earlier change would alter
+    moved &= (ticks >= 0) & (ticks < rows)
+    if not moved.any():
+        return None
     unsure = np.zeros((rows, 3))
-    np.add.at(unsure, ticks[between], sizes[between] * std_s[:, None] / TICK_S)
+    np.add.at(unsure, ticks[moved], sizes[changes[moved]] * step_s / np.sqrt(12.0) / TICK_S)
     return unsure
 
 

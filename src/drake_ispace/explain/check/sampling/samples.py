@@ -9,7 +9,7 @@ from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S, step_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CERTAIN, CHANCE
-from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without, moment
+from drake_ispace.faults.repair import CutOut, Dropped, Mirrored, Unwrapped, Without, time_text
 from drake_ispace.files.recording import Channel, Recording
 
 STUCK_S = WINDOW_S  # rows that repeat for longer have stopped
@@ -122,7 +122,7 @@ def _repeated(name: str, channel: Channel) -> Iterator[Finding]:
                 ends, within = steps[[i - 1, end - 1]], steps[i : end - 1].max(axis=0)
                 if np.all(ends <= (far if name == "encoder" else within)):
                     continue
-            yield Finding("rows_duplicated", f"the rows from {moment(channel.t[j], 3)} s on come again", name,
+            yield Finding("rows_duplicated", f"the rows from {time_text(channel.t[j], 3)} s on come again", name,
                           float(channel.t[i]), float(channel.t[end - 1]),
                           repairs=(Dropped(name, float(channel.t[i]), float(channel.t[end - 1])),))
             return

@@ -20,7 +20,7 @@ from drake_ispace.explain.check.compare.clocks.paths import (
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, inside
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Clock, moment
+from drake_ispace.faults.repair import Clock, time_text
 
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 
@@ -274,7 +274,7 @@ class Trial:
         """The path as a finding; rivals: names of others that may be it."""
         since = until = interval = None
         if path.later_s:
-            what = f"clock jumps by {-path.later_s:.3g} s at {moment(path.jump_s, 3)} s"
+            what = f"clock jumps by {-path.later_s:.3g} s at {time_text(path.jump_s, 3)} s"
             since, until = path.jump_s, float(self.link.until_s[-1])
         elif path.rate:
             what = f"clock {100 * abs(path.rate):.2g} % {'slow' if path.rate > 0 else 'fast'} against the wheels'"

@@ -44,7 +44,7 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
         earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
         (at_once, _), (half, _), (within, answered), (twice, _) = (
-            _likeliest(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
+            _scored(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
         )
         score, gained = within - at_once, within - at_once - score
         if score < SAID or not (std < step_s).any():
@@ -124,12 +124,12 @@ def _answers(drive, samples) -> list[np.ndarray]:
     return [np.ones((len(samples), 1)), np.hstack(linear), np.hstack([*apart, slow_brakes])]
 
 
-def _likeliest(earlier, std, answers, step_s):
+def _scored(earlier, std, answers, step_s):
     """The log likelihood that changes act before their samples by anything between zero and a step, each by its own.
 
     The drive's own answer is added to it, that of `answers` which makes this likeliest. Its amounts have normal priors:
     at the largest change each answer is as late as `earlier` is in the mean square. Returned besides: (c,) [s] what the
-    first answer has of `earlier`, but for a constant, beside which no other would be said.
+    simplest answer that is likely enough (SAID) has of `earlier`, but for a constant.
 
     earlier, std: (c,) how much earlier each acts, and its standard deviation [s]. answers: as of `_answers`.
     """
