@@ -422,6 +422,14 @@ def test_wheels_by_name_cannot_be_mistaken(sound):
                   for i, run in enumerate(sound["pendulum"])], "pendulum") == []
 
 
+@pytest.mark.parametrize("channel", ["encoder", "kinect", "torque"])
+def test_a_channel_without_samples_is_refused(sound, channel):
+    first, *others = sound["omni"]
+    none = rows(first.channels[channel], np.zeros(len(first.channels[channel].t), bool))
+    with pytest.raises(InputError, match=f"run 1: channel {channel} holds no sample"):
+        check("omni_multirate", [replace(first, channels=first.channels | {channel: none}), *others])
+
+
 def test_an_unknown_wheel_is_refused(sound):
     run = sound["pendulum"][0]
     encoder = replace(run.channels["encoder"], columns=("theta_r", "theta_x"))

@@ -13,6 +13,7 @@ from drake_ispace.explain.decide.survey.survey import survey
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
 from hidden import two_wheels
+from hidden.generator import generate
 
 LATE = {"late_s": 0.05}
 MARKER = {"others": {"marker_x_m": 0.03}}
@@ -168,6 +169,13 @@ def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
         }
         cut.append(until(end_s, dataclasses.replace(recording, channels=moving)))
     assert halves_of(cut) == set()
+
+
+def test_halves_without_encoders_have_nothing_though_a_camera_saw_the_robot():
+    run = generate("omni", "square", {}, 6.0, 1)
+    run.channels.pop("encoder")
+    case = prepare("omni_multirate", [run])
+    assert shown_by_half(case.prediction, {}, candidates(case.effects_to_try, case.replay.body), 0) == []
 
 
 def test_of_several_coordinates_the_one_that_changes_is_told():

@@ -30,8 +30,26 @@ def add_findings(answer: Explanation, examined: Examined) -> None:
     if answer.verdict == "named" and any(effect.faults for effect in answer.effects):
         answer.verdict = "set"
     answer.warnings = [str(finding) for finding in examined.findings] + answer.warnings
+    if said := _early_camera(answer):
+        answer.warnings.insert(0, said)
     doubts = [finding for finding in examined.findings if FAULTS[finding.fault].doubtful]
     if answer.effects and doubts:
         answer.verdict = "incomplete"
         titles = " and ".join(dict.fromkeys(FAULTS[finding.fault].title for finding in doubts))
         answer.warnings.insert(0, f"what was detected may come of {titles}")
+
+
+def _early_camera(answer) -> str | None:
+    """A sentence where a camera is named that is early: it, or the encoders, have other stamps.
+
+    Nothing sees what is not there yet. A robot that follows as much too late has late encoders.
+    """
+    offset = next((e.parameters["offset_s"] for e in answer.effects if e.name == "clock_offset"), None)
+    if offset is None or offset.ci90[1] >= 0.0:
+        return None
+    early = f"no camera sees a robot {-offset.estimate:.3g} s before it is there"
+    said = f"{early}: its stamps are wrong, or the encoders' are"
+    delay = next((e.parameters["delay_s"] for e in answer.effects if "delay_s" in e.parameters), None)
+    if delay is None or not delay.ci90[0] <= -offset.ci90[0] or not -offset.ci90[1] <= delay.ci90[1]:
+        return said
+    return f"{said}; a delay of {delay.estimate:.3g} s besides is what encoders do whose stamps are as late"

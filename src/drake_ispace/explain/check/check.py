@@ -29,7 +29,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.gyro import gyro_findings
-from drake_ispace.explain.check.runs import check_sizes, loaded, name_of, robot_of, solvable
+from drake_ispace.explain.check.runs import check_given, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.sampling.held import held_samples
 from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
@@ -65,7 +65,7 @@ def check(
     recordings = [loaded(run) for run in runs]
     names = [name_of(run, i) for i, run in enumerate(recordings)]
     for name, run in zip(names, recordings, strict=True):
-        check_sizes(run, name)
+        check_given(run, name)
     if isinstance(model, OwnModel):
         robot, settings = model.robot, model.settings
     else:

@@ -72,6 +72,18 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
     return own
 
 
+def check_given(recording: Recording, name: str) -> None:
+    """Refuse a channel without samples, and what `check_sizes` refuses.
+
+    Raises:
+        InputError: naming run and channel.
+    """
+    for channel, samples in recording.channels.items():
+        if not len(samples.t):
+            raise InputError(f"{name}: channel {channel} holds no sample, expected some, or no such channel")
+    check_sizes(recording, name)
+
+
 def check_sizes(recording: Recording, name: str) -> None:
     """Refuse what is no number, and numbers that no sensor gives in any unit, with which nothing can be computed.
 

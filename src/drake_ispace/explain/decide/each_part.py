@@ -131,7 +131,8 @@ def _halved(track, settling_ticks) -> tuple[Track, Track]:
 def _has_nothing(prediction, track) -> bool:
     """Whether so little of a track is scored that a noise could not be learned: less than a second, or two fixes."""
     moves = prediction.channels["motion"] and len(track.scored_ticks) * prediction.row_ticks >= BLOCK_TICKS
-    return not moves and len(track.fix_t[track.scored_fixes]) < 2
+    seen = prediction.channels["room"] and len(track.fix_t[track.scored_fixes]) >= 2
+    return not (moves or seen)
 
 
 def _anywhere(candidates, point) -> list[Candidate]:
