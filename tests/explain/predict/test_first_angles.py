@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import drake_ispace as di
+from drake_ispace.explain.counts import count_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.files.recording import Channel, Recording
@@ -32,8 +33,7 @@ def own_run():
 def later(recording):
     """The recording of a robot whose counters did not begin at zero."""
     encoder = recording.channels["encoder"]
-    count = np.min(np.abs(np.diff(encoder.values, axis=0))[np.diff(encoder.values, axis=0) != 0.0])
-    moved = replace(encoder, values=encoder.values + LATER * count)
+    moved = replace(encoder, values=encoder.values + LATER * count_of(encoder.values))
     return replace(recording, channels=recording.channels | {"encoder": moved})
 
 

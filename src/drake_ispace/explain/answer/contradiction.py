@@ -50,6 +50,6 @@ def _early_camera(answer) -> str | None:
     early = f"no camera sees a robot {-offset.estimate:.3g} s before it is there"
     said = f"{early}: its stamps are wrong, or the encoders' are"
     delay = next((e.parameters["delay_s"] for e in answer.effects if "delay_s" in e.parameters), None)
-    if delay is None or not delay.ci90[0] <= -offset.ci90[0] or not -offset.ci90[1] <= delay.ci90[1]:
+    if delay is None or delay.ci90[0] > -offset.ci90[0] or delay.ci90[1] < -offset.ci90[1]:
         return said
-    return f"{said}; a delay of {delay.estimate:.3g} s besides is what encoders do whose stamps are as late"
+    return f"{said}; a delay of {delay.estimate:.3g} s besides speaks for the encoders'"

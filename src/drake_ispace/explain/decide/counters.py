@@ -5,25 +5,25 @@ show that error alike but for its phase, their counters are set to that of the r
 the model lacks turns the phases, too: this is for runs that have no answer otherwise, and counts if it gives one.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from drake_ispace.blocks.frames import wrap
 from drake_ispace.effects.places.encoder import EncoderEccentricity
 from drake_ispace.explain.decide.clocks.clocks_set import is_short, unpredicted
 from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P
+from drake_ispace.explain.decide.survey.screen import gain_at
 from drake_ispace.explain.decide.survey.signatures import signatures
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.levels import CERTAIN, LEAST_SPREAD
 from drake_ispace.explain.predict.case import Case, joined
-from drake_ispace.explain.predict.prediction import Prediction, predict
+from drake_ispace.explain.predict.prediction import Prediction
 
 SHOWS = EncoderEccentricity.card.name  # the effect that tells counters from each other
-_CLEAR = float(np.sqrt(chi2.isf(10.0**-CLEAR_MINUS_LOG10_P, 2)))  # standard deviations of two components
+_CLEAR = np.sqrt(gain_at(CLEAR_MINUS_LOG10_P, 2))  # standard deviations of two components
 
 
 @dataclass(frozen=True)
@@ -76,13 +76,9 @@ def with_counters_set(case: Case) -> Case:
                 shifts[recording, wheel] = float(wrap(errors[wheel].phase - best.phase))
     if not shifts:
         return case
-    both = [
-        prediction and predict(case.replay, [_moved(track, shifts) for track in prediction.tracks])
-        for prediction in (case.prediction, case.held_out)
-    ]
     moves = ", ".join(f"of wheel {wheel + 1} in {name} by {by:.2f} rad" for (name, wheel), by in shifts.items())
     said = [case.warning, f"encoders' zeros were moved, to be the same in all runs: {moves}"]
-    return replace(case, prediction=both[0], held_out=both[1], warning="; ".join(filter(None, said)))
+    return replace(case.with_tracks(lambda track: _moved(track, shifts)), warning="; ".join(filter(None, said)))
 
 
 def _moved(track, shifts):
@@ -126,14 +122,10 @@ def _of_track(rows: np.ndarray, changes: Sequence[np.ndarray]) -> list[_Error]:
     ]
 
 
-def _mean(errors: Iterable[_Error]) -> _Error:
+def _mean(errors: Sequence[_Error]) -> _Error:
     """What all stretches of a recording show together."""
-    errors = list(errors)
     weights = [error.std**-2 for error in errors]
     if not sum(weights):
         return errors[0]
-    sine, cosine = (
-        sum(w * amount for w, amount in zip(weights, amounts, strict=True)) / sum(weights)
-        for amounts in zip(*((error.sine, error.cosine) for error in errors), strict=True)
-    )
-    return _Error(sine, cosine, sum(weights) ** -0.5)
+    sine, cosine = np.average([(error.sine, error.cosine) for error in errors], axis=0, weights=weights)
+    return _Error(float(sine), float(cosine), sum(weights) ** -0.5)

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -52,13 +52,17 @@ class Case:
 
     def with_earlier(self, channel: str, ticks: int) -> "Case":
         """The case with IMU, encoders or what drives the robot so many ticks earlier than their stamps say."""
-        both = [
-            prediction and predict(self.replay, [track.earlier(channel, ticks) for track in prediction.tracks])
-            for prediction in (self.prediction, self.held_out)
-        ]
         clock = Clock(channel, 1.0, -ticks * TICK_S)
         runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
-        return replace(self, runs=runs, prediction=both[0], held_out=both[1])
+        return replace(self.with_tracks(lambda track: track.earlier(channel, ticks)), runs=runs)
+
+    def with_tracks(self, changed: Callable[[Track], Track]) -> "Case":
+        """The case with every track, held out or not, as `changed` returns it."""
+        both = [
+            prediction and predict(self.replay, [changed(track) for track in prediction.tracks])
+            for prediction in (self.prediction, self.held_out)
+        ]
+        return replace(self, prediction=both[0], held_out=both[1])
 
     @property
     def effects_to_try(self) -> dict[str, Effect]:

@@ -9,7 +9,6 @@ Residuals come in streams, each with its own clock and noise:
 - `looks`: captures of the camera without a fix.
 """
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -151,8 +150,10 @@ class Prediction:
         at, jobs, ticks = self.residuals(values), [], []
         for i, track in enumerate(self.tracks):
             moved = [(k, lambda t=track, o=o: replace(t, measured=t.measured + o)) for k, o in self._offsets(track)]
-            pushes = itertools.chain(self._slow_forces(track), self._unsure_moments(track))
-            moved += [(k, lambda t=track, f=f: self.replay.pushed(t, f)) for k, f in pushes]
+            moved += [(k, lambda t=track, f=f: self.replay.pushed(t, f)) for k, f in self._slow_forces(track)]
+            moved += [
+                (k, lambda t=track, k=k: self.replay.pushed(t, _only(t.unsure, k))) for k in self._unsure_ticks(track)
+            ]
             ticks.append([since for since, _ in moved])
             jobs += [(i, *job) for job in moved]
         begun = each(
@@ -178,16 +179,12 @@ class Prediction:
                 force[start : start + _SLOW_TICKS, axis] = _SLOW_SHARE * size
                 yield start, force
 
-    def _unsure_moments(self, track):
-        """Yield each tick in which the command changes at an unknown moment, and its change (rows, 3) by a moment that
-        is one standard deviation earlier; of a long run those of the largest changes."""
+    def _unsure_ticks(self, track) -> list[int]:
+        """The ticks in which the command changes at an unknown moment; of a long run those of the largest changes."""
         if track.unsure is None or not self.channels["motion"]:
-            return
+            return []
         sizes = np.linalg.norm(track.unsure[: track.ticks], axis=1)
-        for tick in sorted(np.argsort(-sizes, kind="stable")[: min(_MOST_MOMENTS, np.count_nonzero(sizes))].tolist()):
-            change = np.zeros(track.unsure.shape)
-            change[tick] = track.unsure[tick]
-            yield tick, change
+        return sorted(np.argsort(-sizes, kind="stable")[: min(_MOST_MOMENTS, np.count_nonzero(sizes))].tolist())
 
     def under_other_noise(self, values: Values) -> list[Residuals]:
         """The residuals under each of the filter's other gains, as if its assumptions about noise were wrong."""
@@ -301,6 +298,13 @@ class Prediction:
             "start": first,
             "looks": track.missed[:, None] - dropouts if len(track.missed) else np.empty((0, 1)),
         }
+
+
+def _only(rows, number):
+    """The rows (k, n) of which all but one are zero."""
+    one = np.zeros(rows.shape)
+    one[number] = rows[number]
+    return one
 
 
 def _forward(body, track):

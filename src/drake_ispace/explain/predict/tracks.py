@@ -289,8 +289,8 @@ def _unsure(command, rows):
     these, by more than samples that change nothing are.
     """
     t, sizes = command.t, np.diff(command.values, axis=0, prepend=command.values[:1])
-    step_s, fixed, changes = float(np.median(np.diff(t))), ~sizes.any(axis=1), np.flatnonzero(sizes.any(axis=1))
-    at = np.flatnonzero(fixed)
+    step_s, fixed = float(np.median(np.diff(t))), ~sizes.any(axis=1)
+    at, changes = np.flatnonzero(fixed), np.flatnonzero(~fixed)
     changes = changes[changes < at[-1]]
     if not len(changes) or ramps(sizes[1:]):
         return None
