@@ -53,7 +53,7 @@ def best_answered(case: Case, first: Answered, answered: Callable[[Decision], An
 
 def _preferred(case, first, answered) -> Answered:
     """As `best_answered`, but for the sentences on what was dropped."""
-    best = _with_asked(_with_preferred(first, answered), answered)
+    best = _within_bounds(_with_asked(_with_preferred(first, answered), answered), answered)
     is_driven_by_command = case.replay.body.robot.driven == COMMAND
     if best.answer.verdict == "incomplete" or (best.answer.verdict == "unknown" and is_driven_by_command):
         best = _with_further(best, answered)
@@ -78,6 +78,18 @@ def _with_preferred(first, answered) -> Answered:
         return first
     other = answered(instead)
     return first if other.is_worse_than(first) else other
+
+
+def _within_bounds(first, answered) -> Answered:
+    """With rivals in the places of effects that are on a bound or make no sense, if the answer suffices then."""
+    beyond = {effect.name for effect in first.answer.effects if any(p.on_bound for p in effect.parameters.values())}
+    for effect, rivals in first.decision.rivals.items():
+        if effect.name not in beyond:
+            continue
+        for rival in rivals:
+            if rival.point is not None and (other := answered(first.decision.with_effects(rival.point))).suffices:
+                return other
+    return first
 
 
 def _with_asked(first, answered) -> Answered:
