@@ -84,27 +84,42 @@ class _Clocks:
     def __init__(self, prediction: Prediction, lacking: Sequence[Candidate]):
         lasted = np.cumsum([0] + [track.ticks * TICK_S for track in prediction.tracks])
         self._prediction = part_of(prediction, slice(int(np.searchsorted(lasted, MOST_S))))  # others say the same
-        self.left = cache(self._left)
+        self._lefts = cache(self._lefts_of_all)
         self._lacking = [[] for _ in self._prediction.tracks]
         if lacking:
             base, scales = self._prediction.residuals({}), scales_of(self._prediction)
             found = {(s.candidate, s.at): s.change for s in signatures(self._prediction, {}, lacking, scales, base)}
             self._lacking = [[change[i]["motion"] for change in found.values()] for i in range(len(base))]
 
-    def _left(self, channel, ticks):
-        return self._left_of(range(len(self._prediction.tracks)), channel, ticks)
+    def left(self, channel: str, ticks: int) -> float:
+        """The most that is left with the channel so many ticks earlier."""
+        return self._lefts(channel, ticks)[1]
 
-    def _left_of(self, runs, channel, ticks, values=MappingProxyType({})):
+    def _lefts_of_all(self, channel, ticks):
+        return self._lefts_of(range(len(self._prediction.tracks)), channel, ticks)
+
+    def _lefts_of(self, runs, channel, ticks, values=MappingProxyType({})):
+        """The least and the most that is left with the channel so many ticks earlier.
+
+        Of each run the rows are the same whatever the ticks are, or those that came with the same part of the channel:
+        a change near an end of a run, which no stamps may explain, is not in all of the rows.
+        """
         tracks = [self._prediction.tracks[i].earlier(channel, ticks) for i in runs]
         starts = [self._prediction.starts[i] for i in runs]
         moved = replace(self._prediction, tracks=tracks, starts=starts).residuals(values)
-        end = -math.ceil(_MOST / self._prediction.row_ticks)  # there what comes earlier has no samples of its own
-        by_run = (
-            _surprise(run["motion"][:end], [change[:end] for change in self._lacking[i]])
-            for i, run in zip(runs, moved, strict=True)
-        )
-        known = [left for left in by_run if left is not None]
-        return sum(known) if known else np.inf
+        row_ticks = self._prediction.row_ticks
+        most = math.ceil(_MOST / row_ticks)  # at the end what comes earlier has no samples of its own
+        with_channel = most - min(max(round(ticks / row_ticks), -most), most)
+        lefts = []
+        for i, run in zip(runs, moved, strict=True):
+            every = (run["motion"], *self._lacking[i])
+            of_run = [
+                _surprise(*(rows[first : len(rows) - 2 * most + first] for rows in every))
+                for first in {most, with_channel}
+            ]
+            if None not in of_run:
+                lefts.append((min(of_run), max(of_run)))
+        return np.sum(lefts, axis=0) if lefts else (np.inf, np.inf)
 
     def clearest(self, channels: Sequence[str]) -> tuple[str, int]:
         """The channel that is off, and by how many ticks, at most a latency either way; 0 ticks where none is.
@@ -115,7 +130,7 @@ class _Clocks:
         tried = [(channel, ticks) for channel in channels for ticks in range(-_MOST, _MOST + 1)]
         of_run = [float(np.abs(np.diff(track.command, axis=0)).sum()) for track in self._prediction.tracks]
         busiest = [int(np.argmax(of_run))]
-        left = each(lambda one: self._left_of(busiest, *one), tried)
+        left = each(lambda one: self._lefts_of(busiest, *one)[1], tried)
         near = [tried[i] for i in np.argsort(left)[:_FOLLOWED]]
         channel, ticks = min(near, key=lambda one: self.left(*one))
         as_given = self.left(channel, 0)
@@ -131,7 +146,7 @@ class _Clocks:
         tried = [(candidate, np.array(z)) for candidate in lacking for z in probes(candidate, scales)]
         tried += [(candidate, 2.0 * z - candidate.neutral) for candidate, z in tried]
         values = [merged({candidate: candidate.within(z)}) for candidate, z in tried]
-        left = each(lambda of_effect: self._left_of(runs, channel, 0, of_effect), values)
+        left = each(lambda of_effect: self._lefts_of(runs, channel, 0, of_effect)[1], values)
         return min(left, default=np.inf) < self.left(channel, ticks)
 
     def late(self, channel: str, latest: int) -> int:
@@ -146,10 +161,10 @@ class _Clocks:
         is_within_sample = 2 * ticks - 1 < round(step_s / TICK_S, 6)  # it is known to half a tick
         if not least < self.left(channel, 0) - LEAST_FURTHER or is_within_sample:
             return 0
-        return ticks if all(self.left(channel, -delay) > least for delay in range(1, latest + 1)) else 0
+        return ticks if all(self._lefts(channel, -delay)[0] > least for delay in range(1, latest + 1)) else 0
 
 
-def _surprise(rows: np.ndarray, lacking: Sequence[np.ndarray]) -> float | None:
+def _surprise(rows: np.ndarray, *lacking: np.ndarray) -> float | None:
     """-2 log likelihood, up to a constant, of what the past of residuals (k, p) of encoders and IMU does not tell.
 
     Slow errors, such as those of forces, do not count, nor does what the changes (k, p) in `lacking` explain.
