@@ -1,4 +1,4 @@
-"""A camera that is late in one run by another time than in the others."""
+"""Clocks that are off by the same throughout, in all runs or in one that is later than the others."""
 
 from dataclasses import replace
 
@@ -113,3 +113,32 @@ def test_outliers_are_left_out_by_the_clock_by_which_they_were_found():
     ((_,), (_,), (kept,)) = checked.masked([first, second, late])
     assert np.array_equal(kept.channels["kinect"].values, kinect.values[~off])
     assert np.allclose(kept.channels["kinect"].t, kinect.t[~off] - 0.15, atol=0.0101)
+
+
+def moved(run, channel, by_s):
+    """The run with a channel whose stamps are off."""
+    there = run.channels[channel]
+    return replace(run, channels=run.channels | {channel: replace(there, t=there.t + by_s)})
+
+
+@pytest.mark.parametrize("off_s", [0.3, -0.4])
+def test_a_clock_is_off_by_what_all_windows_say_and_not_by_where_one_more_comes_in(off_s):
+    exact = SOUND | {"in_step": True}
+    runs = [moved(two_wheels.drive(7320 + i, 12.0, **exact), "kinect", off_s) for i in range(2)]
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert finding.channel == "kinect" and finding.repairs[0].offset_s == pytest.approx(-off_s, abs=0.0101)
+
+
+@pytest.mark.parametrize("off_s", [0.3, 1.0, -0.5])
+def test_camera_and_command_that_are_off_alike_are_a_clock_of_the_encoders(off_s):
+    lagging = SOUND | {"lag_s": 0.1, "in_step": True}
+    runs = [moved(two_wheels.drive(7330 + i, 20.0, **lagging), "encoder", off_s) for i in range(2)]
+    (finding,) = [one for one in check(two_wheels.model(), runs).findings if one.fault == "clock_offset"]
+    assert finding.channel == "encoder" and finding.repairs[0].offset_s == pytest.approx(-off_s, abs=0.0201)
+
+
+def test_a_camera_that_is_early_by_what_no_drive_takes_has_a_clock_of_its_own():
+    lagging = SOUND | {"lag_s": 0.1, "in_step": True}
+    runs = [moved(two_wheels.drive(7330 + i, 20.0, **lagging), "kinect", -0.4) for i in range(2)]
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert (finding.fault, finding.channel) == ("clock_offset", "kinect")

@@ -16,7 +16,7 @@ from drake_ispace.explain.check.camera.odometry import odometry_findings
 from drake_ispace.explain.check.camera.smoothed import smoothed_fixes
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
-from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
+from drake_ispace.explain.check.compare.clocks.clocks import clocks, encoder_clock, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -235,17 +235,9 @@ class _Search:
         return max(tried, key=lambda findings: findings[0].drop_in_deviance, default=[])
 
     def _encoder_clock(self):
-        """The wheels' own clock, where two channels or more are off against it by the same."""
-        found = [self._clocks(channel) for channel in ("kinect", "imu", TORQUE)]
-        found = [findings[0] for findings in found if len(findings) == 1 and findings[0].fault == "clock_offset"]
-        offsets = [finding.repairs[0].offset_s for finding in found]
-        same_runs = len({finding.runs for finding in found}) == 1
-        if len(found) >= 2 and same_runs and max(offsets) - min(offsets) < LATENCY_S:
-            offset = sum(offsets) / len(offsets)
-            what = f"clock {abs(offset):.3g} s {'early' if offset < 0 else 'late'} against all others"
-            drop = sum(finding.drop_in_deviance for finding in found)
-            self._add([Finding("clock_offset", what, "encoder", runs=found[0].runs, drop_in_deviance=drop,
-                               repairs=(Clock("encoder", 1.0, -offset),))])
+        """The wheels' own clock, where other channels are off against it by the same."""
+        found = [finding for channel in ("kinect", "imu", TORQUE, COMMAND) for finding in self._clocks(channel)]
+        self._add(list(encoder_clock(found, self._links(COMMAND))))
 
     def _lost_angles(self):
         """Wheels that leap because rows are lost there and later stamps were moved up: all else is late since then."""

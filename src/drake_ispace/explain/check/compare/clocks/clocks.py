@@ -1,6 +1,6 @@
 """The mistakes of a channel's clock, over all runs together."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +9,9 @@ from drake_ispace.explain.check.compare.agreement import RELATED, SAID
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, least, rates_of
 from drake_ispace.explain.check.compare.clocks.trial import Trial
-from drake_ispace.explain.check.compare.links import LATENCIES_S, Base, Link, moves
+from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, RATE_S, Base, Link, moves
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.faults.repair import Clock
 from drake_ispace.robots.robot import COMMAND
 
 
@@ -48,6 +49,34 @@ def clocks(links: Sequence[tuple[int, Link, Base]]) -> list[Finding]:
     lags = [Path(float(lag)) for lag in LATENCIES_S]
     scores = [np.array(trial.scores(lags, must_follow=False)) * any(trial.scores(lags)) for trial in trials]
     return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
+
+
+def encoder_clock(found: Sequence[Finding], commands: Sequence[tuple[int, Link, Base]]) -> Iterator[Finding]:
+    """The wheels' own clock, where two channels or more are off against it by the same in the same runs.
+
+    A drive may follow its command later. Where it follows by as much as a camera is early, that counts as another
+    channel: no camera sees a robot before it is there.
+
+    found: mistakes of clocks of the other channels. commands: as of `clocks`, of the commanded velocity.
+    """
+    channels = [finding.channel for finding in found]
+    off = [f for f in found if f.fault == OFFSET and channels.count(f.channel) == 1]
+    sensors = [finding for finding in off if finding.channel != COMMAND]
+    offsets = [finding.repairs[0].offset_s for finding in off]
+    if not sensors or len({finding.runs for finding in off}) != 1 or not max(offsets) - min(offsets) < LATENCY_S:
+        return
+    offset_s = float(np.mean([finding.repairs[0].offset_s for finding in sensors]))
+    if len(off) < 2:
+        driven = _trials([one for one in commands if one[0] in off[0].runs])
+        followed_s = LAGS_S[np.argmin(np.sum([trial.total for trial in driven], axis=0))] if driven else -np.inf
+        is_followed = offset_s > 0.0 and offset_s - RATE_S <= followed_s < offset_s + LATENCY_S
+        if off[0].channel != "kinect" or not is_followed:
+            return
+    what = f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against all others"
+    drop = sum(finding.drop_in_deviance for finding in off)
+    yield Finding(
+        OFFSET, what, "encoder", runs=off[0].runs, drop_in_deviance=drop, repairs=(Clock("encoder", 1.0, -offset_s),)
+    )
 
 
 def late_since(links: Sequence[tuple[int, Link, Base]], at_s: float) -> tuple[float, float]:
@@ -112,4 +141,4 @@ def _common(trials, own):
     if not paths:
         return None
     path = max(paths, key=lambda path: sum(trial.gain(path) for trial in trials))
-    return least(path.shifted(), lambda near: np.sum([trial.rough(near) for trial in trials], axis=0))
+    return least(path.shifted(), lambda near: np.sum([trial.of_same_windows(near) for trial in trials], axis=0))

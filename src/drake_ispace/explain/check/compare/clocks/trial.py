@@ -124,6 +124,14 @@ class Trial:
         """
         return -np.array(self.scores(paths))
 
+    def of_same_windows(self, paths: Sequence[Path]) -> np.ndarray:
+        """(paths,) losses along each path, of the windows that lie inside of the run along all of them.
+
+        For lags that are nearly alike: a window that comes in along one of them says nothing against the others.
+        """
+        since, until = (times_along(paths, t) for t in (self.link.since_s, self.link.until_s))
+        return -np.array(self.scores(paths, must_follow=False, among=inside(self.base, since, until).all(axis=0)))
+
     def sharpened(self, path: Path, losses_of: Losses) -> Path:
         """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap.
 
@@ -166,6 +174,8 @@ class Trial:
         near = [other.fault for other, of_other in zip(paths, gains, strict=True) if of_other > gain - ALIKE]
         if path.rate and gain >= SAID:
             path = self.sharpened(path, self.unlikely)
+        elif gain >= SAID:
+            path = least(path.shifted(), self.of_same_windows)
         return Likeliest(path, gain, tuple(name for name in dict.fromkeys(near) if name != path.fault))
 
     def _is_followed(self, path):
@@ -266,8 +276,8 @@ class Trial:
     def interval(self, path: Path) -> tuple[float, float]:
         """The lags [s] that are about as likely, 90 %."""
         near = path.shifted()
-        scored = np.array(self.scores(near))
-        likely = [one.lag_s for one, score in zip(near, scored, strict=True) if score >= scored.max() - _INTERVAL]
+        losses = self.of_same_windows(near)
+        likely = [one.lag_s for one, loss in zip(near, losses, strict=True) if loss <= losses.min() + _INTERVAL]
         return min(path.lag_s, *likely), max(path.lag_s, *likely)
 
     def finding(self, path: Path, drop: float, rivals: tuple[str, ...] = ()) -> Finding:
