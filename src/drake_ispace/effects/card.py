@@ -64,6 +64,7 @@ class Card:
         equation: in the symbols of docs/effects.md; source: where it comes from.
         signature: what it leaves in the residuals.
         look_alikes: names of the effects with the nearest signature; excitation: the motion that separates them.
+        same: what else is the same to all sensors of a robot whose velocity is commanded, in a sentence.
     """
 
     name: str
@@ -74,3 +75,4 @@ class Card:
     signature: str
     look_alikes: tuple[str, ...]
     excitation: str
+    same: str = ""

@@ -132,6 +132,7 @@ def _section(effect: Effect) -> str:
         f"Source: {card.source}.", f"Signature: {card.signature}.",
         f"Look-alikes: {', '.join(f'[`{name}`](#{name})' for name in card.look_alikes) or 'none'}.",
         f"What separates them: {card.excitation}.",
+        *([f"Of a robot whose velocity is commanded: {card.same}."] if card.same else []),
     ]
     example = ["```yaml", *_example(effect), "```"]
     return "\n".join([f"### {card.name}\n", *[f"{fact}\n" for fact in facts], *_table(effect), "", *example, ""])

@@ -179,6 +179,8 @@ class CameraScale(PoseEffect):
         look_alikes=("wheel_radius_error", "encoder_scale", "constant_slip", "camera_rotation"),
         excitation="driving and turning, both: a wrong radius or encoder scale changes turns too, a camera does not; "
         "slip follows the robot's own axes, the camera's scale is equal in all directions",
+        same="a robot all of whose wheels and distances between them are larger by this share looks the same: measure "
+        "one of them",
     )
     parameters = (Parameter("share", "1", 0.0, -0.6, 1.0, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
     output = stretched

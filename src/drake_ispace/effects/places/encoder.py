@@ -30,6 +30,8 @@ class EncoderScale(WheelAngleEffect):
         look_alikes=("wheel_radius_error", "constant_slip", "camera_scale", "single_wheel_radius_error"),
         excitation="acceleration beside driving and turning: a wrong radius also changes what force a torque gives, a "
         "wrong scale of the encoder does not; turning apart from driving, because camera_scale leaves headings alone",
+        same="wheels of another size that the robot's own controller knows, and the model does not, look the same: "
+        "measure one, or turn it by hand and count",
     )
     parameters = (Parameter("share", "1", 0.0, -0.5, 0.5, (0.01, 0.05), tolerance=1e-3, sensible=(-0.2, 0.2)),)
     output = scaled

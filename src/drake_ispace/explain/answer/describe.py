@@ -28,6 +28,7 @@ from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.prove.errors.repeats import are_one_motion
+from drake_ispace.robots.robot import COMMAND
 
 
 def describe(case: Case, decision: Decision | Choice) -> Explanation:
@@ -56,6 +57,9 @@ def _described(case, decision: Decision) -> Explanation:
     asked = [effect.label for effect in decision.kept if named is not None and effect in named.point]
     if asked and case.scenario is None:
         warnings.append(f"whole runs ask for {', '.join(asked)}: without, they end further off than by chance")
+    if case.replay.body.robot.driven == COMMAND:
+        same = {effect.name: case.replay.effects[effect.name].card.same for effect in effects}
+        warnings += [f"{name}: {text}" for name, text in same.items() if text]
     if effects and case.held_out is None:
         if are_one_motion([motion_of(case.prediction, track).body for track in case.prediction.tracks]):
             warnings.append("all runs repeat one motion: what explains it may be wrong for another")
