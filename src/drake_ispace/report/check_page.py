@@ -12,7 +12,7 @@ import numpy as np
 
 from drake_ispace.explain.answer.explanation import plain
 from drake_ispace.explain.check.compare.links import Base, base_of
-from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.finding import Finding, headline
 from drake_ispace.explain.prove.errors.paths import chained
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import CutOut
@@ -51,7 +51,9 @@ def findings_page(findings: Sequence[Finding], model: Scenario, runs: Sequence[R
             "finding": finding, "fault": FAULTS[finding.fault], "sentence": str(finding),
             "picture": embedded(picture),
         })
-    return render("check.html.j2", shown=shown, runs=len(runs), diagram=model.diagram)
+    return render(
+        "check.html.j2", title=headline(findings), shown=shown, runs=len(runs), diagram=model.diagram
+    )
 
 
 def plot_finding(finding: Finding, model: Scenario, run: Recording, out: Path) -> None:

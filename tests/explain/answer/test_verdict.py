@@ -57,12 +57,21 @@ def test_a_title_does_not_say_that_an_effect_is_missing_where_none_shows():
 @pytest.mark.parametrize(("equivalents", "faults", "said"), [
     ([], [], "coulomb friction: "), (["soft_floor"], [], "either coulomb friction or soft floor: "),
     (["a", "b", "c"], [], "either coulomb friction or a or one of 2 others: "),
-    ([], ["coulomb_friction"], "either coulomb friction or a mistake of the data: "),
+    ([], ["coulomb_friction"], "either coulomb friction or a fault of the data: "),
+    ([], ["wrong_unit"], "either coulomb friction or wrong unit (a fault of the data): "),
 ])
 def test_a_title_of_a_set_says_what_is_in_doubt(equivalents, faults, said):
     (effect,) = answers.named(MODEL).effects
     answer = Explanation("set", [replace(effect, equivalents=equivalents, faults=faults)], None, [], [])
     assert answer.title == f"The model lacks {said}these runs do not tell which"
+
+
+def test_a_title_says_first_what_is_sure():
+    (effect,) = answers.named(MODEL).effects
+    doubtful = replace(effect, name="velocity_delay", faults=["clock_offset"])
+    answer = Explanation("set", [doubtful, effect], None, [], [])
+    said = "coulomb friction, and either velocity delay or clock offset (a fault of the data)"
+    assert answer.title == f"The model lacks {said}: these runs do not tell which"
 
 
 @pytest.mark.parametrize("before, said", [(0.03, True), (0.01, False)])

@@ -344,7 +344,9 @@ def test_a_check_is_printed_in_sentences(sound):
     first, second = sound["omni"]
     assert str(check(MODEL["omni"], [first, second])) == "The recordings agree with each other"
     title, line = str(check(MODEL["omni"], [changed(first, "kinect", jumped), second])).splitlines()
-    assert title == "What is wrong with the recordings"
+    assert title == "The recordings agree with each other once this is repaired or left out"
+    wrong = [changed(run, "encoder", lambda t, v: -v) for run in (first, second)]
+    assert str(check(MODEL["omni"], wrong)).startswith("What is wrong with the recordings")
     assert "kinect in " in line and "the place jumps by 0.299 m" in line and "repair: " in line
 
 

@@ -241,7 +241,8 @@ class Explanation:
         if self.verdict == "none" and self.detection is not None and shows:
             return _ONLY_TRACES.format("on unseen runs" if self.proof else "in free runs")
         in_doubt = self.verdict == "set"
-        *names, last = [_said(effect, in_doubt) for effect in self.effects] or [""]
+        sure_first = sorted(self.effects, key=lambda effect: bool(in_doubt and _others(effect)))
+        *names, last = [_said(effect, in_doubt) for effect in sure_first] or [""]
         return _TITLES[self.verdict].format(f"{', '.join(names)}{',' * in_doubt} and {last}" if names else last)
 
     @property
@@ -325,13 +326,20 @@ _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound r
 
 def _said(effect, with_others: bool) -> str:
     """The name of an effect in words; with_others: and what may be in its place."""
-    name, alike = effect.name.replace("_", " "), [one for one in effect.equivalents if one != effect.name]
-    others = [one.replace("_", " ") for one in alike] + [
-        "a mistake of the data" for fault in effect.faults[:1] if fault not in alike
-    ]
+    name, others = effect.name.replace("_", " "), _others(effect)
     if len(others) > _MOST_SAID:
         others = [others[0], f"one of {len(others) - 1} others"]
     return f"either {' or '.join([name, *others])}" if with_others and others else name
+
+
+def _others(effect) -> list[str]:
+    """What may be in the place of an effect, in words."""
+    alike = [name for name in effect.equivalents if name != effect.name]
+    of_data = "a fault of the data"
+    faults = [
+        f"{fault} ({of_data})" if fault != effect.name else of_data for fault in effect.faults[:1] if fault not in alike
+    ]
+    return [one.replace("_", " ") for one in alike + faults]
 
 
 def plain(value):

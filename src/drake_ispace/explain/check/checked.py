@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.compare.motion import WINDOW_S
-from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.finding import Finding, headline, serious
 from drake_ispace.faults.repair import CutOut, parts, repaired
 from drake_ispace.files.recording import Recording
 
@@ -28,13 +28,12 @@ class Checked:
     made: list[Finding] = field(repr=False, default_factory=list)
 
     def __str__(self) -> str:
-        title = "What is wrong with the recordings" if self.findings else "The recordings agree with each other"
-        return "\n".join([title, *(f"  {finding}" for finding in self.findings)])
+        return "\n".join([headline(self.findings), *(f"  {finding}" for finding in self.findings)])
 
     @property
     def serious(self) -> list[Finding]:
         """Findings on whole runs in spite of which no model can be judged."""
-        return [finding for finding in self.findings if not finding.limited and not finding.is_bearable]
+        return serious(self.findings)
 
     @property
     def limited(self) -> list[Finding]:

@@ -1,5 +1,6 @@
 """What a check found: a fault, where it is, how sure that is, and what undoes it."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from drake_ispace.faults.library import FAULTS
@@ -82,3 +83,15 @@ def named(finding: Finding, names: list[str]) -> Finding:
     """The finding with `run` from its `runs` and the names of all runs."""
     whole = len(finding.runs) == len(names) > 1
     return replace(finding, run="all" if whole else ", ".join(names[i] for i in finding.runs))
+
+
+def serious(findings: Iterable[Finding]) -> list[Finding]:
+    """Those on whole runs in spite of which no model can be judged."""
+    return [finding for finding in findings if not finding.limited and not finding.is_bearable]
+
+
+def headline(findings: Sequence[Finding]) -> str:
+    """What was found in a sentence."""
+    if serious(findings):
+        return "What is wrong with the recordings"
+    return "The recordings agree with each other" + " once this is repaired or left out" * bool(findings)
