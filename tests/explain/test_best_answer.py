@@ -27,7 +27,7 @@ def decided(names, in_doubt=False):
     """A Decision that names these effects, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
     return SimpleNamespace(
-        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), kept={},
+        named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), kept={}, rivals={},
         with_effects=lambda kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
     )
 
@@ -126,6 +126,7 @@ class Keeping:
 
     point: dict
     kept: dict = field(default_factory=dict)
+    rivals: dict = field(default_factory=dict)
     otherwise: None = None
 
     def with_effects(self, point):
@@ -144,11 +145,12 @@ def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_wo
         remainders = [SimpleNamespace(ratio=2.0 if one is first else after)]
         said = verdict if one is first else "incomplete"
         asked = (lambda: Asked(radii, {"radii": [0.1], "lag": [0.2]})) if one is first else None
-        answer = SimpleNamespace(verdict=said, effects=[*one.point], remainders=remainders, warnings=[])
+        effects = [SimpleNamespace(name=name, parameters={}) for name in one.point]
+        answer = SimpleNamespace(verdict=said, effects=effects, remainders=remainders, warnings=[])
         return proved(one, answer, asked)
 
     best = best_answered(CASE, answered(first), answered)
-    assert set(best.decision.point) == set(best.answer.effects) == names
+    assert set(best.decision.point) == {effect.name for effect in best.answer.effects} == names
     assert (radii in best.decision.kept) == (best.decision is not first)
 
 
@@ -192,4 +194,26 @@ def test_a_look_alike_that_runs_prefer_takes_the_name_unless_more_is_left(ratio,
         return proved(decision, answer, instead=lambda: decided(["gain"]) if effect.name == "scale" else None)
 
     best = best_answered(CASE, answered(decided(["scale"])), answered)
+    assert [effect.name for effect in best.answer.effects] == [name]
+
+
+@pytest.mark.parametrize("on_bound, suffices, name", [
+    (True, True, "lag"), (True, False, "swing"), (False, True, "swing"),
+])
+def test_a_rival_that_suffices_takes_the_name_of_an_effect_on_its_bound(on_bound, suffices, name):
+    swing = Named("swing")
+    first = decided([])
+    first.named.point = {swing: [1.0]}
+    first.rivals = {swing: [SimpleNamespace(point=None), SimpleNamespace(point={Named("lag"): [0.1]})]}
+
+    def answered(decision):
+        (effect,) = decision.named.point
+        parameters = {"size": SimpleNamespace(on_bound=on_bound)} if effect is swing else {}
+        verdict = "named" if suffices and effect is not swing else "incomplete"
+        effects = [SimpleNamespace(name=effect.name, parameters=parameters)]
+        answer = SimpleNamespace(verdict=verdict, effects=effects, warnings=[], gap=[], remainders=[], drifts=[])
+        decision.further, decision.otherwise = [], None
+        return proved(decision, answer)
+
+    best = best_answered(CASE, answered(first), answered)
     assert [effect.name for effect in best.answer.effects] == [name]

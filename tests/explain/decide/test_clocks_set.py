@@ -1,5 +1,7 @@
 """Torques, commands and an IMU whose clock is off are told by the model's errors; what it lacks is no lateness."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,13 @@ def rover(stamped_s=0.0, **robot):
     return [Clock("command", 1.0, stamped_s).apply(run) for run in runs]
 
 
+def cut(run, since_s):
+    """The run from some time on."""
+    channels = {name: replace(c, t=c.t[c.t >= since_s], values=c.values[c.t >= since_s])
+                for name, c in run.channels.items()}
+    return replace(run, channels=channels)
+
+
 FOLLOWING = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain", "camera_latency")]
 
 
@@ -92,6 +101,16 @@ def test_a_late_command_is_told_of_encoders_that_are_read_rarely():
 def test_wheels_that_follow_late_or_otherwise_than_told_do_not(robot):
     case = prepare(two_wheels.model(), rover(**robot), (), FOLLOWING)
     assert with_clocks_set(case, ["a", "b"]) == (case, [])
+
+
+@pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("seed", [1, 11])
+def test_a_drive_that_lags_in_short_runs_does_not_either(seed, lag_s):
+    """A change near the begin of a run would be left out with a command that is earlier."""
+    lagging = {"left_share": 0.0, "late_s": 0.0, "lag_s": lag_s, "in_step": True}
+    runs = [two_wheels.drive(seed + i, 5.0, **lagging) for i in range(3)]
+    case = prepare(two_wheels.model(), [cut(run, 1.7) for run in runs], (), FOLLOWING)
+    assert with_clocks_set(case, ["a", "b", "c"]) == (case, [])
 
 
 @pytest.mark.slow
