@@ -83,12 +83,10 @@ def _with_preferred(first, answered) -> Answered:
 def _within_bounds(first, answered) -> Answered:
     """With rivals in the places of effects that are on a bound or make no sense, if the answer suffices then."""
     beyond = {effect.name for effect in first.answer.effects if any(p.on_bound for p in effect.parameters.values())}
-    for effect, rivals in first.decision.rivals.items():
-        if effect.name not in beyond:
-            continue
-        for rival in rivals:
-            if rival.point is not None and (other := answered(first.decision.with_effects(rival.point))).suffices:
-                return other
+    rivals = [rival for c, rivals in first.decision.rivals.items() if c.name in beyond for rival in rivals]
+    for rival in rivals:
+        if rival.point is not None and (other := answered(first.decision.with_effects(rival.point))).suffices:
+            return other
     return first
 
 
