@@ -27,7 +27,8 @@ FAULTS = (
     ),
     Fault(
         "stamp_jitter", "uneven stamps",
-        "steps between samples vary by more than a quarter, or frames were not taken when their stamps say",
+        "steps between samples vary by more than a quarter about even ones, or frames were not taken when their stamps "
+        "say",
         "samples are stamped when they arrive",
         "the steps themselves; of a camera the wheels, which agree with even steps", "stamps at even steps",
         same=("bursts",), harmless=True,

@@ -10,6 +10,7 @@ from drake_ispace.explain.answer.contradiction import add_findings
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.examine import Examined
 from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
+from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.faults.repair import CutOut
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.scenario import load_scenario
@@ -71,6 +72,24 @@ def test_an_imu_that_is_logged_or_read_more_rarely_than_the_controller_uses_it_i
 def test_torques_that_are_lost_now_and_then_are_told_and_no_reason_to_stop(run, lost):
     checked = found(kept(run, "torque", at_random(run, "torque", lost)))
     assert [f.fault for f in checked.findings] == (["steps_missing"] if lost > 0.02 else []) and not checked.serious
+
+
+@pytest.mark.parametrize("lost", [0.5, 0.7])
+@pytest.mark.parametrize("name", ["encoder", "kinect"])
+def test_where_rows_are_lost_at_random_true_stamps_are_left_alone(run, name, lost):
+    assert not found(kept(run, name, at_random(run, name, lost))).findings
+
+
+@pytest.mark.parametrize("name", ["encoder", "torque", "imu"])
+def test_a_pace_that_varies_is_no_jitter_and_stamps_that_come_late_at_random_are(name):
+    rng, count = np.random.default_rng(7), 2000
+    own_pace = np.cumsum(rng.uniform(0.001, 0.009, count))
+    late = 0.005 * np.arange(count) + rng.uniform(0.0, 0.005, count)
+    told = [
+        [f.fault for f in stamp_findings(Recording("omni", channels={name: Channel(t, ("a",), t[:, None])}))]
+        for t in (own_pace, late)
+    ]
+    assert told == [[], ["stamp_jitter"]]
 
 
 def test_a_torque_that_repeats_in_step_may_have_been_another_in_between(run):

@@ -1,13 +1,17 @@
 """What time stamps alone show: units, epochs, clocks that do not overlap, gaps, jitter and bursts."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.fft import dct
+from scipy.stats import chi2
 
 from drake_ispace.explain.check.compare.links import RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import LEAP, STUCK_S
+from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import Clock, CutOut, Evened
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si
@@ -77,20 +81,29 @@ def _starts(channels: dict[str, Channel]) -> Iterator[Finding]:
 
 
 def _steps(name: str, channel: Channel) -> Iterator[Finding]:
-    """Gaps, and steps that are uneven as a habit."""
+    """Gaps, and steps that are uneven as a habit, though samples come at even ones all in all."""
     steps = np.diff(channel.t)
     usual = float(np.median(steps))
-    if _mostly(LEAP * steps < np.mean(steps)):
-        yield Finding("bursts", "several samples come at once", name, repairs=(Evened(name),))
-        return
-    if _mostly(np.abs(steps - usual) > _UNEVEN * usual):
-        yield Finding("stamp_jitter", "steps are uneven", name, repairs=(Evened(name),))
+    at_once = _mostly(LEAP * steps < np.mean(steps))
+    if (at_once or _mostly(np.abs(steps - usual) > _UNEVEN * usual)) and not _add_up(steps):
+        fault, what = ("bursts", "several samples come at once") if at_once else ("stamp_jitter", "steps are uneven")
+        yield Finding(fault, what, name, repairs=(Evened(name),))
         return
     for i in np.flatnonzero(are_gaps(steps)):
         since, until = float(channel.t[i]), float(channel.t[i + 1])
         repairs = (CutOut(since, until),) if until - since > STUCK_S else ()
         yield Finding("rows_missing", f"no samples for {until - since:.3g} s", name, since, until,
                       repairs=repairs)
+
+
+def _add_up(steps: np.ndarray) -> bool:
+    """Whether steps (n,) go away from even ones, as where rows are lost or a sensor has a pace of its own.
+
+    Samples that were taken at even steps and stamped late come back to them, so that steps have no slow parts; of steps
+    that have nothing to do with each other these are as large as all others, by chi-squared.
+    """
+    slow = dct(steps - np.mean(steps), norm="ortho")[1 : 1 + math.isqrt(len(steps))]
+    return bool(np.sum(slow**2) >= chi2.ppf(CHANCE, len(slow)) * np.var(steps))
 
 
 def are_gaps(steps: np.ndarray) -> np.ndarray:
