@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.links import base_of
+from drake_ispace.explain.check.runs import robot_of
 from drake_ispace.explain.check.sampling.samples import sample_findings
+from drake_ispace.explain.check.steps import dead_findings
 from drake_ispace.files.recording import Channel, Recording
 from hidden import two_wheels
 
@@ -115,6 +118,37 @@ def test_a_command_that_turns_the_other_way_in_degrees_is_told_as_both():
 
 def test_a_command_that_nobody_filled_in_is_told():
     assert found("command", lambda t, values: 0.0 * values) == [("channel_dead", "command", (0,))]
+
+
+def dead(ways, left_m, recorded=(1.0, 1.0)):
+    """What is dead in 10 s in which wheels go ways (500, 2) [m] under a marker so far left of the middle."""
+    model, t, rng = two_wheels.model(), 0.02 * np.arange(500), np.random.default_rng(2)
+    motion = np.diff(ways, axis=0, prepend=0.0) / two_wheels.RADIUS_M @ model.rover.plant.geometry.forward.T
+    heading = np.cumsum(motion[:, 2])
+    places = np.cumsum(motion[:, :1] * np.column_stack([np.cos(heading), np.sin(heading)]), axis=0)
+    places += left_m * np.column_stack([-np.sin(heading), np.cos(heading)])
+    poses = np.column_stack([places, heading]) + 0.001 * rng.standard_normal((500, 3))
+    run = Recording("rover", "velocity_base", {
+        "encoder": Channel(t, ("theta_right", "theta_left"), ways / two_wheels.RADIUS_M * recorded),
+        "kinect": Channel(t, ("x", "y", "phi"), poses),
+    })
+    base = base_of(run, robot_of(model, [run], ["a run"]), model.rover)
+    return [(finding.fault, finding.channel) for finding in dead_findings(run, base)]
+
+
+SWINGS_M = np.abs((0.004 * np.arange(500) + 0.5) % 1.0 - 0.5)[:, None]  # of a wheel, to and fro
+
+
+@pytest.mark.parametrize("left_m", [-0.3, -0.05, 0.0, 0.05, 0.3])
+def test_a_wheel_about_which_the_robot_pivots_is_not_dead(left_m):
+    assert dead(SWINGS_M * [1.0, 0.0], left_m) == []
+
+
+@pytest.mark.parametrize("left_m", [-0.05, 0.05])
+@pytest.mark.parametrize("ways", [(1.0, -1.0), (1.0, 0.7)])
+@pytest.mark.parametrize("recorded", [(1.0, 0.0), (0.0, 0.0)])
+def test_a_wheel_that_turns_without_its_angle_is_dead_wherever_the_marker_is(left_m, ways, recorded):
+    assert dead(SWINGS_M * ways, left_m, recorded) == [("channel_dead", "encoder")]
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0])

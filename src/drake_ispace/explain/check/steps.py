@@ -17,8 +17,18 @@ from drake_ispace.explain.check.compare.links import (
     moving,
     seen_of_wheels,
 )
-from drake_ispace.explain.check.compare.motion import WINDOW_S, between, camera_noise, has_motion, seen, windows
-from drake_ispace.explain.check.compare.regression import residuals
+from drake_ispace.explain.check.compare.motion import (
+    WINDOW_S,
+    arm,
+    between,
+    camera_noise,
+    has_motion,
+    seen,
+    turned,
+    windows,
+    within,
+)
+from drake_ispace.explain.check.compare.regression import CAMERA, MOST_SLACK, SLACK, residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import largest_by_chance
@@ -50,15 +60,11 @@ def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
                           repairs=(Without(COMMAND),))
     if not has_motion(run):
         return
-    kinect, encoder = run.channels["kinect"], run.channels["encoder"]
-    whole = windows(kinect)
-    ways = seen(kinect, whole) @ base.geometry.inverse.T * radius
-    noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * base.geometry.inverse, axis=1) * radius
-    dead = [c for i, c in enumerate(encoder.columns) if np.ptp(encoder.column(c)) == 0.0
-            and moving(ways[:, [i]], noise[[i]]) and np.abs(ways[:, i]).sum() > SHOWS_M]
-    if dead:
+    kinect = run.channels["kinect"]
+    if dead := _dead_wheels(kinect, base, radius):
         yield Finding("channel_dead", f"{', '.join(dead)} never changes", "encoder",
                       repairs=(Without("encoder"),))
+    whole = windows(kinect)
     moved = base.moved(whole.since_s, whole.until_s)
     if not np.ptp(kinect.values[:, :2], axis=0).any() and np.linalg.norm(moved[:, :2], axis=1).sum() > SHOWS_M:
         yield Finding("channel_dead", "the place never changes", "kinect", repairs=(Without("kinect"),))
@@ -67,6 +73,38 @@ def dead_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
         if np.ptp(headings) * radius / np.abs(base.geometry.forward[2]).max() > SHOWS_M:
             what = "the heading never changes, and the wheels turn the robot"
             yield Finding("channel_dead", what, "kinect", repairs=(Without("kinect"),))
+
+
+def _dead_wheels(kinect, base, radius) -> list[str]:
+    """Names of the wheels whose angle never changes although the camera sees them turn, wherever its marker is.
+
+    How far the marker goes along as the robot turns is told by the wheels whose angles change; where that would be
+    farther than a marker can be, or no angle changes, by those that seem to stand. Physics may make a share of the
+    way of another wheel look like a way of one that stands.
+    """
+    encoder, geometry, whole = base.encoder, base.geometry, windows(kinect)
+    still = np.ptp(encoder.values, axis=0) == 0.0
+    if not still.any() or not len(whole.first):
+        return []
+    fixes = np.arange(len(kinect.t))  # ways add up along an arc, and not along its chord
+    path = np.vstack([np.zeros(3), np.cumsum(seen(kinect, between(kinect, fixes[:-1], fixes[1:])), axis=0)])
+    motion, own = path[whole.last] - path[whole.first], turned(encoder, whole.since_s, whole.until_s)
+    ways, of_marker = motion @ geometry.inverse.T, motion[:, 2, None, None] * geometry.inverse[:, :2]
+    inner = within(encoder, whole)
+
+    def marker(wheels):
+        apart = (ways - own)[inner][:, wheels].ravel()
+        return np.linalg.lstsq(of_marker[inner][:, wheels].reshape(-1, 2), apart, rcond=None)[0]
+
+    place = marker(still if still.all() else ~still)
+    if np.linalg.norm(place) > MOST_SLACK / SLACK * CAMERA.marker * arm(geometry):
+        place = marker(still)
+    ways = (ways - of_marker @ place) * radius
+    noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * geometry.inverse, axis=1) * radius
+    far = np.abs(ways).sum(axis=0)
+    least = max(SHOWS_M, MOST_SLACK * far.max())
+    return [name for i, name in enumerate(encoder.columns)
+            if still[i] and far[i] > least and moving(ways[:, [i]], noise[[i]])]
 
 
 def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
