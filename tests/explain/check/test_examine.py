@@ -46,6 +46,18 @@ def test_a_run_keeps_its_name_where_an_earlier_one_is_cut_in_two(runs, monkeypat
     assert [run.path.name for run in found.held_out["held out"]] == ["run 3"] and not found.warnings
 
 
+def test_recordings_are_called_by_the_names_that_they_are_given_by(runs):
+    found = examined({"square": runs[0], "eight": runs[1]}, {"unseen": runs[2], "others": runs[:1]})
+    assert found.names == ["square", "eight", "unseen", "run 4"]
+
+
+def test_a_check_takes_runs_by_name(runs):
+    stopped = runs[1].channels["encoder"]
+    stopped = replace(stopped, values=np.where((stopped.t // 2.0 == 2.0)[:, None], stopped.values[0], stopped.values))
+    spoilt = replace(runs[1], channels=runs[1].channels | {"encoder": stopped})
+    assert {f.run for f in check(two_wheels.model(), {"square": runs[0], "eight": spoilt}).findings} == {"eight"}
+
+
 def test_that_nothing_is_left_to_prove_on_is_said(runs, monkeypatch):
     with_cut(monkeypatch, 2, 0.0, 12.0)
     found = examined(runs[:2], runs[2:])
@@ -70,6 +82,15 @@ def test_each_run_is_told_with_its_own_numbers():
     assert [(f.run, "0.02" in f.what, "0.03" in f.what) for f in told] == [
         ("run 1", True, False), ("run 2", False, True)
     ]
+
+
+@pytest.mark.parametrize("values", [lambda v: v[:, :2], lambda v: v[:-1], lambda v: v[:, 0]])
+def test_values_that_are_not_one_for_each_time_and_column_are_refused(runs, values):
+    command = runs[0].channels["command"]
+    wrong = replace(command, values=values(command.values))
+    run = replace(runs[0], channels=runs[0].channels | {"command": wrong})
+    with pytest.raises(InputError, match=r"mine: channel command: .*, expected .* for the columns vx, vy, wz$"):
+        check(two_wheels.model(), {"mine": run})
 
 
 def test_runs_of_two_robots_are_refused(runs):

@@ -76,7 +76,7 @@ def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
     mixed = replace(right, channels=right.channels | {"kinect": left.channels["kinect"]})
     (finding,) = check(two_wheels.model(), [left, mixed, free]).findings
     assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", "kinect", (1,))
-    assert finding.what == "moves with the wheels of run 1 of these"
+    assert finding.what == "moves with the wheels of run 1"
 
 
 @pytest.mark.parametrize(("robot", "channel"), [
@@ -87,7 +87,7 @@ def test_a_torque_or_an_imu_of_another_run_is_found_by_whose_wheels_it_follows(r
     mixed = replace(own, channels=own.channels | {channel: other.channels[channel]})
     (finding,) = check(f"{robot}_multirate", [mixed, other]).findings
     assert (finding.fault, finding.channel, finding.runs) == ("channel_of_another_run", channel, (0,))
-    assert finding.what == "moves with the wheels of run 2 of these"
+    assert finding.what == "moves with the wheels of run 2"
 
 
 def test_the_camera_of_a_robot_that_is_pushed_twice_is_no_other_runs():

@@ -29,7 +29,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, named
 from drake_ispace.explain.check.gyro import gyro_findings
-from drake_ispace.explain.check.runs import check_given, loaded, name_of, robot_of, solvable
+from drake_ispace.explain.check.runs import Runs, check_given, listed, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.sampling.held import held_samples
 from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
@@ -41,7 +41,6 @@ from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rival
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, repaired, time_text
-from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
@@ -50,19 +49,19 @@ _LEAP = "counter_reset"  # of angles, by themselves
 
 
 def check(
-    model: Scenario | OwnModel | str | Path, runs: Sequence[Recording | str | Path],
+    model: Scenario | OwnModel | str | Path, runs: Runs,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Checked:
     """Find the faults of recordings of one robot.
 
     Args:
         model: that describes the robot. Of a plant of your own torque and wheels are compared.
-        runs: one or several. tell: called with the name of each step.
+        runs: one or several, or by name. tell: called with the name of each step.
 
     Raises:
         InputError: a run that cannot be read, is of another robot, or holds impossible numbers.
     """
-    recordings = [loaded(run) for run in runs]
+    recordings = [loaded(run) for run in listed(runs)]
     names = [name_of(run, i) for i, run in enumerate(recordings)]
     for name, run in zip(names, recordings, strict=True):
         check_given(run, name)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,16 +24,22 @@ Runs = Run | Sequence[Run] | Mapping[str, Run]
 
 
 def listed(runs: Runs) -> list[Run]:
-    """The runs one after the other."""
-    if isinstance(runs, Recording | str | Path):
+    """The runs one after the other; a recording that is given by name has that name in messages."""
+    if isinstance(runs, Run):
         return [runs]
-    return list(runs.values() if isinstance(runs, Mapping) else runs)
+    return [_called(run, name) for name, run in runs.items()] if isinstance(runs, Mapping) else list(runs)
 
 
 def by_kind(held_out: Runs | Mapping[str, Runs]) -> dict[str, list[Run]]:
-    """Kind -> held-out runs of it, one after the other."""
-    kinds = held_out if isinstance(held_out, Mapping) else {UNNAMED: held_out}
-    return {kind: listed(some) for kind, some in kinds.items()}
+    """Kind -> held-out runs of it, one after the other; one recording by itself is named by its kind."""
+    if not isinstance(held_out, Mapping):
+        return {UNNAMED: listed(held_out)}
+    return {kind: listed({kind: some} if isinstance(some, Run) else some) for kind, some in held_out.items()}
+
+
+def _called(run: Run, name: str) -> Run:
+    """A recording under the name that its user gives it; a folder has its own."""
+    return replace(run, path=Path(str(name))) if isinstance(run, Recording) and Path(str(name)).name else run
 
 
 def loaded(run: Run) -> Recording:
@@ -79,18 +86,24 @@ def check_given(recording: Recording, name: str) -> None:
         InputError: naming run and channel.
     """
     for channel, samples in recording.channels.items():
-        if not len(samples.t):
+        if not samples.t.size:
             raise InputError(f"{name}: channel {channel} holds no sample, expected some, or no such channel")
     check_sizes(recording, name)
 
 
 def check_sizes(recording: Recording, name: str) -> None:
-    """Refuse what is no number, and numbers that no sensor gives in any unit, with which nothing can be computed.
+    """Refuse values that are not one for each time and column, what is no number, and numbers that no sensor gives in
+    any unit, with which nothing can be computed.
 
     Raises:
         InputError: naming run, channel and column.
     """
     for channel, samples in recording.channels.items():
+        if samples.values.shape != (*samples.t.shape, len(samples.columns)) or samples.t.ndim != 1:
+            raise InputError(
+                f"{name}: channel {channel}: t has shape {samples.t.shape} and values {samples.values.shape}, expected "
+                f"(n,) and (n, {len(samples.columns)}) for the columns {', '.join(samples.columns)}"
+            )
         check_finite(samples, f"{name}: channel {channel}", lambda row: f"sample {row + 1}")
         size = np.abs(samples.values).max(axis=0, initial=0.0)
         for column, largest in zip(samples.columns, size, strict=True):

@@ -20,6 +20,7 @@ from drake_ispace.explain.check.compare.links import (
 from drake_ispace.explain.check.compare.motion import turned
 from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, most, residuals, scores
 from drake_ispace.explain.check.finding import Finding
+from drake_ispace.explain.check.runs import name_of
 from drake_ispace.faults.repair import Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -169,7 +170,7 @@ def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, 
         link = link_of(run, wheels, seen)
         found = None if link is None else _relation(link, wheels)
         if found is not None and found.share > 2.0 * RELATED:
-            return f"moves with the {'camera' if name == 'encoder' else 'wheels'} of run {other + 1} of these"
+            return f"moves with the {'camera' if name == 'encoder' else 'wheels'} of {name_of(runs[other], other)}"
     return None
 
 
