@@ -107,10 +107,12 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         return _judged(every, values + [merged(sizes.point)] * (len(every.tracks) - parts), sensors, seed)
 
     chosen = SizesByRun({}, [{}] * parts, []) if decision.named is None else filtered_sizes(decision, blocks)
-    judged, alone = judged_with(chosen), []
+    judged, alone, passed_over = judged_with(chosen), [], []
     if parts > 1 and chosen.point:
-        told = each(lambda i: _alone_tells(judged, i, decision, chosen), range(parts))
-        alone = [i for i in range(parts) if told[i]]
+        unsure = each(lambda i: left_by_uncertainty(every, i, judged.windows[i], decision, chosen), range(parts))
+        assumed = dict.fromkeys(judged.noise.needed, 1.0)
+        alone = [i for i in range(parts) if _alone_tells(judged, i, unsure[i], assumed)]
+        passed_over = [i for i in alone if _alone_tells(judged, i, unsure[i], judged.noise.plausible)]
     if alone:
         judged = judged_with(chosen.with_all(alone))
     fitted_to = judged if n > 1 else _judged(training, [merged(chosen.point)], sensors, seed)
@@ -121,7 +123,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
         fitted = plain_fit(training, fitted_to.windows[:n], chosen.point, decision.end.likelihood.sizes, floors)
         found = replace(chosen, point=fitted.point, without=fitted.without)  # taken for as certain as the filter's
         plain = found.point
-        if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors, alone):
+        if leads_nearer(found, chosen, training, fitted_to.windows[:n], floors, passed_over):
             chosen = found
             fitted_to = judged = judged_with(chosen.with_all(alone))
         elif training.replay.body.robot.driven == TORQUE and n > 1 and _left(judged, training):
@@ -139,7 +141,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     left, asked, may_stand = _distinct(_left(judged, every)), None, None
     if fitted is not None:
         if left:
-            asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, alone)
+            asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, passed_over)
         else:
             sizes = decision.end.likelihood.sizes
             fit = partial(plain_fit, training, fitted_to.windows[:n], sizes=sizes, floors=floors)
@@ -198,12 +200,17 @@ def _suffices(judged: _Judged, point: Point) -> bool:
     return not _left(other, prediction)
 
 
-def _alone_tells(judged: _Judged, i: int, decision: Decision, sizes: SizesByRun) -> bool:
-    """Whether run `i` alone tells sizes that it needs: without it the best answer could leave too large an error."""
-    sensors, chance = judged.part(slice(i, i + 1), dict.fromkeys(judged.noise.needed, 1.0))
-    left = left_by_uncertainty(judged.prediction, i, judged.windows[i], decision, sizes)
+def _alone_tells(
+    judged: _Judged, i: int, unsure: Mapping[Measure, float], strengths: Mapping[str, float]
+) -> bool:
+    """Whether run `i` alone tells sizes that it needs: without it the best answer could leave too large an error.
+
+    unsure: measure -> what sizes leave that are as uncertain as without the run. strengths: of the process noise beside
+    which that is too large.
+    """
+    sensors, chance = judged.part(slice(i, i + 1), strengths)
     return any(
-        size > TOO_LARGE[m.metric] * np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)) for m, size in left.items()
+        size > TOO_LARGE[m.metric] * np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)) for m, size in unsure.items()
     )
 
 
