@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.links import LATENCIES_S
+from drake_ispace.files.recording import Channel
 from hidden import two_wheels
 
 SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
@@ -135,6 +137,32 @@ def test_camera_and_command_that_are_off_alike_are_a_clock_of_the_encoders(off_s
     runs = [moved(two_wheels.drive(7330 + i, 20.0, **lagging), "encoder", off_s) for i in range(2)]
     (finding,) = [one for one in check(two_wheels.model(), runs).findings if one.fault == "clock_offset"]
     assert finding.channel == "encoder" and finding.repairs[0].offset_s == pytest.approx(-off_s, abs=0.0201)
+
+
+def with_gyro(run):
+    """The run with an IMU that feels how its wheels turn the robot."""
+    encoder, random = run.channels["encoder"], np.random.default_rng(3)
+    wide = 2.0 * two_wheels.HALF_TRACK_M / two_wheels.RADIUS_M
+    rates = random.normal(0.0, 0.005, (len(encoder.t), 6)) + [0.0, 0.0, 9.81, 0.0, 0.0, 0.0]
+    rates[:, 5] += np.gradient(gaussian_filter1d((encoder.values[:, 0] - encoder.values[:, 1]) / wide, 1.0), encoder.t)
+    imu = Channel(encoder.t, ("ax", "ay", "az", "wx", "wy", "wz"), rates)
+    return replace(run, channels=run.channels | {"imu": imu})
+
+
+@pytest.mark.parametrize("late_s", [0.25, 0.3])
+def test_sensors_that_agree_need_no_command_to_tell_of_the_encoders(late_s):
+    """A drive that is late adds to what the command is off by."""
+    slow = SOUND | {"others": {"delay_s": late_s}, "in_step": True}
+    runs = [moved(with_gyro(two_wheels.drive(7340 + i, 20.0, **slow)), "encoder", 0.5) for i in range(2)]
+    channels = {one.channel for one in check(two_wheels.model(), runs).findings if one.fault == "clock_offset"}
+    assert channels == {"encoder"}
+
+
+def test_a_gyro_that_agrees_with_the_wheels_speaks_for_their_clock():
+    slow = SOUND | {"others": {"delay_s": 0.3}, "in_step": True}
+    runs = [moved(with_gyro(two_wheels.drive(7350 + i, 20.0, **slow)), "kinect", -0.3) for i in range(2)]
+    channels = {one.channel for one in check(two_wheels.model(), runs).findings if one.fault == "clock_offset"}
+    assert channels == {"kinect"}
 
 
 def test_a_camera_that_is_early_by_what_no_drive_takes_has_a_clock_of_its_own():

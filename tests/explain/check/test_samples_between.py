@@ -80,6 +80,22 @@ def test_where_rows_are_lost_at_random_true_stamps_are_left_alone(run, name, los
     assert not found(kept(run, name, at_random(run, name, lost))).findings
 
 
+@pytest.mark.parametrize("together, count", [(80, 1200), (60, 800), (10, 1200), (5, 30)])
+def test_samples_that_come_at_once_are_told_however_many(together, count):
+    t = 0.005 * np.arange(count)
+    stamped = t[np.minimum(np.arange(count) // together * together + together - 1, count - 1)]
+    stamped = stamped + 1e-5 * np.arange(count)
+    bursts = Recording("omni", channels={"encoder": Channel(stamped, ("a",), t[:, None])})
+    assert [finding.fault for finding in stamp_findings(bursts)] == ["bursts"]
+
+
+def test_samples_that_come_at_once_before_and_after_a_gap_are_not_evened_over_it():
+    t = 0.005 * np.arange(1200)
+    stamped = t[np.arange(1200) // 10 * 10 + 9] + 1e-5 * np.arange(1200) + 3.0 * (t >= 3.0)
+    found = list(stamp_findings(Recording("omni", channels={"encoder": Channel(stamped, ("a",), t[:, None])})))
+    assert found and "bursts" not in {finding.fault for finding in found}
+
+
 @pytest.mark.parametrize("name", ["encoder", "torque", "imu"])
 def test_a_pace_that_varies_is_no_jitter_and_stamps_that_come_late_at_random_are(name):
     rng, count = np.random.default_rng(7), 2000

@@ -151,6 +151,14 @@ def test_a_wheel_that_turns_without_its_angle_is_dead_wherever_the_marker_is(lef
     assert dead(SWINGS_M * ways, left_m, recorded) == [("channel_dead", "encoder")]
 
 
+@pytest.mark.parametrize("ways, recorded", [
+    ((0.31, 0.29), (0.0, 0.0)), ((0.31, 0.29), (0.0, -1.0)), ((0.4, 0.2), (0.0, 2.0)), ((0.29, 0.31), (57.3, 0.0)),
+])
+def test_no_marker_goes_as_far_on_a_circle_as_a_wheel_that_is_dead(ways, recorded):
+    """Whatever the other wheel counts."""
+    assert dead(0.02 * np.arange(500)[:, None] * ways, 0.05, recorded) == [("channel_dead", "encoder")]
+
+
 @pytest.mark.parametrize("heading", [0.0, 1.0])
 def test_a_heading_that_nobody_filled_in_is_told(heading):
     assert found("kinect", lambda t, values: values * [1.0, 1.0, 0.0] + [0.0, 0.0, heading]) == [

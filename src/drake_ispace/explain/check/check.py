@@ -236,7 +236,7 @@ class _Search:
     def _encoder_clock(self):
         """The wheels' own clock, where other channels are off against it by the same."""
         found = [finding for channel in ("kinect", "imu", TORQUE, COMMAND) for finding in self._clocks(channel)]
-        self._add(list(encoder_clock(found, self._links(COMMAND))))
+        self._add(list(encoder_clock(found, self._links)))
 
     def _lost_angles(self):
         """Wheels that leap because rows are lost there and later stamps were moved up: all else is late since then."""

@@ -92,6 +92,6 @@ def serious(findings: Iterable[Finding]) -> list[Finding]:
 
 def headline(findings: Sequence[Finding]) -> str:
     """What was found in a sentence."""
-    if serious(findings):
+    if serious(findings) or not all(finding.repairs for finding in findings):
         return "What is wrong with the recordings"
     return "The recordings agree with each other" + " once this is repaired or left out" * bool(findings)

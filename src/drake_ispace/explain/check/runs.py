@@ -38,8 +38,10 @@ def by_kind(held_out: Runs | Mapping[str, Runs]) -> dict[str, list[Run]]:
 
 
 def _called(run: Run, name: str) -> Run:
-    """A recording under the name that its user gives it; a folder has its own."""
-    return replace(run, path=Path(str(name))) if isinstance(run, Recording) and Path(str(name)).name else run
+    """A recording in memory under the name that its user gives it; one that was read has that of its folder."""
+    if not isinstance(run, Recording) or run.path is not None:
+        return run
+    return replace(run, path=Path(str(name).replace("/", "_")))
 
 
 def loaded(run: Run) -> Recording:

@@ -96,9 +96,11 @@ def _dead_wheels(kinect, base, radius) -> list[str]:
         apart = (ways - own)[inner][:, wheels].ravel()
         return np.linalg.lstsq(of_marker[inner][:, wheels].reshape(-1, 2), apart, rcond=None)[0]
 
+    farthest = MOST_SLACK / SLACK * CAMERA.marker * arm(geometry)
     place = marker(still if still.all() else ~still)
-    if np.linalg.norm(place) > MOST_SLACK / SLACK * CAMERA.marker * arm(geometry):
+    if np.linalg.norm(place) > farthest:
         place = marker(still)
+        place *= min(1.0, farthest / np.linalg.norm(place))
     ways = (ways - of_marker @ place) * radius
     noise = np.sqrt(2.0) * np.linalg.norm(camera_noise(kinect) * geometry.inverse, axis=1) * radius
     far = np.abs(ways).sum(axis=0)

@@ -18,7 +18,7 @@ from drake_ispace.robots.robot import COMMAND
 
 def asked_for(
     training: Prediction, windows: Sequence[Windows], decision: Decision, without: Sequence[Point],
-    floors: Mapping[Measure, float], alone: Collection[int],
+    floors: Mapping[Measure, float], passed_over: Collection[int],
 ) -> Asked | None:
     """The effect with which the model leads nearest to each run when its sizes are fitted to the others.
 
@@ -28,7 +28,7 @@ def asked_for(
     Args:
         training: model and runs. windows: of each run. decision: with the rivals of its effects. without: sizes of the
             named effects that plain least squares finds without each run. floors: measure -> what noise leaves.
-            alone: runs that are passed over: others do not tell their sizes.
+            passed_over: runs whose sizes the others do not tell.
 
     Returns:
         None where none takes away as much, where fewer than two runs can be left out, or where torque drives the robot.
@@ -42,7 +42,7 @@ def asked_for(
         if len(rival.parameters) > len(effect.parameters)
     ]
     tried += [(effect, point) for point in decision.further for effect in point if effect not in named]
-    left_with = partial(squared_error_left_out, training, windows, floors=floors, alone=alone)
+    left_with = partial(squared_error_left_out, training, windows, floors=floors, passed_over=passed_over)
     least = (1.0 - PREDICTED) * left_with(without) if tried else 0.0
     for effect, point in tried:
         found = plain_fit(training, windows, point, decision.end.likelihood.sizes, floors)

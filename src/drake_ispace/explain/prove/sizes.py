@@ -66,16 +66,16 @@ def left_by_uncertainty(
 
 def leads_nearer(
     plain: SizesByRun, filtered: SizesByRun, training: Prediction, windows: Sequence[Windows],
-    floors: Mapping[Measure, float], alone: Collection[int],
+    floors: Mapping[Measure, float], passed_over: Collection[int],
 ) -> bool:
     """Whether plain sizes lead nearer to the path of each run than filtered ones do, neither fitted to the run.
 
-    training: model and runs. windows: of each run. floors: measure -> what noise leaves. alone: runs that are passed
-    over: others do not tell their sizes.
+    training: model and runs. windows: of each run. floors: measure -> what noise leaves. passed_over: runs whose sizes
+    the others do not tell.
     """
     if training.replay.body.robot.driven != COMMAND or len(windows) < 2:
         return False
     plain_error, filtered_error = (
-        squared_error_left_out(training, windows, sizes.without, floors, alone) for sizes in (plain, filtered)
+        squared_error_left_out(training, windows, sizes.without, floors, passed_over) for sizes in (plain, filtered)
     )
     return plain_error < filtered_error

@@ -84,10 +84,12 @@ def _steps(name: str, channel: Channel) -> Iterator[Finding]:
     """Gaps, and steps that are uneven as a habit, though samples come at even ones all in all."""
     steps = np.diff(channel.t)
     usual = float(np.median(steps))
-    at_once = _mostly(LEAP * steps < np.mean(steps))
-    if (at_once or _mostly(np.abs(steps - usual) > _UNEVEN * usual)) and not _add_up(steps):
-        fault, what = ("bursts", "several samples come at once") if at_once else ("stamp_jitter", "steps are uneven")
-        yield Finding(fault, what, name, repairs=(Evened(name),))
+    longer = steps[steps > np.mean(steps)]  # between samples that come at once
+    if _mostly(LEAP * steps < np.mean(steps)) and not are_gaps(longer).any():
+        yield Finding("bursts", "several samples come at once", name, repairs=(Evened(name),))
+        return
+    if _mostly(np.abs(steps - usual) > _UNEVEN * usual) and not _wander_off(steps):
+        yield Finding("stamp_jitter", "steps are uneven", name, repairs=(Evened(name),))
         return
     for i in np.flatnonzero(are_gaps(steps)):
         since, until = float(channel.t[i]), float(channel.t[i + 1])
@@ -96,8 +98,8 @@ def _steps(name: str, channel: Channel) -> Iterator[Finding]:
                       repairs=repairs)
 
 
-def _add_up(steps: np.ndarray) -> bool:
-    """Whether steps (n,) go away from even ones, as where rows are lost or a sensor has a pace of its own.
+def _wander_off(steps: np.ndarray) -> bool:
+    """Whether steps (n,) wander off from even ones, as where rows are lost or a sensor has a pace of its own.
 
     Samples that were taken at even steps and stamped late come back to them, so that steps have no slow parts; of steps
     that have nothing to do with each other these are as large as all others, by chi-squared.

@@ -101,8 +101,9 @@ class _Clocks:
     def _lefts_of(self, runs, channel, ticks, values=MappingProxyType({})):
         """The least and the most that is left with the channel so many ticks earlier.
 
-        Of each run the rows are the same whatever the ticks are, or those that came with the same part of the channel:
-        a change near an end of a run, which no stamps may explain, is not in all of the rows.
+        Of each run the rows are the same whatever the ticks are, or those that came with the same part of the channel,
+        if it is moved by no more than a latency: a change near an end of a run, which no stamps may explain, is not in
+        all of the rows.
         """
         tracks = [self._prediction.tracks[i].earlier(channel, ticks) for i in runs]
         starts = [self._prediction.starts[i] for i in runs]

@@ -135,18 +135,18 @@ def scaled(parts: Errors, floors: Mapping[Measure, float], horizons: set[str]) -
 
 def squared_error_left_out(
     training: Prediction, windows: Sequence[Windows], without: Sequence[Point], floors: Mapping[Measure, float],
-    alone: Collection[int],
+    passed_over: Collection[int],
 ) -> float:
     """Sum of the squared scaled errors of all training runs, each with the sizes that were fitted to the others.
 
     training, windows, floors: as of `plain_fit`. without: for each run the sizes that were fitted to the others.
-    alone: numbers of runs that are passed over, because the others do not tell their sizes.
+    passed_over: numbers of runs whose sizes the others do not tell.
     """
     def one(i):
         errors = scaled_errors(training, i, windows[i], merged(without[i]), floors, fitted_horizons(windows[i]))
         return float(np.sum(errors**2))
 
-    return sum(each(one, [i for i in range(len(windows)) if i not in alone]))
+    return sum(each(one, [i for i in range(len(windows)) if i not in passed_over]))
 
 
 def _slopes(residuals, z, high):

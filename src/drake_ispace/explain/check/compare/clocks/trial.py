@@ -10,6 +10,7 @@ from drake_ispace.explain.check.compare.agreement import ALIKE, RELATED, SAID, f
 from drake_ispace.explain.check.compare.clocks.losses import losses
 from drake_ispace.explain.check.compare.clocks.paths import (
     LAGS_S,
+    OFFSET,
     Losses,
     Path,
     descended,
@@ -174,7 +175,7 @@ class Trial:
         near = [other.fault for other, of_other in zip(paths, gains, strict=True) if of_other > gain - ALIKE]
         if path.rate and gain >= SAID:
             path = self.sharpened(path, self.unlikely)
-        elif gain >= SAID:
+        elif path.fault == OFFSET and gain >= SAID:
             path = least(path.shifted(), self.of_same_windows)
         return Likeliest(path, gain, tuple(name for name in dict.fromkeys(near) if name != path.fault))
 
