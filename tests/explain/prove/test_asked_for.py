@@ -7,8 +7,9 @@ import pytest
 from drake_ispace.explain.fit.candidates import candidates
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.asked_for import asked_for
-from drake_ispace.explain.prove.errors.free_run import errors, windows_of
+from drake_ispace.explain.prove.errors.free_run import RPE, WHEELS, Measure, errors, windows_of
 from drake_ispace.explain.prove.errors.least_squares import plain_fit
+from drake_ispace.explain.prove.prove import _alone_tells
 from hidden import two_wheels
 
 RADIUS, RADII, TRACK = "wheel_radius_error", "wheel_radius_errors", "track_error"
@@ -54,6 +55,14 @@ def test_a_run_that_alone_tells_a_size_is_passed_over():
     """Of three runs one turns, without which nobody knows the track."""
     effect, point = asked(RADIUS, TRACK, straight=(1, 2), alone=(0,), radius_share=0.02, track_share=0.03)
     assert effect.name == RADIUS and [c.name for c in point] == [TRACK, RADIUS]
+
+
+def test_no_run_is_passed_over_where_more_is_left_than_sizes_are_unsure_of():
+    """However little the sensors leave."""
+    measure = Measure(RPE, "5s", "position", "m", WHEELS)
+    judged = SimpleNamespace(part=lambda runs, strengths: ({measure: 1e-3}, {measure: 0.01 * strengths["slip"]}))
+    told = [_alone_tells(judged, 0, {measure: 0.03}, {"slip": strength}) for strength in (1.0, 10.0)]
+    assert told == [True, False]
 
 
 def test_nothing_is_asked_for_where_the_named_effect_is_the_right_one():
