@@ -51,9 +51,7 @@ def findings_page(findings: Sequence[Finding], model: Scenario, runs: Sequence[R
             "finding": finding, "fault": FAULTS[finding.fault], "sentence": str(finding),
             "picture": embedded(picture),
         })
-    return render(
-        "check.html.j2", title=headline(findings), shown=shown, runs=len(runs), diagram=model.diagram
-    )
+    return render("check.html.j2", title=headline(findings), shown=shown, runs=len(runs), diagram=model.diagram)
 
 
 def plot_finding(finding: Finding, model: Scenario, run: Recording, out: Path) -> None:

@@ -200,9 +200,7 @@ def _suffices(judged: _Judged, point: Point) -> bool:
     return not _left(other, prediction)
 
 
-def _alone_tells(
-    judged: _Judged, i: int, unsure: Mapping[Measure, float], strengths: Mapping[str, float]
-) -> bool:
+def _alone_tells(judged: _Judged, i: int, unsure: Mapping[Measure, float], strengths: Mapping[str, float]) -> bool:
     """Whether run `i` alone tells sizes that it needs: without it the best answer could leave too large an error.
 
     unsure: measure -> what sizes leave that are as uncertain as without the run. strengths: of the process noise beside

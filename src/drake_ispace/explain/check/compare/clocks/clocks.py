@@ -67,10 +67,12 @@ def encoder_clock(found: Sequence[Finding], links_of: Callable[[str], Links]) ->
     offset_s, against = sum(offsets) / len(offsets), "all others"
     if len(sensors) == 1:
         runs, against = sensors[0].runs, f"{sensors[0].channel} and command"
-        telling = [name for name in ("kinect", "imu", TORQUE) if _trials(links_of(name))]
-        driven = _trials([one for one in links_of(COMMAND) if one[0] in runs])
+        telling = [name for name in ("kinect", "imu", TORQUE) if any(moves(link) for _, link, _ in links_of(name))]
         is_late = any(finding.channel == COMMAND and finding.runs == runs for finding in off)
-        if len(telling) > 1 or not driven or (offset_s < 0.0 and not is_late):
+        if len(telling) > 1 or (offset_s < 0.0 and not is_late):
+            return
+        driven = _trials([one for one in links_of(COMMAND) if one[0] in runs])
+        if not driven:
             return
         followed_s = float(LAGS_S[np.argmin(np.sum([trial.total for trial in driven], axis=0))])
         if not offset_s - RATE_S <= followed_s < offset_s + LATENCY_S:
