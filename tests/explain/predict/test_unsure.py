@@ -31,14 +31,15 @@ def on_ticks(recording):
     return track(recording, Rover(), two_wheels.model().rover.plant, "a run")
 
 
-def repaired():
-    return Restamped("command", CHANGED, EARLIER).apply(recorded())
+def repaired(earlier=EARLIER):
+    return Restamped("command", CHANGED, earlier).apply(recorded())
 
 
-def test_each_change_that_was_moved_is_unsure_by_the_spread_within_a_step():
-    unsure = on_ticks(repaired()).unsure
+@pytest.mark.parametrize("earlier", [EARLIER, (0.0, *EARLIER[1:])], ids=["moved", "one at its sample"])
+def test_where_changes_were_moved_each_is_unsure_by_the_spread_within_a_step(earlier):
+    unsure = on_ticks(repaired(earlier)).unsure
     ticks = np.flatnonzero(unsure.any(axis=1))
-    moments = STEP_S * np.array(CHANGED) - EARLIER
+    moments = STEP_S * np.array(CHANGED) - earlier
     assert np.all((TICK_S * ticks <= moments) & (moments <= TICK_S * (ticks + 1) + 1e-9))
     assert unsure[ticks, 0] == pytest.approx(SPEED * STEP_S / np.sqrt(12.0) / TICK_S)
 

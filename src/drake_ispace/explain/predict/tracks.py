@@ -285,7 +285,7 @@ def _means(channel, rows):
 def _unsure(command, rows):
     """`Track.unsure` of a command of which some changes were moved between the even steps of its log; None: none was.
 
-    Between the samples that change nothing there is just the time for such changes at even steps, and yet they are off
+    One that came to lie at its sample was estimated as well. Between the samples that change nothing there is just the time for such changes at even steps, and yet they are off
     these, by more than samples that change nothing are.
     """
     t, sizes = command.t, np.diff(command.values, axis=0, prepend=command.values[:1])
@@ -301,11 +301,11 @@ def _unsure(command, rows):
     jitter = np.abs(np.diff(t) - step_s)[fixed[1:] & fixed[:-1]]
     moved = in_place & (off > max(PERIOD_TOLERANCE * step_s, np.max(jitter[jitter < 0.5 * step_s], initial=0.0)))
     ticks = np.ceil(t[changes] / TICK_S - 1e-6).astype(int) - 1  # which an earlier change would alter
-    moved &= (ticks >= 0) & (ticks < rows)
-    if not moved.any():
+    within = (ticks >= 0) & (ticks < rows)
+    if not (moved & within).any():
         return None
     unsure = np.zeros((rows, 3))
-    np.add.at(unsure, ticks[moved], sizes[changes[moved]] * step_s / np.sqrt(12.0) / TICK_S)
+    np.add.at(unsure, ticks[within], sizes[changes[within]] * step_s / np.sqrt(12.0) / TICK_S)
     return unsure
 
 
