@@ -77,7 +77,7 @@ class OwnReplay(Replay):
     def simulated(
         self, run: Track, values: Values, plant: Mapping[str, float] | None = None, start: np.ndarray | None = None
     ) -> np.ndarray:
-        """(ticks + 1, n) wheel angles [rad] of the free-run simulation: recorded torque, nothing corrects the model.
+        """(ticks + 1, n) angles [rad] that the encoders show of a free-run simulation: recorded torque, no correction.
 
         values: effects in the model. plant: other values of the plant's parameters. start: (2 n,) wheel angles [rad]
         and their rates [rad/s] at t = 0; None: at rest at the first measured angles.
@@ -165,7 +165,7 @@ def _diagram(model: OwnModel, body: Body, effects: Mapping[str, Effect], filter:
     neutral = [(effect, effect.neutral(body)) for effect in effects.values() if effect.replayed]
     splice_effects(bench, body, neutral, {"torque": [f"{follower}.push"], "wheel_angle": [f"{follower}.modelled"]})
     bench.let_in(command=f"{command}.command", measured=f"{follower}.measured")
-    bench.show(innovation=f"{follower}.innovation", angle=f"{plant}.wheel_angle")
+    bench.show(innovation=f"{follower}.innovation", angle=bench.source(f"{follower}.modelled"))
     return bench.build(f"{body.name}_replay")
 
 
