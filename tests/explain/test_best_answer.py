@@ -32,6 +32,14 @@ def decided(names, in_doubt=False):
     )
 
 
+def none_without(names):
+    raise AssertionError(f"decided without {names}")
+
+
+def best_of(first, answered, decided_without=none_without):
+    return best_answered(CASE, first, answered, decided_without)
+
+
 def proved(decision, answer, asked=None, unconfirmed=(), instead=None):
     proof = SimpleNamespace(by="leave-one-run-out", asked=asked, unconfirmed=unconfirmed, instead=instead)
     return Answered(decision, proof, answer)
@@ -57,7 +65,7 @@ def test_it_is_tried_without_them(monkeypatch, small, in_doubt, enough, left):
         return proved(decision, SimpleNamespace(verdict=verdict, effects=effects, warnings=[]))
 
     monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: dict.fromkeys(small, "why"))
-    best = best_answered(CASE, answered(decided(["slip", "lag"], in_doubt)), answered)
+    best = best_of(answered(decided(["slip", "lag"], in_doubt)), answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
     assert any("trace" in warning for warning in best.answer.warnings) == (left != {"slip", "lag"})
 
@@ -73,7 +81,7 @@ def test_nonsense_is_not_named(monkeypatch, left_out, left):
 
     monkeypatch.setattr(best_answer, "nonsense", senseless)
     monkeypatch.setattr(best_answer, "_needed", lambda case, best: best.decision)
-    best = best_answered(CASE, answered(decided(["slip", "lag"])), answered)
+    best = best_of(answered(decided(["slip", "lag"])), answered)
     assert {effect.name for effect in best.answer.effects} == {c.name for c in best.decision.named.point} == left
     assert any("no sense: so it is" in warning for warning in best.answer.warnings) == bool(left_out)
 
@@ -92,7 +100,7 @@ def test_a_small_effect_is_not_named_where_an_answer_that_does_not_suffice_leave
         effect.name: "lag is small" for effect in answer.effects if effect.name == "lag"
     })
     monkeypatch.setattr(best_answer, "_needed", lambda case, best: best.decision)
-    best = best_answered(CASE, answered(decided(["slip", "lag"])), answered)
+    best = best_of(answered(decided(["slip", "lag"])), answered)
     assert [effect.name for effect in best.answer.effects] == left
     assert any("lag is small" in said for said in best.answer.warnings) == (len(left) == 1)
 
@@ -115,7 +123,7 @@ def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_n
     monkeypatch.setattr(best_answer, "_with_further", lambda first, answered: first)
     first = decided(["slip", "lag"])
     first.otherwise = None
-    best = best_answered(CASE, answered(first), answered)
+    best = best_of(answered(first), answered)
     assert [effect.name for effect in best.answer.effects] == left
     assert len(best.answer.warnings) == 2 - len(left) and all("no nearer" in said for said in best.answer.warnings)
 
@@ -149,7 +157,7 @@ def test_what_is_asked_for_is_named_if_an_answer_does_not_suffice_and_gets_no_wo
         answer = SimpleNamespace(verdict=said, effects=effects, remainders=remainders, warnings=[])
         return proved(one, answer, asked)
 
-    best = best_answered(CASE, answered(first), answered)
+    best = best_of(answered(first), answered)
     assert set(best.decision.point) == {effect.name for effect in best.answer.effects} == names
     assert (radii in best.decision.kept) == (best.decision is not first)
 
@@ -193,27 +201,28 @@ def test_a_look_alike_that_runs_prefer_takes_the_name_unless_more_is_left(ratio,
         answer = SimpleNamespace(verdict="unknown", effects=effects, warnings=[], gap=[], remainders=left)
         return proved(decision, answer, instead=lambda: decided(["gain"]) if effect.name == "scale" else None)
 
-    best = best_answered(CASE, answered(decided(["scale"])), answered)
+    best = best_of(answered(decided(["scale"])), answered)
     assert [effect.name for effect in best.answer.effects] == [name]
 
 
-@pytest.mark.parametrize("on_bound, suffices, name", [
-    (True, True, "lag"), (True, False, "swing"), (False, True, "swing"),
+@pytest.mark.parametrize("on_bound, suffices, named", [
+    (True, True, ["lag", "delay"]), (True, False, ["swing"]), (False, True, ["swing"]),
 ])
-def test_a_rival_that_suffices_takes_the_name_of_an_effect_on_its_bound(on_bound, suffices, name):
-    swing = Named("swing")
-    first = decided([])
-    first.named.point = {swing: [1.0]}
-    first.rivals = {swing: [SimpleNamespace(point=None), SimpleNamespace(point={Named("lag"): [0.1]})]}
-
+def test_what_suffices_without_an_effect_on_its_bound_takes_its_place(on_bound, suffices, named):
     def answered(decision):
-        (effect,) = decision.named.point
-        parameters = {"size": SimpleNamespace(on_bound=on_bound)} if effect is swing else {}
-        verdict = "named" if suffices and effect is not swing else "incomplete"
-        effects = [SimpleNamespace(name=effect.name, parameters=parameters)]
+        names = [candidate.name for candidate in decision.named.point]
+        size = SimpleNamespace(on_bound=on_bound and names == ["swing"])
+        effects = [SimpleNamespace(name=name, parameters={"size": size}) for name in names]
+        verdict = "named" if suffices and names != ["swing"] else "incomplete"
         answer = SimpleNamespace(verdict=verdict, effects=effects, warnings=[], gap=[], remainders=[], drifts=[])
-        decision.further, decision.otherwise = [], None
         return proved(decision, answer)
 
-    best = best_answered(CASE, answered(first), answered)
-    assert [effect.name for effect in best.answer.effects] == [name]
+    def settled(names):
+        return SimpleNamespace(**vars(decided(names)) | {"further": [], "otherwise": None})
+
+    def without(names):
+        assert names == {"swing"}
+        return settled(["lag", "delay"])
+
+    best = best_of(answered(settled(["swing"])), answered, without)
+    assert sorted(effect.name for effect in best.answer.effects) == sorted(named)

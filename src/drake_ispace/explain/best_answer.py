@@ -1,6 +1,6 @@
 """Which of several decisions becomes the answer: the one that unseen runs prefer."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from drake_ispace.explain.answer.explanation import Explanation
@@ -41,19 +41,23 @@ class Answered:
         return (other.suffices and not self.suffices) or self.too_large > other.too_large
 
 
-def best_answered(case: Case, first: Answered, answered: Callable[[Decision], Answered]) -> Answered:
+def best_answered(
+    case: Case, first: Answered, answered: Callable[[Decision], Answered],
+    decided_without: Callable[[Collection[str]], Decision],
+) -> Answered:
     """A first answer, or another one that unseen runs prefer.
 
-    answered: computes what a decision comes to.
+    answered: computes what a decision comes to. decided_without: computes the decision between all effects but those of
+        these names.
     """
-    best = _preferred(case, first, answered)
+    best = _preferred(case, first, answered, decided_without)
     best.answer.warnings += best.dropped
     return best
 
 
-def _preferred(case, first, answered) -> Answered:
+def _preferred(case, first, answered, decided_without) -> Answered:
     """As `best_answered`, but for the sentences on what was dropped."""
-    best = _within_bounds(_with_asked(_with_preferred(first, answered), answered), answered)
+    best = _within_bounds(_with_asked(_with_preferred(first, answered), answered), answered, decided_without)
     is_driven_by_command = case.replay.body.robot.driven == COMMAND
     if best.answer.verdict == "incomplete" or (best.answer.verdict == "unknown" and is_driven_by_command):
         best = _with_further(best, answered)
@@ -80,14 +84,16 @@ def _with_preferred(first, answered) -> Answered:
     return first if other.is_worse_than(first) else other
 
 
-def _within_bounds(first, answered) -> Answered:
-    """With rivals in the places of effects that are on a bound or make no sense, if the answer suffices then."""
+def _within_bounds(first, answered, decided_without) -> Answered:
+    """What is decided without the effects that are on a bound or make no sense, if the answer suffices then.
+
+    One that is at the end of what it can do may be a look-alike of another, or of several together.
+    """
     beyond = {effect.name for effect in first.answer.effects if any(p.on_bound for p in effect.parameters.values())}
-    rivals = [rival for c, rivals in first.decision.rivals.items() if c.name in beyond for rival in rivals]
-    for rival in rivals:
-        if rival.point is not None and (other := answered(first.decision.with_effects(rival.point))).suffices:
-            return other
-    return first
+    if not beyond:
+        return first
+    other = answered(decided_without(beyond))
+    return other if other.suffices else first
 
 
 def _with_asked(first, answered) -> Answered:

@@ -127,7 +127,11 @@ def _explained(case, seed, tell) -> Explanation:
     if not case.is_filtered:
         return _answered(case, validated_choice(case.prediction, tried, tell), seed, tell).answer
     best = _answered(case, decide(case.prediction, tried, seed, tell), seed, tell)
-    best = best_answered(case, best, lambda one: _answered(case, one, seed, tell))
+
+    def decided_without(names):
+        return decide(case.prediction, [candidate for candidate in tried if candidate.name not in names], seed, tell)
+
+    best = best_answered(case, best, lambda one: _answered(case, one, seed, tell), decided_without)
     if best.proof.may_stand is not None:
         rule_out_rivals(best.answer, best.decision, best.proof.may_stand)
     return _with_parts(case, best, tried, seed, tell).answer
