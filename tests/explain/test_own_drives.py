@@ -90,6 +90,16 @@ def test_what_unknown_torques_add_up_to_is_not_taken_for_the_effect():
     assert abs(size.least_squares - 0.012) > 0.5 * 0.012
 
 
+def test_runs_that_come_nearer_by_chance_do_not_decide_the_size():
+    """Each of the two is simulated better with least squares of the other, whose size is a tenth too small."""
+    found = di.explain(
+        model(0.02), [run(k, 0.02, viscous=0.004, push=0.03) for k in (7, 8)], effects=told_apart("viscous_friction"),
+    )
+    size = found.effects[0].parameters["coefficient_n_m_s"]
+    assert size.estimate == pytest.approx(0.004, rel=0.05)
+    assert abs(size.least_squares - 0.004) > 0.1 * 0.004
+
+
 def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
     runs = [run(k, 0.02, push=0.03, every=20) for k in (1, 2, 3)]
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "torque_slew_limit"))

@@ -79,6 +79,15 @@ def test_open_loop_the_right_friction_is_right(rubbing):
     assert np.std(found - truth) < 0.1 * np.std(wrong - truth)
 
 
+def test_open_loop_encoders_show_what_they_would_of_the_robot():
+    track = own_track(measured(0.01, 5.0), MODEL, "run")
+    lost = {"encoder_lost_counts": {"wheel": 1, "share": 0.1}}
+    replay = own_replay(MODEL, [track], [di.effects()[name] for name in lost])
+    all_shown, shown = replay.simulated(track, {}), replay.simulated(track, lost)
+    assert shown[0] == pytest.approx(track.measured[0])
+    assert shown - shown[0] == pytest.approx(0.9 * (all_shown - all_shown[0]), rel=1e-9)
+
+
 def test_known_effects_are_in_the_model():
     known = OwnModel(
         wheel(), torque="drive", wheel_angle="position", wheel_rate="speed",

@@ -2,11 +2,12 @@
 
 A filter that the measured motion holds hardly feels what adds up over a run, such as a small flaw in the form of a
 friction. But what unknown torques do adds up, too, and least squares takes it for the effect. Each run is therefore
-simulated with sizes fitted to the others: those that come nearer are the answer's. A single run leaves none to judge
-by. There least squares must take a larger share of the errors away than it mostly takes of what unknown torques do, how
-strong these are not being asked. Sizes that the filter refuses more than to do without one of the effects are never
-the answer's. An effect that whole runs asked for is hardly felt by the filter: sizes then count as refused where it
-would rule out a rival by as much.
+simulated with sizes fitted to the others. The answer's are those of least squares if they come nearer by more than they
+do by chance, that is where the filter's are the true ones and the rest is what unknown torques do, how strong these are
+not being asked. A single run leaves none to judge by: there it is enough that they come nearer to the run itself than
+they mostly do by chance. Sizes that the filter refuses more than to do without one of the effects are never the
+answer's. An effect that whole runs asked for is hardly felt by the filter: sizes then count as refused where it would
+rule out a rival by as much.
 """
 
 from dataclasses import replace
@@ -37,26 +38,47 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
     least = min(decision.gains.values())
     if not refused < (max(least, MARGIN) if decision.kept else least):  # nor where the model runs away with them
         return False
-    if len(prediction.tracks) == 1:
-        return _beats_chance(prediction, filtered, plain, seed)
-    replay, tracks, squares = prediction.replay, prediction.tracks, np.zeros(2)
+    replay, tracks = prediction.replay, prediction.tracks
+    nearer = _squares_of(replay, tracks, decision, filtered, plain)
+    as_rarely = FALSE_ALARM_RATE if len(tracks) > 1 else 0.5
+    return bool(nearer < np.quantile(_by_chance(replay, tracks, filtered, seed), as_rarely))
+
+
+def _squares_of(replay, tracks, decision, filtered, plain) -> float:
+    """The share of the squared errors with sizes of the filter that those of least squares leave, fitted to other runs.
+
+    Of a single run, fitted to this run.
+    """
+    if len(tracks) == 1:
+        return (error_of(replay, tracks, plain) / error_of(replay, tracks, filtered)) ** 2
+    squares = np.zeros(2)
     for i, (point, _) in enumerate(sizes_without(decision, groups_of(decision, 1))):
         others = fitted(replay, [*tracks[:i], *tracks[i + 1 :]], point, shifts_of(point))
         for k, sizes in enumerate((others, Sizes(point, others.plant))):
             squares[k] += np.sum(errors_of(replay, [tracks[i]], sizes) ** 2)
-    return bool(squares[0] < squares[1])
+    return float(squares[0] / squares[1])
 
 
-def _beats_chance(prediction, filtered, plain, seed) -> bool:
-    """Whether least squares leaves a smaller share of the errors than of most draws of what unknown torques do."""
-    replay, (track,) = prediction.replay, prediction.tracks
-    at, shares = errors_of(replay, [track], filtered), []
+def _by_chance(replay, tracks, filtered, seed) -> list[float]:
+    """The same shares of draws of what unknown torques do where the filter's sizes are the true ones."""
     moved = replace(filtered, held=shifts_of(filtered.point))
-    basis = np.linalg.svd(slopes(replay, [track], moved), full_matrices=False)[2]
+    by_size = [slopes(replay, [track], moved) for track in tracks]
+    at, shares = [errors_of(replay, [track], filtered) for track in tracks], []
     for draw in range(round(1.0 / FALSE_ALARM_RATE)):
-        change = errors_of(replay, [pushed(replay, track, [seed, 5, draw])], filtered) - at
-        shares.append(1.0 - np.sum((basis @ change) ** 2) / np.sum(change**2))
-    return error_of(replay, [track], plain) ** 2 < np.median(shares) * np.mean(at**2)
+        changes = [
+            errors_of(replay, [pushed(replay, track, [seed, 5, draw, i])], filtered) - own
+            for i, (track, own) in enumerate(zip(tracks, at, strict=True))
+        ]
+        left = [change - _told_by(by_size, changes, i) @ by_size[i] for i, change in enumerate(changes)]
+        shares.append(np.sum(np.concatenate(left) ** 2) / np.sum(np.concatenate(changes) ** 2))
+    return shares
+
+
+def _told_by(by_size, changes, i):
+    """(k,) sizes that explain best what changes in all runs but this one; in this one if it is the only one."""
+    others = [j for j in range(len(changes)) if j != i] or [i]
+    columns, change = np.hstack([by_size[j] for j in others]).T, np.concatenate([changes[j] for j in others])
+    return np.linalg.lstsq(columns, change, rcond=None)[0]
 
 
 def pushed(replay: OwnReplay, track: Track, seed: list[int]) -> Track:
