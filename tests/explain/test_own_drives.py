@@ -70,6 +70,24 @@ def run(seed, inertia, viscous=0.0, sag_per_s=0.0, push=0.0, seconds=12.0, every
     return logged(generator, t, told, np.concatenate([[0.0], np.cumsum(speed[:-1] * STEP_S)]), 1e-4, every)
 
 
+def loose_run(seed, inertia, play_rad, seconds=12.0):
+    """A drive with two fifths of its inertia behind a gear that has play."""
+    generator = np.random.default_rng(seed)
+    t, _, wish = wished(generator, seconds)
+    told = 10.0 * inertia * np.repeat(wish[::5], 5)[: len(t)]
+    angle, speed, load, load_speed, angles = 0.0, 0.0, 0.0, 0.0, []
+    for torque in told:
+        angles.append(angle)
+        twist = angle - load
+        touching = abs(twist) > play_rad
+        passed = 200.0 * (twist - np.sign(twist) * play_rad) + 0.5 * (speed - load_speed) if touching else 0.0
+        speed, load_speed = (
+            speed + STEP_S * (torque - passed) / (0.6 * inertia), load_speed + STEP_S * passed / (0.4 * inertia),
+        )
+        angle, load = angle + STEP_S * speed, load + STEP_S * load_speed
+    return logged(generator, t, told, np.array(angles), 1e-4, 5)
+
+
 def told_apart(*names):
     return [di.effects()[name] for name in names]
 
@@ -105,6 +123,14 @@ def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "torque_slew_limit"))
     assert found.verdict == "none"
     assert "training runs, ATE run, simulated wheel angle, relative (torque): 0." in str(found)
+
+
+@pytest.mark.parametrize("play_rad, verdict", [(0.0, "none"), (0.1, "unknown")])
+def test_play_in_a_gear_adds_nothing_up_and_is_not_passed_for_noise(play_rad, verdict):
+    runs = [loose_run(k, 0.02, play_rad) for k in (1, 2)]
+    found = di.explain(model(0.02), runs, effects=told_apart("motor_lag", "viscous_friction"))
+    assert found.verdict == verdict
+    assert [remainder.channel for remainder in found.remainders] == ["encoder: wheel angle"] * (verdict == "unknown")
 
 
 @pytest.mark.parametrize("start_s", [0.0, 0.5, 1234.0, -3.0])

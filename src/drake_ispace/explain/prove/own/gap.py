@@ -14,12 +14,13 @@ from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.decide.validate import Choice
 from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, fitted, measured, shifts_of, unit_of
 from drake_ispace.explain.fit.likelihood import merged
-from drake_ispace.explain.predict.case import Case
+from drake_ispace.explain.predict.case import Case, part_of
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.prove.errors.free_run import ATE, RUN, Errors, Measure, rms
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, Columns, rows_of
 from drake_ispace.explain.prove.left.adequacy import too_large
 from drake_ispace.explain.prove.noise.noise import DRAWS
+from drake_ispace.explain.prove.own.ahead import Ahead
 from drake_ispace.explain.prove.own.asked import asked_for_own
 from drake_ispace.explain.prove.own.instead import preferred_by_runs
 from drake_ispace.explain.prove.own.sizes import leads_nearer, pushed
@@ -40,17 +41,24 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     if isinstance(decision, Decision) and answer.point and leads_nearer(case.prediction, decision, answer, plain, seed):
         answer = plain
     parts = [
-        (HELD_OUT, "" if kind == UNNAMED else kind, case.held_out.tracks[runs]) for kind, runs in case.kinds.items()
+        (HELD_OUT, "" if kind == UNNAMED else kind, part_of(case.held_out, runs)) for kind, runs in case.kinds.items()
     ]
     rows, left = [], []
-    for runs, kind, tracks in [*parts, (TRAINING, "", case.prediction.tracks)]:
-        columns = [_errors(case.replay, tracks, sizes) for sizes in (base, answer, plain)]
+    for runs, kind, part in [*parts, (TRAINING, "", case.prediction)]:
+        columns = [_errors(case.replay, part.tracks, sizes) for sizes in (base, answer, plain)]
         is_judged = runs == HELD_OUT or not parts
         draws = _JUDGING_DRAWS if is_judged else DRAWS
-        *noise, most = _noise(case.prediction, tracks, answer, columns[1], seed, draws)
+        *noise, most = _noise(case.prediction, part.tracks, answer, columns[1], seed, draws)
+        if case.is_filtered:
+            ahead = Ahead(part, answer.point)
+            columns = [
+                [{**run, **own} for run, own in zip(column, ahead.errors(sizes.point), strict=True)]
+                for column, sizes in zip(columns, (base, answer, plain), strict=True)
+            ]
+            noise = [{**one, **own} for one, own in zip(noise, ahead.noise(seed), strict=True)]
         rows += rows_of(Columns(*columns[:2], columns[2] if answer.point else None, *noise), runs, kind, seed)
         if is_judged:
-            left += too_large(columns[1], *noise, [track.name for track in tracks], most=most)
+            left += too_large(columns[1], *noise, [track.name for track in part.tracks], most=most)
     plant = [PlantParameter(name, value, plain.plant[name]) for name, value in base.plant.items()]
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
     asked = instead = None
