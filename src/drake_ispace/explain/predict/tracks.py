@@ -285,8 +285,8 @@ def _means(channel, rows):
 def _unsure(command, rows):
     """`Track.unsure` of a command of which some changes were moved between the even steps of its log; None: none was.
 
-    One that came to lie at its sample was estimated as well. Between the samples that change nothing there is just the time for such changes at even steps, and yet they are off
-    these, by more than samples that change nothing are.
+    One that came to lie at its sample was estimated as well. Between the samples that change nothing there is just the
+    time for such changes at even steps, and yet they are off these, by more than samples that change nothing are.
     """
     t, sizes = command.t, np.diff(command.values, axis=0, prepend=command.values[:1])
     step_s, fixed = float(np.median(np.diff(t))), ~sizes.any(axis=1)
