@@ -33,7 +33,9 @@ class _OfChannel(abc.ABC):
         """The channel without the mistake."""
 
     def apply(self, recording: Recording) -> Recording:
-        """A copy of the recording with the channel repaired."""
+        """A copy of the recording with the channel repaired; one that does not have the channel stays as it is."""
+        if self.channel not in recording.channels:
+            return recording
         return with_channel(recording, self.channel, self.repaired(recording.channels[self.channel]))
 
 

@@ -42,6 +42,10 @@ def changed(run, channel, values=lambda t, v: v, stamps=lambda t: t):
     return replace(run, channels=run.channels | {channel: new})
 
 
+def without(run, channel):
+    return replace(run, channels={name: c for name, c in run.channels.items() if name != channel})
+
+
 def found(runs, robot):
     return check(MODEL[robot], runs).findings
 
@@ -670,10 +674,19 @@ def test_three_mistakes_of_wheels_and_model_are_another_robot_and_nothing_is_rep
 
 def test_a_unit_is_told_beside_a_run_without_the_channel(sound):
     in_mm = lambda t, v: v * np.where(np.arange(v.shape[1]) < 2, 1000.0, 1.0)  # noqa: E731
-    blind = sound["omni"][1]
-    blind = replace(blind, channels={name: c for name, c in blind.channels.items() if name != "kinect"})
-    (finding,) = found([changed(sound["omni"][0], "kinect", in_mm), blind], "omni")
+    (finding,) = found([changed(sound["omni"][0], "kinect", in_mm), without(sound["omni"][1], "kinect")], "omni")
     assert (finding.fault, finding.runs) == ("wrong_unit", (0,))
+
+
+def test_swapped_wheels_are_told_beside_a_run_that_no_camera_saw():
+    """Of two wheels a mirrored room explains as much, which the command of that run is asked about, too."""
+    runs = [two_wheels.drive(900 + i, 12.0, 0.0, 0.0, 0.0, in_step=True) for i in range(2)]
+    swapped = [changed(run, "encoder", lambda t, v: v[:, ::-1].copy()) for run in runs]
+    checked = check(two_wheels.model(), [without(swapped[0], "kinect"), swapped[1]])
+    (finding,) = checked.findings
+    assert (finding.fault, finding.runs) == ("wheels_swapped", (0, 1))
+    for run, repaired in zip(runs, checked.repaired, strict=True):
+        assert np.array_equal(run.channels["encoder"].values, repaired.channels["encoder"].values)
 
 
 def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_it_rests():

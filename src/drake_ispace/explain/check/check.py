@@ -227,7 +227,7 @@ class _Search:
         window_s = LATENCY_S if channel in (TORQUE, "imu") else WINDOW_S
         for lag_s in lags(LATEST_S, 0.5 * window_s).tolist():
             clock = Clock(channel, 1.0, lag_s)
-            runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
+            runs = [clock.apply(run) for run in self.runs]
             agreement = find(runs, bases, True)
             if agreement.findings and agreement.follows >= RELATED:  # there is always some lag at which some would do
                 tried.append(agreement.findings)

@@ -53,7 +53,7 @@ class Case:
     def with_earlier(self, channel: str, ticks: int) -> "Case":
         """The case with IMU, encoders or what drives the robot so many ticks earlier than their stamps say."""
         clock = Clock(channel, 1.0, -ticks * TICK_S)
-        runs = [clock.apply(run) if channel in run.channels else run for run in self.runs]
+        runs = [clock.apply(run) for run in self.runs]
         return replace(self.with_tracks(lambda track: track.earlier(channel, ticks)), runs=runs)
 
     def with_tracks(self, changed: Callable[[Track], Track]) -> "Case":
