@@ -51,6 +51,22 @@ def test_the_gram_matrix_and_the_amounts_of_a_memory_are_those_of_vectors_that_a
         assert found == pytest.approx(memory.amounts(every), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("empty", [0, 1, 2])
+def test_a_run_in_which_nothing_is_scored_takes_no_others_place(empty):
+    runs = residuals()
+    runs.insert(empty, {name: rows[:0] for name, rows in runs[0].items()})
+    whitening = Whitening(runs, [{} for _ in runs])
+    changes = [[{name: RNG.standard_normal(rows.shape) for name, rows in run.items()} for run in runs] for _ in "ab"]
+    own = [(i, run) for i, run in enumerate(changes[0])]
+    offsets = offsets_of(whitening, runs, [stacks_of(changes, runs)], stacks_of_runs(own, runs))
+    starts = whitening.starts(runs)
+    for i, (start, end) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+        part = offsets.part(start, end)
+        whitened = [whitening(change)[start:end] for change in changes]
+        assert part.rows == pytest.approx(np.array([*whitened, whitened[0]]))
+        assert i == empty or part.places.tolist() == [0, 1, 2 + i]
+
+
 def test_members_of_a_stack_share_its_memory():
     _, own = STACKS
     assert [len(members(stack)) for stack in own] == [2, 1]

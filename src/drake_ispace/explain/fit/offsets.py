@@ -104,8 +104,8 @@ class Offsets:
         return total.reshape(*amounts.shape[:-1], -1)
 
     def part(self, start: int, end: int) -> Part:
-        """The vectors of the run that is between these two numbers."""
-        i = self._starts.index(start)
+        """The vectors of the run that is between these two numbers; one without any begins where the next one does."""
+        i = self._spans.index((start, end))
         groups = self._groups(i)
         ends = np.cumsum([0, *(at.stop - at.start for at, _ in groups), len(self.freed)])
         rows = np.empty((ends[-1], end - start))
