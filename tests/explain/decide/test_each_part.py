@@ -61,6 +61,17 @@ def test_a_change_of_the_command_whose_moment_is_not_known_is_no_effect():
     assert not shown_in(examined.runs)
 
 
+def test_a_run_in_which_nothing_is_scored_shows_nothing():
+    """Where some run has no command, wheels lead the model to the fixes, and one without fixes has nothing to show."""
+    blind, untold, whole = runs(LATE, range(3), 3)
+    for recording, channel in ((blind, "kinect"), (untold, "command")):
+        recording.channels.pop(channel)
+    case = prepare(two_wheels.model(), [blind, untold, whole])
+    tried = candidates({"camera_latency": case.effects_to_try["camera_latency"]}, case.replay.body)
+    known = survey(case.prediction, {}, tried).view
+    assert [shown_by_run(case.prediction, {}, tried, 0, view) for view in (None, known)] == [[], []]
+
+
 @pytest.mark.slow
 def test_what_every_run_has_is_no_matter_of_single_runs():
     assert not shown(MARKER, range(4))

@@ -1,5 +1,7 @@
 """Nuisances that are whitened run by run are the directions that they would be if kept whitened."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -60,7 +62,7 @@ def test_a_run_in_which_nothing_is_scored_takes_no_others_place(empty):
     own = [(i, run) for i, run in enumerate(changes[0])]
     offsets = offsets_of(whitening, runs, [stacks_of(changes, runs)], stacks_of_runs(own, runs))
     starts = whitening.starts(runs)
-    for i, (start, end) in enumerate(zip(starts[:-1], starts[1:], strict=True)):
+    for i, (start, end) in enumerate(pairwise(starts)):
         part = offsets.part(start, end)
         whitened = [whitening(change)[start:end] for change in changes]
         assert part.rows == pytest.approx(np.array([*whitened, whitened[0]]))

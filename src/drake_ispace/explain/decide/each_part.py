@@ -60,14 +60,15 @@ def shown_by_run(
     The effect must be clear (p < 1e-6), also under the noise that the run has without it, and its size in the run
     another than in the others by more than chance, both whichever second of the run is left out: what a single second
     shows may be chance, however improbable. As chance counts, too, that any sound robot may be off a little. Effects in
-    a part of the room do not count: another run need not go there.
+    a part of the room do not count: another run need not go there. A run in which nothing is scored shows nothing.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
             runs near `point`, where there is one already. sound_others: whether none is wanted but of a minority of
             runs, beside which no other run shows anything.
     """
-    if len(prediction.tracks) < 2:
+    shows = [i for i, track in enumerate(prediction.tracks) if not _has_nothing(prediction, track)]
+    if len(shows) < 2:
         return []
     tried = _anywhere(candidates, point)
 
@@ -76,7 +77,8 @@ def shown_by_run(
             return survey_of(_everywhere(known.of_run(i)), point)
         return survey(part_of(prediction, slice(i, i + 1)), point, tried)
 
-    return _shown(survey_by_itself, [track.name for track in prediction.tracks], seed, sound_others)[0]
+    names = [prediction.tracks[i].name for i in shows]
+    return _shown(lambda number: survey_by_itself(shows[number]), names, seed, sound_others)[0]
 
 
 def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Candidate], seed: int) -> list[OfAPart]:
