@@ -232,6 +232,13 @@ def test_the_visited_area_is_parted_into_nine_equal_cells():
     assert (cells[0] == left_below).mean() > 0.99
 
 
+def test_a_run_whose_place_nobody_knows_is_in_no_cell_and_moves_no_border_of_one():
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(1.0, 4.0, 60), np.linspace(2.0, 3.0, 60)))
+    anywhere = replace(motion(np.zeros(3600), np.zeros(3600)), is_placed=False)
+    cells = np.array(_cells([motion(x, y), anywhere]))
+    assert not cells[:, 1].any() and (cells[:, 0].sum(axis=1) == 400).all()
+
+
 def test_slip_of_a_patch_turns_nothing_and_stops_outside_of_it():
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 3.0, 60), np.linspace(0.0, 1.0, 60)))
     losses = _losses(WHEELS, [motion(x, y, 0.5)])

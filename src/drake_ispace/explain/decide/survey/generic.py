@@ -96,7 +96,7 @@ def generic_signatures(
         shapes += [(prediction.pushed, force) for force in _forces(prediction, motions)]
         shapes += [(prediction.injected, command) for command in _commands(prediction, motions)]
         shapes += [(prediction.read_off, angle) for angle in _angles(prediction, motions)]
-    if any(len(track.fix_t) for track in prediction.tracks) and prediction.replay.body.robot.in_room:
+    if any(m.is_placed for m in motions) and prediction.replay.body.robot.in_room:
         shapes += [(prediction.displaced, loss) for loss in _losses(prediction.replay.body.plant.geometry, motions)]
     values, amplitudes = merged(point), []
     for predict, (generic, columns) in shapes:
@@ -119,7 +119,7 @@ class Motion:
 
     Attributes:
         body: (rows, 3) velocity of B [m/s, m/s, rad/s]. place: (rows, 3) pose in W. t: (rows,) [s].
-        angles, rates: (rows, n) of the wheels [rad, rad/s]. command: (rows, m).
+        angles, rates: (rows, n) of the wheels [rad, rad/s]. command: (rows, m). is_placed: whether the place is known.
     """
 
     body: np.ndarray
@@ -128,6 +128,7 @@ class Motion:
     angles: np.ndarray
     rates: np.ndarray
     command: np.ndarray
+    is_placed: bool = True
 
 
 def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speeds) -> Motion:
@@ -139,13 +140,13 @@ def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speed
     angles = track.turned[:, : body.wheels]
     rates = speeds(angles)
     ticks_s = np.arange(len(angles)) * TICK_S
-    place = np.zeros((len(angles), 3))
-    if len(track.fix_t) > 1:
+    place, is_placed = np.zeros((len(angles), 3)), len(track.fix_t) > 1
+    if is_placed:
         fixes = track.poses
         fixes[:, 2] = np.unwrap(fixes[:, 2])
         place = np.column_stack([np.interp(ticks_s, track.fix_t, column) for column in fixes.T])
     velocity = rates @ body.plant.geometry.forward.T
-    return Motion(velocity, place, track.since_s + ticks_s, angles, rates, track.command)
+    return Motion(velocity, place, track.since_s + ticks_s, angles, rates, track.command, is_placed)
 
 
 def _forces(prediction, motions) -> Iterator[_Shapes]:
@@ -166,6 +167,11 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         force = size * largest * np.column_stack([np.broadcast_to(f, m.t.shape) for f in (x, y, yaw)])
         return body.robot.ground_force(force)
 
+    def push_in_room(m, force):
+        """A push that is given in W; beside runs whose place is known, none in one whose is not."""
+        return push(m, *_in_body_frame(m, force)) * (m.is_placed or not knows_places)
+
+    knows_places = any(m.is_placed for m in motions)
     around = [motion_of(prediction, track) for track in prediction.tracks]
     if _is_motion(motions, around, slice(2, 3)):
         yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
@@ -174,9 +180,8 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
     ways = [m.angles.mean(axis=1) for m in motions]
     if body.robot.in_room:
         of_room = lambda m: np.array([1.0, 0.0]), lambda m: np.array([0.0, 1.0]), lambda m: -m.place[:, :2]
-        forces = [[push(m, *_in_body_frame(m, force)) for m in motions] for force in of_room]
+        forces = [[push_in_room(m, force) for m in motions] for force in of_room]
         yield Generic("spring_in_the_room", "force", "place", 3), forces
-        knows_places = any(len(track.fix_t) > 1 for track in prediction.tracks)
         if knows_places and body.robot.driven == COMMAND:  # a torque may meet a tilted floor, which is in the library
             yield Generic("constant_force_in_the_room", "force", "heading", 2), forces[:2]
     else:
@@ -197,7 +202,7 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         yield Generic("resistance_along_the_way", "force", "place and direction", _DEGREES), [
             [resist(m, x[:, degree]) for m, x in zip(motions, along, strict=True)] for degree in range(1, _DEGREES + 1)
         ]
-    elif any(len(track.fix_t) for track in prediction.tracks):  # else nobody knows the place
+    elif knows_places:
         cells = _cells(motions)
         yield Generic("resistance_of_a_patch", "force", "place and direction", len(cells)), [
             [resist(m, inside) for m, inside in zip(motions, cell, strict=True)] for cell in cells
@@ -321,16 +326,16 @@ def _polynomials(xs):
 
 
 def _cells(motions):
-    """For each cell of the visited area, per run (rows,): 1 inside of it, else 0.
+    """For each cell of the visited area, per run (rows,): 1 inside of it, else 0; a run without a place is in none.
 
     Cells that all runs together visited for no longer than noise is correlated are left out.
     """
-    places = np.vstack([m.place[:, :2] for m in motions])
+    places = np.vstack([m.place[:, :2] for m in motions if m.is_placed])
     low, high = places.min(axis=0), places.max(axis=0) + 1e-9
 
     def number(m):
         index = np.minimum((_CELLS * (m.place[:, :2] - low) / (high - low)).astype(int), _CELLS - 1)
-        return index[:, 0] * _CELLS + index[:, 1]
+        return index[:, 0] * _CELLS + index[:, 1] if m.is_placed else np.full(len(index), -1)
 
     numbers = [number(m) for m in motions]
     visited = [c for c in range(_CELLS**2) if sum((n == c).sum() for n in numbers) > BLOCK_TICKS]
