@@ -137,3 +137,9 @@ def test_fixes_at_rest_that_were_mistaken_have_no_part_in_the_noise():
     mistaken.seen[::40, 1:] += [0.5, -1.0, 0.7]
     _, likely, _ = at_rest([mistaken], 2)
     assert likely == pytest.approx(at_rest([sound], 2)[1], rel=0.03)
+
+
+def test_of_a_place_that_one_run_alone_has_the_error_is_that_runs():
+    measure = Measure(RPE, "1s", "position", "m", WHEELS)
+    (left,) = too_large([{}, {measure: np.full((50, 1), 9.0)}], {measure: 0.1}, {}, ["blind", "seen"])
+    assert left.runs == ["seen"]

@@ -16,6 +16,7 @@ from drake_ispace.explain.prove.noise.noise import sensor_noise
 from drake_ispace.explain.prove.prove import _judged, _unconfirmed, prove
 from drake_ispace.hiding import hide
 from drake_ispace.scenario import load_scenario
+from hidden import two_wheels
 
 LARGE = {"wheel_radius_error": {"share": 0.04}}
 
@@ -137,3 +138,21 @@ def test_an_effect_with_which_unseen_runs_come_no_nearer_is_not_confirmed(decide
 
     assert unconfirmed(-0.04, -0.04) == ["wheel_radius_error"]
     assert unconfirmed(-0.04, None) == unconfirmed(0.02, 0.02) == unconfirmed(-0.04, -0.04, 1e3) == []
+
+
+def test_a_run_that_no_camera_saw_takes_no_place_from_the_others():
+    blind, seen, held_out = (two_wheels.drive(700 + i, 10.0, 0.03, 0.05, 0.0, in_step=True) for i in range(3))
+    blind.channels.pop("kinect")
+    some = [di.effects()[name] for name in ("camera_latency", "single_wheel_radius_error")]
+    answer = explain(two_wheels.model(), [blind, seen], [held_out], some)
+    assert {effect.name for effect in answer.effects} == {effect.card.name for effect in some}
+    assert answer.headline.driven_by == "wheels" and answer.headline.closed > 0.9
+    assert "without channel kinect, which is compared in the other runs alone: run 1" in answer.warnings
+
+
+def test_the_run_without_the_command_that_no_other_run_can_use_then_is_named():
+    untold, told = (two_wheels.drive(700 + i, 10.0, 0.0, 0.0, 0.0, in_step=True) for i in range(2))
+    untold.channels.pop("command")
+    answer = explain(two_wheels.model(), [told, untold], [], [di.effects()["single_wheel_radius_error"]])
+    (warning,) = [said for said in answer.warnings if "channel command" in said]
+    assert warning.endswith("leave out run 2 to use it")

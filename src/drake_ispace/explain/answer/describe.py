@@ -49,9 +49,7 @@ def _described(case, decision: Decision) -> Explanation:
         verdict = named_or_set(effects)
         verdict = "incomplete" if decision.left_over is not None and decision.left_over.is_more else verdict
     untestable = _untestable(case, decision)
-    warnings = []
-    for channel in sorted(frozenset.intersection(*(t.has for t in case.prediction.tracks)) - case.replay.feeds):
-        warnings.append(f"channel {channel} was not used, because not every held-out run has it")
+    warnings = _missing(case)
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
     asked = [effect.label for effect in decision.kept if named is not None and effect in named.point]
@@ -69,6 +67,19 @@ def _described(case, decision: Decision) -> Explanation:
         drifts=[] if named is None else drift(decision) + cancelling(decision),
         next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
     )
+
+
+def _missing(case) -> list[str]:
+    """A sentence for each channel that some runs have and others have not: which, and what that costs."""
+    tracks, said = [*case.prediction.tracks, *(case.held_out.tracks if case.held_out else [])], []
+    for channel in sorted(frozenset.union(*(track.has for track in tracks))):
+        without = list(dict.fromkeys(track.recording or track.name for track in tracks if channel not in track.has))
+        names = ", ".join(without)
+        if without and channel in case.replay.feeds:
+            said.append(f"without channel {channel}, which is compared in the other runs alone: {names}")
+        elif without:
+            said.append(f"channel {channel} was not used, because some runs have none: leave out {names} to use it")
+    return said
 
 
 def _described_choice(case, choice: Choice) -> Explanation:

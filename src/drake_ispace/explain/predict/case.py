@@ -190,7 +190,8 @@ def _slices(kinds: Mapping[str, list]) -> dict[str, slice]:
 
 
 def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
-    """The runs on 5 ms ticks, and the channels that every run has."""
+    """The runs on 5 ms ticks, and the channels that every run has; the camera, which only compares, if any run has it.
+    """
     plant = getattr(scenario, robot.name).plant
     tracks = [track(recording, robot, plant, name) for name, recording in recordings]
     common = frozenset.intersection(*(one.has for one in tracks))
@@ -201,7 +202,7 @@ def _tracks(scenario, robot, recordings) -> tuple[list[Track], frozenset[str]]:
             replace(one, command=np.zeros_like(one.command), unsure=None, measured=one.turned, rounding=None)
             for one in tracks
         ]
-    return tracks, common
+    return tracks, common.union(*(one.has & {"kinect"} for one in tracks))
 
 
 def _check_comparable(case):

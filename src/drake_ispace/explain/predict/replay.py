@@ -47,7 +47,7 @@ class Replay:
         effects: name -> effect, of all that can be tried.
         known: name -> values of the effects that the model has already.
         rollout: the compiled Diagram.
-        feeds: the channels that every run has.
+        feeds: the channels that every run has, and the camera's if any run has it: it holds no model on the motion.
         filter: plant -> the follower's filter; with a number besides, that under another assumption about noise.
         others: how many of these there are.
         settling_ticks: of the filter, where a run begins while the robot moves; where velocity is commanded, how long
@@ -289,7 +289,7 @@ def replay_of(
     """Build and compile the prediction Diagram.
 
     Args:
-        scenario, robot: the model. has: the channels that all runs have.
+        scenario, robot: the model. has: as `feeds` of a Replay.
         effects: to try, default the whole library. ticks: from one read of the encoders to the next.
         count_rad: of the encoders, as the runs show it.
 

@@ -135,7 +135,8 @@ def too_large(
     for m in sorted(measures_of(after)):
         if (m.metric == PREDICTION) != (m.horizon == STEP):
             continue
-        errors = [run[m] for run in after if m in run]
+        own = [(name, run[m]) for name, run in zip(names, after, strict=True) if m in run]
+        having, errors = zip(*own, strict=True)
         floor = float(np.hypot(sensors.get(m, np.inf), chance.get(m, 0.0)))
         sizes, size = [rms([one]) for one in errors], rms(errors)
         if size > max(max(TOO_LARGE[m.metric], _by_chance(m, errors)) * floor, most.get(m, 0.0), 1e-300):
@@ -143,7 +144,7 @@ def too_large(
             if of_fixes.get((m.horizon, m.channel), 0.0) ** 2 > 0.5 * size**2:
                 because += f"; {_OF_FIXES}"
             found.append(Remainder(
-                m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "", worst_runs(sizes, names), because,
+                m.channel, NOTHING, size, m.unit, m.horizon, size / floor, "", worst_runs(sizes, having), because,
             ))
     return found
 
