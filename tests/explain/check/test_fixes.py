@@ -176,3 +176,20 @@ def test_a_robot_that_drives_along_an_axis_has_headings_where_places_are_rounded
     x, y = 0.2 * t, 4e-4 * np.random.default_rng(5).normal(size=len(t))
     kinect = Channel(t, ("x", "y", "phi"), np.column_stack([np.round(x, 3), np.round(y, 3), 0.0 * t]), {}, None)
     assert not list(course_findings(Recording("mine", "velocity_base", {"kinect": kinect}, "")))
+
+
+def with_turned_places(run, degrees):
+    values = run.channels["kinect"].values.copy()
+    values[:, :2] = rotated(values[:, :2], np.deg2rad(degrees))
+    return with_fixes(run, values)
+
+
+@pytest.mark.parametrize("others", [{}, {"marker_x_m": 0.1, "marker_y_m": 0.05}], ids=["middle", "beside"])
+@pytest.mark.parametrize("degrees", [(0.0, 60.0, 0.0), (0.0, 50.0, 120.0), (40.0, 40.0, -130.0)])
+def test_places_that_are_turned_are_told_by_their_angle_in_each_run(degrees, others):
+    turned = [with_turned_places(run, by) for run, by in zip(runs(3, others=others), degrees, strict=True)]
+    checked = check(two_wheels.model(), turned)
+    assert {finding.fault for finding in checked.findings} == {"heading_offset"}
+    for run, repaired, by in zip(turned, checked.repaired, degrees, strict=True):
+        added = wrap(repaired.channels["kinect"].column("phi") - run.channels["kinect"].column("phi"))
+        assert np.abs(wrap(added - np.deg2rad(by))).max() < np.deg2rad(2.5)

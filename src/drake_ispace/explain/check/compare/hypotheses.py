@@ -62,13 +62,13 @@ class Reading:
 
 def readings(
     geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0,
-    turn_rad: float = 0.0,
+    turns_rad: Iterable[float] = (),
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
     gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
-    model. room: how many times as far as the wheels say, the camera sees the robot go. turn_rad: by which its ways are
-    turned against those that the wheels say.
+    model. room: how many times as far as the wheels say, the camera sees the robot go. turns_rad: by which its ways may
+    be turned against those that the wheels say.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -83,7 +83,7 @@ def readings(
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in sizes),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_tracks(unit, times), *_axes(unit), *_units(unit), *_rooms(unit, room),
-        _turned(unit, turn_rad),
+        *(_turned(unit, turn_rad) for turn_rad in turns_rad),
     ]
 
 

@@ -6,13 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from drake_ispace.blocks.frames import wrap
 from drake_ispace.explain.check.compare.agreement import (
     ALIKE,
+    SAID,
     Agreement,
     Part,
     Row,
     compared,
     disagreement,
+    gains,
     mistakes,
     part,
     row,
@@ -39,6 +42,7 @@ from drake_ispace.explain.check.compare.regression import (
     scale_of,
     scores,
 )
+from drake_ispace.explain.check.compare.turned import turns
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
 
@@ -60,10 +64,20 @@ def wheels_or_camera(
     parts = slice(2), slice(2, 3)
     gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in parts} - {1.0}
     counts = float(base.settings.encoder.counts_per_turn)
-    given = readings(base.geometry, counts, gears, *_ratios(motions), _turn(motions))
 
     def rows_of(tried):
         return [_row(run, own, tried) for run, own in zip(runs, bases, strict=True)]
+
+    def said_of(angles):
+        """The angles [rad] of `turns` as they are said: against most runs, where these are turned by no mistake."""
+        tried = readings(base.geometry, counts, turns_rad=angles[:1])
+        tried = [reading for reading in tried if not reading.fault] + tried[-1:]
+        usual, *others = angles
+        if not others or gains(rows_of(tried), tried)[:, -1].clip(0.0).sum() >= SAID:
+            return angles
+        return [usual, *(float(wrap(angle - usual)) for angle in others)]
+
+    given = readings(base.geometry, counts, gears, *_ratios(motions), said_of(turns(motions)))
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""
@@ -116,16 +130,6 @@ def _ratios(motions):
     seen_turns, seen_ways = (np.linalg.norm(camera[:, part]) for part in (slice(2, 3), slice(2)))
     ratio = lambda one, other: float(one / other) if min(one, other) > 0.0 else 1.0  # noqa: E731
     return ratio(turns, seen_turns), ratio(seen_ways, ways)
-
-
-def _turn(motions):
-    """The angle [rad] by which the camera sees ways turned against those of the wheels; motions: of each run.
-
-    Besides, a marker that is not at the middle goes along with the turns.
-    """
-    wheels, camera = map(np.concatenate, zip(*motions, strict=True))
-    known = np.column_stack([wheels[:, 0] + 1j * wheels[:, 1], 1j * wheels[:, 2]])
-    return float(np.angle(np.linalg.lstsq(known, camera[:, 0] + 1j * camera[:, 1], rcond=None)[0][0]))
 
 
 def _by_drive(run, base, repairs):
