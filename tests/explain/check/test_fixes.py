@@ -193,3 +193,24 @@ def test_places_that_are_turned_are_told_by_their_angle_in_each_run(degrees, oth
     for run, repaired, by in zip(turned, checked.repaired, degrees, strict=True):
         added = wrap(repaired.channels["kinect"].column("phi") - run.channels["kinect"].column("phi"))
         assert np.abs(wrap(added - np.deg2rad(by))).max() < np.deg2rad(2.5)
+
+
+@pytest.mark.parametrize("having", [(0,), (0, 1)], ids=["one run", "all runs"])
+@pytest.mark.parametrize("name", ["x", "y"])
+@pytest.mark.parametrize("unit, factor", [("mm", 1e3), ("cm", 1e2)])
+def test_one_column_of_the_places_in_another_unit_is_told_and_nothing_else(unit, factor, name, having):
+    sound = runs()
+    wrong = [with_fixes(run, run.channels["kinect"].values * np.where([name == "x", name == "y", False], factor, 1.0))
+             if i in having else run for i, run in enumerate(sound)]
+    (finding,) = check(two_wheels.model(), wrong).findings
+    assert (finding.what, finding.runs) == (f"{name} in {unit}", having)
+    assert finding.repair == f"kinect: {name} = {1.0 / factor:g} {name}"
+
+
+def test_places_along_an_axis_that_is_larger_than_the_other_make_no_directions():
+    """Of a robot that mostly rests, noise alone makes most of them turn round."""
+    t = np.arange(0.0, 20.0, 0.05)
+    random, goes = np.random.default_rng(5), np.clip(t - 13.8, 0.0, None)
+    places = 0.1 * np.column_stack([goes, goes]) + 0.001 * random.normal(size=(len(t), 2))
+    kinect = Channel(t, ("x", "y", "phi"), np.column_stack([places * [1.0, 1e3], 0.3 * goes]), {}, None)
+    assert not list(course_findings(Recording("mine", "velocity_base", {"kinect": kinect}, "")))

@@ -157,8 +157,12 @@ def _are_courses(ways, headings) -> bool:
     if np.count_nonzero(moved) < max(0.5 * len(moved), 3):
         return False
     course = np.unwrap(np.arctan2(*ways[moved].T[::-1]))
-    noise, turns = np.median(np.abs(np.diff(course, n=2))), np.diff(course)
+    turns = np.diff(course)
     changes = turns != 0.0
-    return bool(changes.any()) and any(
+    if not changes.any():
+        return False
+    # beside an axis along which all is larger, directions turn round or not at all: of what most do, nothing is noise
+    noise = min(np.median(np.abs(np.diff(turns))), np.median(np.abs(turns[changes])))
+    return any(
         np.median(np.abs(wrap(np.diff(heading[moved]) - turns)[changes])) < _SAME * noise for heading in headings
     )

@@ -82,7 +82,7 @@ def readings(
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in sizes),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
-        *_tracks(unit, times), *_axes(unit), *_units(unit), *_rooms(unit, room),
+        *_tracks(unit, times), *_axes(unit), *_units(unit), *_units_of_one(unit), *_rooms(unit, room),
         *(_turned(unit, turn_rad) for turn_rad in turns_rad),
     ]
 
@@ -197,6 +197,14 @@ def _units(unit):
         if wrong:
             view = View(((metre, 0.0), (0.0, metre)), radian)
             yield Reading("wrong_unit", " and ".join(wrong), "kinect", unit, view=view, rare=len(wrong) > 1)
+
+
+def _units_of_one(unit):
+    """Units of a single column of the places."""
+    for (length, metre), (name, axes) in product(LENGTHS.items(), {"x": (1.0, 0.0), "y": (0.0, 1.0)}.items()):
+        factors = np.diag(np.where(axes, metre, 1.0))
+        view = View(tuple(map(tuple, factors.tolist())))
+        yield Reading("wrong_unit", f"{name} in {length}", "kinect", unit, view=view)
 
 
 def _axes(unit):
