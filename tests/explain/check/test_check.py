@@ -324,6 +324,33 @@ def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_j
     assert repair.since_s == pytest.approx(4.0, abs=0.01) and repair.offset_s == pytest.approx(lost_s, abs=0.05)
 
 
+def with_rows_twice(channel, at, count):
+    """The channel with rows that come a second time, and later stamps moved on."""
+    values, period_s = channel.values, np.median(np.diff(channel.t))
+    values = np.vstack([values[:at], values[at - count : at], values[at:]])
+    return replace(channel, t=channel.t[0] + period_s * np.arange(len(values)), values=values)
+
+
+def test_rows_that_come_twice_where_later_stamps_are_moved_are_a_clock_of_the_wheels_that_jumps():
+    exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
+    first, second = (two_wheels.drive(680 + i, 20.0, **exact) for i in range(2))
+    old = first.channels["encoder"]
+    stitched = replace(first, channels=first.channels | {"encoder": with_rows_twice(old, 500, 60)})
+    checked = check(two_wheels.model(), [stitched, second])
+    found = {(finding.fault, finding.channel, finding.runs) for finding in checked.findings}
+    assert found == {("rows_duplicated", "encoder", (0,)), ("clock_jump", "encoder", (0,))}
+    repaired = checked.repaired[0].channels["encoder"]
+    angles = np.column_stack([np.interp(old.t, repaired.t, angle) for angle in repaired.values.T])
+    assert np.abs(angles - old.values).max() < 0.2
+
+
+def test_rows_that_come_twice_are_no_counter_that_starts_anew():
+    t = 0.02 * np.arange(900)
+    once = Channel(t, ("theta_1",), (2.0 * np.pi / 60 * np.arange(900) + 0.01 * np.sin(t))[:, None])
+    recording = lambda wheels: Recording("omni", channels={"encoder": wheels})  # noqa: E731
+    assert not list(wrap_findings(recording(with_rows_twice(once, 450, 60)), 2000.0))
+
+
 @pytest.mark.parametrize("robot", MODEL)
 def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]

@@ -46,6 +46,7 @@ from drake_ispace.scenario import Scenario, as_scenario
 
 _UNEVEN = ("stamp_jitter", "bursts")  # after which no clock is told
 _LEAP = "counter_reset"  # of angles, by themselves
+_MOVED = (_LEAP, "rows_duplicated")  # where later stamps may have been moved
 
 
 def check(
@@ -239,8 +240,14 @@ class _Search:
         self._add(list(encoder_clock(found, self._links)))
 
     def _lost_angles(self):
-        """Wheels that leap because rows are lost there and later stamps were moved up: all else is late since then."""
-        leaps = [(i, finding.to_s) for finding in self.findings if finding.fault == _LEAP for i in finding.runs]
+        """Wheels that leap because rows are lost there, or rows that come twice, and later stamps were moved.
+
+        All else is late, or early, since then.
+        """
+        leaps = [
+            (i, finding.to_s) for finding in self.findings if finding.channel == "encoder" and finding.fault in _MOVED
+            for i in finding.runs
+        ]
         found = []
         for i, at_s in leaps:
             if [run for run, _ in leaps].count(i) > 1:

@@ -1,6 +1,7 @@
 """What the samples of one channel show by themselves: counters that wrap, rows that repeat, values that clip."""
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -21,10 +22,14 @@ _NOISY = ("imu", "torque")  # never the same twice
 
 
 def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
-    """A counter of the wheels that starts anew: steps of one height against the motion, far above all others."""
+    """A counter of the wheels that starts anew: steps of one height against the motion, far above all others.
+
+    Of rows that come a second time, the step back to them is none.
+    """
     if "encoder" not in run.channels:
         return
     channel, heights, columns, off = run.channels["encoder"], [], [], 0.0
+    back_s = cache(lambda: [finding.from_s for finding in _repeated("encoder", channel)])
     for name in channel.columns:
         steps = np.diff(channel.column(name))
         size = np.abs(steps)
@@ -33,6 +38,8 @@ def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
         # of steps that are far enough below a turn to be told from it, no more than that share starts anew
         usual = max(np.quantile(size, 1.0 - 1.0 / LEAP), np.median(size[size > 0.0]))
         far = size > LEAP * usual
+        if far.any():
+            far &= ~np.isin(channel.t[1:], back_s())
         again = far[1:] & far[:-1] & (steps[1:] * steps[:-1] > 0.0)
         if not far.any() or again.any():  # no counter starts anew twice in a row
             continue
