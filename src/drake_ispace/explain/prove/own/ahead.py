@@ -32,8 +32,9 @@ class Ahead:
         self._turning = [classes["motion"] > 0 for classes in prediction.classes(self._values)]
 
     def errors(self, point: Point) -> list[Errors]:
-        """Of each run the errors [rad] with these effects in the model."""
-        return [{AHEAD: rows} for rows in self._of_turning(self._prediction.residuals(merged(point)))]
+        """Of each run the errors [rad] with these effects in the model; none of one in which the wheels rest."""
+        of_runs = self._of_turning(self._prediction.residuals(merged(point)))
+        return [{AHEAD: rows} if len(rows) else {} for rows in of_runs]
 
     def noise(self, seed: int) -> list[Mapping[Measure, float]]:
         """What encoders leave of them, and what unknown torques do: root mean squares. seed: of the draws."""

@@ -49,7 +49,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
         is_judged = runs == HELD_OUT or not parts
         draws = _JUDGING_DRAWS if is_judged else DRAWS
         *noise, most = _noise(case.prediction, part.tracks, answer, columns[1], seed, draws)
-        if case.is_filtered:
+        if case.is_filtered and not case.replay.free:  # which the filter takes as they are given
             ahead = Ahead(part, answer.point)
             columns = [
                 [{**run, **own} for run, own in zip(column, ahead.errors(sizes.point), strict=True)]
