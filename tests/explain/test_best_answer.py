@@ -205,15 +205,16 @@ def test_a_look_alike_that_runs_prefer_takes_the_name_unless_more_is_left(ratio,
     assert [effect.name for effect in best.answer.effects] == [name]
 
 
-@pytest.mark.parametrize("on_bound, suffices, named", [
-    (True, True, ["lag", "delay"]), (True, False, ["swing"]), (False, True, ["swing"]),
+@pytest.mark.parametrize("on_bound, suffices, others, named", [
+    (True, True, ["lag", "delay"], ["lag", "delay"]), (True, False, ["lag", "delay"], ["swing"]),
+    (False, True, ["lag", "delay"], ["swing"]), (True, True, [], ["swing"]),
 ])
-def test_what_suffices_without_an_effect_on_its_bound_takes_its_place(on_bound, suffices, named):
+def test_effects_that_suffice_without_one_on_its_bound_take_its_place(on_bound, suffices, others, named):
     def answered(decision):
         names = [candidate.name for candidate in decision.named.point]
         size = SimpleNamespace(on_bound=on_bound and names == ["swing"])
         effects = [SimpleNamespace(name=name, parameters={"size": size}) for name in names]
-        verdict = "named" if suffices and names != ["swing"] else "incomplete"
+        verdict = "incomplete" if not suffices or names == ["swing"] else "named" if names else "none"
         answer = SimpleNamespace(verdict=verdict, effects=effects, warnings=[], gap=[], remainders=[], drifts=[])
         return proved(decision, answer)
 
@@ -222,7 +223,7 @@ def test_what_suffices_without_an_effect_on_its_bound_takes_its_place(on_bound, 
 
     def without(names):
         assert names == {"swing"}
-        return settled(["lag", "delay"])
+        return settled(others)
 
     best = best_of(answered(settled(["swing"])), answered, without)
     assert sorted(effect.name for effect in best.answer.effects) == sorted(named)

@@ -1,6 +1,7 @@
 """A user's own plant: followed, explained, replayed open loop."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import predict
+from drake_ispace.explain.prove.own.ahead import Ahead
 from drake_ispace.files.recording import Channel, Recording
 from stand_ins.one_wheel import angle, rate
 
@@ -86,6 +88,14 @@ def test_open_loop_encoders_show_what_they_would_of_the_robot():
     all_shown, shown = replay.simulated(track, {}), replay.simulated(track, lost)
     assert shown[0] == pytest.approx(track.measured[0])
     assert shown - shown[0] == pytest.approx(0.9 * (all_shown - all_shown[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("logged, free, may", [
+    ("angle", {}, True), ("speed", {}, False), ("angle", {"inertia": 1.0}, False),
+])
+def test_the_next_sample_is_judged_where_it_was_measured_and_all_of_the_plant_is_known(rubbing, logged, free, may):
+    """Angles that are sums of noisy speeds err by more than any sample of theirs does."""
+    assert Ahead.may_judge(replace(rubbing[1], logged=logged, free=free)) == may
 
 
 def test_known_effects_are_in_the_model():

@@ -85,7 +85,7 @@ def _with_preferred(first, answered) -> Answered:
 
 
 def _within_bounds(first, answered, decided_without) -> Answered:
-    """What is decided without the effects that are on a bound or make no sense, if the answer suffices then.
+    """With the effects that are decided on without those on a bound or at senseless sizes, if the answer suffices then.
 
     One that is at the end of what it can do may be a look-alike of another, or of several together.
     """
@@ -93,7 +93,7 @@ def _within_bounds(first, answered, decided_without) -> Answered:
     if not beyond:
         return first
     other = answered(decided_without(beyond))
-    return other if other.suffices else first
+    return other if other.answer.effects and other.suffices else first
 
 
 def _with_asked(first, answered) -> Answered:

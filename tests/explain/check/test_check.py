@@ -351,6 +351,14 @@ def test_rows_that_come_twice_are_no_counter_that_starts_anew():
     assert not list(wrap_findings(recording(with_rows_twice(once, 450, 60)), 2000.0))
 
 
+def test_a_counter_that_starts_anew_once_at_a_steady_speed_is_no_row_that_comes_twice():
+    t = 0.02 * np.arange(500)
+    angles = 2.0 * np.pi / 200 * np.minimum(np.arange(500), 320)
+    wheels = Channel(t, ("theta_1", "theta_2"), np.column_stack([angles, angles]) % (2.0 * np.pi))
+    (finding,) = wrap_findings(Recording("mine", channels={"encoder": wheels}), 2000.0)
+    assert finding.fault == "angle_wrap"
+
+
 @pytest.mark.parametrize("robot", MODEL)
 def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]

@@ -147,7 +147,7 @@ def test_a_run_that_no_camera_saw_takes_no_place_from_the_others():
     answer = explain(two_wheels.model(), [blind, seen], [held_out], some)
     assert {effect.name for effect in answer.effects} == {effect.card.name for effect in some}
     assert answer.headline.driven_by == "wheels" and answer.headline.closed > 0.9
-    assert "without channel kinect, which is compared in the other runs alone: run 1" in answer.warnings
+    assert "no channel kinect in run 1: it is compared in the other runs only" in answer.warnings
 
 
 def test_the_run_without_the_command_that_no_other_run_can_use_then_is_named():

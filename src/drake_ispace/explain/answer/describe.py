@@ -76,7 +76,7 @@ def _missing(case) -> list[str]:
         without = list(dict.fromkeys(track.recording or track.name for track in tracks if channel not in track.has))
         names = ", ".join(without)
         if without and channel in case.replay.feeds:
-            said.append(f"without channel {channel}, which is compared in the other runs alone: {names}")
+            said.append(f"no channel {channel} in {names}: it is compared in the other runs only")
         elif without:
             said.append(f"channel {channel} was not used, because some runs have none: leave out {names} to use it")
     return said

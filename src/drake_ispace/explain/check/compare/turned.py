@@ -40,9 +40,9 @@ def _fitted(known, seen):
     On a steady circle ways and turns are alike, and nothing tells the angle.
     """
     shares, _, rank, _ = np.linalg.lstsq(known, seen, rcond=None)
-    if rank < 2 or not shares[0]:
+    if rank < 2 or len(seen) < 3 or not shares[0]:
         return shares, np.inf
-    noise = np.mean(np.abs(seen - known @ shares) ** 2)
+    noise = np.sum(np.abs(seen - known @ shares) ** 2) / (len(seen) - 2)
     spread = noise * np.linalg.inv(known.conj().T @ known)[0, 0].real
     return shares, float(np.sqrt(0.5 * spread) / np.abs(shares[0]))
 

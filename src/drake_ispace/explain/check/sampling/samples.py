@@ -38,7 +38,7 @@ def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
         # of steps that are far enough below a turn to be told from it, no more than that share starts anew
         usual = max(np.quantile(size, 1.0 - 1.0 / LEAP), np.median(size[size > 0.0]))
         far = size > LEAP * usual
-        if far.any():
+        if far.any() and np.ptp(channel.column(name)) > size[far].max():  # a counter never leaves its turn
             far &= ~np.isin(channel.t[1:], back_s())
         again = far[1:] & far[:-1] & (steps[1:] * steps[:-1] > 0.0)
         if not far.any() or again.any():  # no counter starts anew twice in a row

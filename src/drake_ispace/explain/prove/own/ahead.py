@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.explain.fit.likelihood import Point, merged
+from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction, change
 from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP, Errors, Measure, rms
 from drake_ispace.explain.prove.noise.noise import DRAWS
@@ -21,7 +22,7 @@ AHEAD = Measure(PREDICTION, STEP, "encoder: wheel angle", "rad", "torque")
 
 
 class Ahead:
-    """Predictions of the wheels that turn, one read ahead.
+    """Predictions of angles, one read ahead, while all wheels turn.
 
     Args:
         prediction: model and runs. point: effects of the answer.
@@ -31,8 +32,16 @@ class Ahead:
         self._prediction, self._values = prediction, merged(point)
         self._turning = [classes["motion"] > 0 for classes in prediction.classes(self._values)]
 
+    @staticmethod
+    def may_judge(replay: OwnReplay) -> bool:
+        """Whether the filter has all of the plant's numbers, which it takes as they are given, and measured angles.
+
+        Angles that were made of logged speeds are as far off as all noise before them adds up to.
+        """
+        return not replay.free and replay.logged == "angle"
+
     def errors(self, point: Point) -> list[Errors]:
-        """Of each run the errors [rad] with these effects in the model; none of one in which the wheels rest."""
+        """Of each run the errors [rad] with these effects in the model; none of one in which a wheel always rests."""
         of_runs = self._of_turning(self._prediction.residuals(merged(point)))
         return [{AHEAD: rows} if len(rows) else {} for rows in of_runs]
 
@@ -55,5 +64,5 @@ class Ahead:
         return [{AHEAD: float(size)} for size in np.sqrt(squares.mean(axis=1))]
 
     def _of_turning(self, residuals):
-        """(k, 1) residuals of each run while its wheels turn."""
+        """(k, 1) residuals of each run while all of its wheels turn."""
         return [run["motion"][rows].reshape(-1, 1) for run, rows in zip(residuals, self._turning, strict=True)]

@@ -49,7 +49,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
         is_judged = runs == HELD_OUT or not parts
         draws = _JUDGING_DRAWS if is_judged else DRAWS
         *noise, most = _noise(case.prediction, part.tracks, answer, columns[1], seed, draws)
-        if case.is_filtered and not case.replay.free:  # which the filter takes as they are given
+        if case.is_filtered and Ahead.may_judge(case.replay):
             ahead = Ahead(part, answer.point)
             columns = [
                 [{**run, **own} for run, own in zip(column, ahead.errors(sizes.point), strict=True)]
@@ -65,7 +65,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     if isinstance(decision, Decision) and decision.unknown is None:
         instead = partial(preferred_by_runs, case.prediction, decision)
         if len(answer.point) < MOST_EFFECTS:
-            asked = partial(asked_for_own, case.prediction, decision, bool(worst))
+            asked = partial(asked_for_own, case.prediction, decision, any(r.horizon == RUN for r in left))
     by = "held-out runs" if parts else ""
     shown = {c: [None] * len(z) if c in plain.held else z for c, z in plain.point.items()} or None
     return Proof(by, rows, worst, None, answer.point, shown, plant=plant, asked=asked, instead=instead)

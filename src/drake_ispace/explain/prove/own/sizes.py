@@ -24,6 +24,7 @@ from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.errors.left_out import groups_of, sizes_without
+from drake_ispace.explain.threads import each
 
 
 def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, plain: Sizes, seed: int) -> bool:
@@ -40,6 +41,8 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
         return False
     replay, tracks = prediction.replay, prediction.tracks
     nearer = _squares_of(replay, tracks, decision, filtered, plain)
+    if not replay.unknown_torque:  # nothing comes nearer by chance
+        return nearer < 1.0
     as_rarely = FALSE_ALARM_RATE if len(tracks) > 1 else 0.5
     return bool(nearer < np.quantile(_by_chance(replay, tracks, filtered, seed), as_rarely))
 
@@ -62,23 +65,22 @@ def _squares_of(replay, tracks, decision, filtered, plain) -> float:
 def _by_chance(replay, tracks, filtered, seed) -> list[float]:
     """The same shares of draws of what unknown torques do where the filter's sizes are the true ones."""
     moved = replace(filtered, held=shifts_of(filtered.point))
-    by_size = [slopes(replay, [track], moved) for track in tracks]
-    at, shares = [errors_of(replay, [track], filtered) for track in tracks], []
-    for draw in range(round(1.0 / FALSE_ALARM_RATE)):
+    by_size, runs = [slopes(replay, [track], moved) for track in tracks], range(len(tracks))
+    at, others = [errors_of(replay, [track], filtered) for track in tracks], [[j for j in runs if j != i] for i in runs]
+    others = others if len(tracks) > 1 else [[0]]
+    told_by = [np.linalg.pinv(np.hstack([by_size[j] for j in those])) for those in others]
+
+    def share(draw):
+        """What least squares leaves of a draw, each run by the sizes that the others tell, or the only one its own."""
         changes = [
-            errors_of(replay, [pushed(replay, track, [seed, 5, draw, i])], filtered) - own
-            for i, (track, own) in enumerate(zip(tracks, at, strict=True))
+            errors_of(replay, [pushed(replay, track, [seed, 5, draw, i])], filtered) - at[i]
+            for i, track in enumerate(tracks)
         ]
-        left = [change - _told_by(by_size, changes, i) @ by_size[i] for i, change in enumerate(changes)]
-        shares.append(np.sum(np.concatenate(left) ** 2) / np.sum(np.concatenate(changes) ** 2))
-    return shares
+        told = [np.concatenate([changes[j] for j in others[i]]) @ told_by[i] for i in runs]
+        left = [changes[i] - told[i] @ by_size[i] for i in runs]
+        return sum(np.sum(one**2) for one in left) / sum(np.sum(one**2) for one in changes)
 
-
-def _told_by(by_size, changes, i):
-    """(k,) sizes that explain best what changes in all runs but this one; in this one if it is the only one."""
-    others = [j for j in range(len(changes)) if j != i] or [i]
-    columns, change = np.hstack([by_size[j] for j in others]).T, np.concatenate([changes[j] for j in others])
-    return np.linalg.lstsq(columns, change, rcond=None)[0]
+    return each(share, range(round(1.0 / FALSE_ALARM_RATE)))
 
 
 def pushed(replay: OwnReplay, track: Track, seed: list[int]) -> Track:
