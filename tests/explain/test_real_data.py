@@ -85,6 +85,7 @@ def test_a_sound_drive_has_no_finding_and_a_torque_of_the_other_sense_has(name, 
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(reason="a set of four effects, though whole squares are hardly nearer: docs/known_gaps.md")
 def test_omni3_odometry_from_four_circles_holds_over_seconds_and_is_incomplete():
     found = answer("optiodom_omni3", "--runs", "4")
     assert found["verdict"] == "incomplete" and "marker_offset" in names(found)[0]
