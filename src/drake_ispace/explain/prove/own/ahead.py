@@ -41,12 +41,19 @@ class Ahead:
         return not replay.free and replay.logged == "angle"
 
     def errors(self, point: Point) -> list[Errors]:
-        """Of each run the errors [rad] with these effects in the model; none of one in which a wheel always rests."""
+        """For each run, AHEAD -> (k, 1) angles less their predictions [rad]; empty if a wheel rests all the time.
+
+        point: effects in the model.
+        """
         of_runs = self._of_turning(self._prediction.residuals(merged(point)))
         return [{AHEAD: rows} if len(rows) else {} for rows in of_runs]
 
     def noise(self, seed: int) -> list[Mapping[Measure, float]]:
-        """What encoders leave of them, and what unknown torques do: root mean squares. seed: of the draws."""
+        """AHEAD -> root mean square error of such a prediction [rad] that the encoders' noise causes, and the same for
+        unknown torques as strong as the model assumes.
+
+        seed: of the draws.
+        """
         replay, as_given = self._prediction.replay, self._prediction.residuals(self._values)
 
         def counted(track, seeds):

@@ -48,9 +48,9 @@ def leads_nearer(prediction: Prediction, decision: Decision, filtered: Sizes, pl
 
 
 def _squares_of(replay, tracks, decision, filtered, plain) -> float:
-    """The share of the squared errors with sizes of the filter that those of least squares leave, fitted to other runs.
+    """Squared errors of free runs with sizes by least squares over those with sizes of the filter.
 
-    Of a single run, fitted to this run.
+    Each run has sizes that were fitted to the others; a single run has its own.
     """
     if len(tracks) == 1:
         return (error_of(replay, tracks, plain) / error_of(replay, tracks, filtered)) ** 2
@@ -63,15 +63,18 @@ def _squares_of(replay, tracks, decision, filtered, plain) -> float:
 
 
 def _by_chance(replay, tracks, filtered, seed) -> list[float]:
-    """The same shares of draws of what unknown torques do where the filter's sizes are the true ones."""
+    """(draws,) squared errors by least squares over those by the filter, if the filter's sizes are the true ones.
+
+    Unknown torques are then all that a free run is off by. To first order in the sizes.
+    """
     moved = replace(filtered, held=shifts_of(filtered.point))
     by_size, runs = [slopes(replay, [track], moved) for track in tracks], range(len(tracks))
-    at, others = [errors_of(replay, [track], filtered) for track in tracks], [[j for j in runs if j != i] for i in runs]
-    others = others if len(tracks) > 1 else [[0]]
+    at = [errors_of(replay, [track], filtered) for track in tracks]
+    others = [[j for j in runs if j != i] or [i] for i in runs]
     told_by = [np.linalg.pinv(np.hstack([by_size[j] for j in those])) for those in others]
 
     def share(draw):
-        """What least squares leaves of a draw, each run by the sizes that the others tell, or the only one its own."""
+        """Of one draw; a run has the sizes that the others tell, and an only one those that it tells itself."""
         changes = [
             errors_of(replay, [pushed(replay, track, [seed, 5, draw, i])], filtered) - at[i]
             for i, track in enumerate(tracks)
