@@ -201,10 +201,9 @@ def _units(unit):
 
 def _units_of_one(unit):
     """Units of a single column of the places."""
-    for (length, metre), (name, axes) in product(LENGTHS.items(), {"x": (1.0, 0.0), "y": (0.0, 1.0)}.items()):
-        factors = np.diag(np.where(axes, metre, 1.0))
-        view = View(tuple(map(tuple, factors.tolist())))
-        yield Reading("wrong_unit", f"{name} in {length}", "kinect", unit, view=view)
+    for length, metre in LENGTHS.items():
+        for name, rows in {"x": ((metre, 0.0), (0.0, 1.0)), "y": ((1.0, 0.0), (0.0, metre))}.items():
+            yield Reading("wrong_unit", f"{name} in {length}", "kinect", unit, view=View(rows))
 
 
 def _axes(unit):
