@@ -5,7 +5,7 @@ the verdict is "unknown", and the disagreement tells which link is wrong and wha
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -152,9 +152,12 @@ def motion_of(prediction: Prediction, track: Track, speeds: Speeds = wheel_speed
 def _forces(prediction, motions) -> Iterator[_Shapes]:
     """Forces on the body, each array (rows, 3) as Replay.pushed takes it.
 
-    They are about as large as a tenth of the usual command makes.
+    They are about as large as a tenth of the usual command makes. Where velocity is commanded, they go with the motion
+    as it is told.
     """
-    body = prediction.replay.body
+    body, around = prediction.replay.body, [motion_of(prediction, track) for track in prediction.tracks]
+    if body.robot.driven == COMMAND:  # what goes with the drive's own errors repeats how these are correlated
+        motions, around = ([replace(m, body=m.command) for m in those] for those in (motions, around))
     size = _tenth_of_usual_command(motions)
     largest = body.robot.force_of_command(body.plant)
     top_speed, top_turn = _top(motions, slice(2)), _top(motions, 2)
@@ -172,7 +175,6 @@ def _forces(prediction, motions) -> Iterator[_Shapes]:
         return push(m, *_in_body_frame(m, force)) * (m.is_placed or not knows_places)
 
     knows_places = any(m.is_placed for m in motions)
-    around = [motion_of(prediction, track) for track in prediction.tracks]
     if _is_motion(motions, around, slice(2, 3)):
         yield Generic("drag_of_spin_squared", "force", "yaw rate squared", 1), [
             [push(m, yaw=-np.abs(m.body[:, 2]) * m.body[:, 2] / top_turn**2) for m in motions]
