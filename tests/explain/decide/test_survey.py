@@ -224,6 +224,20 @@ def test_rounding_of_encoders_is_no_motion(axes, moves):
     assert _is_motion([past], [around], axes) == moves
 
 
+@pytest.mark.parametrize(("told", "resisted"), [((0.0, 0.0, 1.0), "drag_of_spin"), ((0.4, 0.0, 0.0), "drag_of_speed")])
+def test_a_drive_that_errs_sideways_of_what_it_was_told_meets_no_resistance_there(monkeypatch, told, resisted):
+    shapes = importlib.import_module("drake_ispace.explain.decide.survey.generic")
+    told = np.tile(told, (4000, 1))
+    errs = replace(motion(told[:, 0], told[:, 2]), body=told + 0.01, command=told)
+    robot = SimpleNamespace(
+        driven=shapes.COMMAND, in_room=True, force_of_command=lambda plant: np.ones(3), ground_force=np.array,
+    )
+    prediction = SimpleNamespace(tracks=[errs], replay=SimpleNamespace(body=SimpleNamespace(robot=robot, plant=None)))
+    monkeypatch.setattr(shapes, "motion_of", lambda prediction, track: track)
+    found = [generic.name for generic, _ in shapes._forces(prediction, [errs])]
+    assert [name for name in found if name.startswith("drag")] == [f"{resisted}_squared"]
+
+
 def test_the_visited_area_is_parted_into_nine_equal_cells():
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-1.0, 2.0, 60), np.linspace(0.0, 1.0, 60)))
     cells = np.array([cell[0] for cell in _cells([motion(x, y)])])
