@@ -12,8 +12,8 @@ WORKERS = -n auto --maxprocesses 2 --dist worksteal
 
 help:
 	@echo "make demo       run the demonstration; it writes the folder demo/"
-	@echo "make test       run the tests"
-	@echo "make test-slow  run what takes long: campaigns, and cases like those of make test"
+	@echo "make test       run the tests: of like cases one, some minutes on two cores"
+	@echo "make test-slow  run the others: campaigns, long answers, and cases like those of make test"
 	@echo "make hidden     hide every effect in data and ask for it"
 	@echo "make mutants    change the code at random, and see whether the tests notice"
 	@echo "make lint       check the code style"

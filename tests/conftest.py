@@ -31,6 +31,18 @@ hypothesis.settings.register_profile("whatever_else_the_machine_does", deadline=
 hypothesis.settings.load_profile("whatever_else_the_machine_does")
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their markers
+def pytest_collection_modifyitems(items):
+    """Of a test marked `first_case` the first case that is collected and not slow runs every time; others are slow."""
+    met = set()
+    for item in items:
+        if item.get_closest_marker("first_case") and not item.get_closest_marker("slow"):
+            test = item.nodeid.partition("[")[0]
+            if test in met:
+                item.add_marker(pytest.mark.slow)
+            met.add(test)
+
+
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     """A new folder, the current one."""
