@@ -19,7 +19,7 @@ from drake_ispace.simulation import Run
 # Drake does not free a Diagram with Python blocks, so the processes are replaced now and then. (The executor's own
 # max_tasks_per_child hangs under Python 3.11.)
 _RUNS_PER_PROCESS = 25
-TINY_S = 1.5  # simulated time of a run that is only to run
+TINY_S = 1.1  # simulated time of a run that is only to run; way points begin to move after 1 s
 
 
 @dataclass(frozen=True)

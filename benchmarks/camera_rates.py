@@ -53,7 +53,7 @@ def answered(seed, seconds, rate_hz, has_command, library=None, **hidden):
 
 def main():
     asked = options(__doc__)
-    rates, seconds = (RATES_HZ[2:3], 8.0) if asked.tiny else (RATES_HZ[1:3] if asked.quick else RATES_HZ, 30.0)
+    rates, seconds = (RATES_HZ[1:2], 6.0) if asked.tiny else (RATES_HZ[1:3] if asked.quick else RATES_HZ, 30.0)
     commands = (True,) if asked.tiny else (True, False)
     hidden = {"late_s": 0.0, "lag_s": 0.0} if asked.tiny else {}
     library = [di.effects()["single_wheel_radius_error"]] if asked.tiny else None

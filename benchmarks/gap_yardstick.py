@@ -281,7 +281,7 @@ def main():
     asked = options(__doc__, data={"type": Path, "help": "folder of the public measurements; left out: not used"})
     if asked.tiny:
         library = [di.effects()["single_wheel_radius_error"]]
-        cases = list(two_wheeled_cases(asked.seed, 8.0, ["radius alone"], library))
+        cases = list(two_wheeled_cases(asked.seed, 6.0, ["radius alone"], library))
     else:
         cases = [*omni_cases(asked.seed, 3 if asked.quick else None), *two_wheeled_cases(asked.seed, 30.0)]
     if asked.data is not None:

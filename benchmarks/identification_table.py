@@ -38,7 +38,7 @@ from drake_ispace.thesis.methods.instrumental import instrumental
 from drake_ispace.thesis.servo_data import ACTUAL
 from drake_ispace.thesis.structures import error_index, friction_problem
 
-SECONDS, TINY_S, RATE_HZ = 20.0, 6.0, 2000.0
+SECONDS, TINY_S, RATE_HZ = 20.0, 3.0, 2000.0
 FREQUENCIES = (100.0, 300.0, 500.0, 700.0, 800.0, 900.0, 970.0)
 AMPLITUDES = (0.2, 1.0, 5.0)
 PRINTED = {"arx": 31.02, "armaxd": 26.5}

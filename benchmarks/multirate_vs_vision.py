@@ -161,6 +161,8 @@ def main():
     scales, latencies = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0), (0, 5, 9, 14, 19, 28, 38, 57)
     if asked.quick:
         scales, latencies = (0.5, 1.0), (0, 38)
+    if asked.tiny:
+        scales = scales[:1]
     computed = radii()
     runs = run_all(table_jobs(asked.seed, asked.quick), outcome, asked.at_most_s)
     mapped = run_all(map_jobs(asked.seed, scales, latencies), outcome, asked.at_most_s)

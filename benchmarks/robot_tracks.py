@@ -173,13 +173,13 @@ def main():
         seconds={"type": float, "default": 30.0, "help": "of each video, default 30"},
     )
     videos = 1 if asked.quick else asked.videos
-    frames = round((0.2 if asked.tiny else min(asked.seconds, 10.0) if asked.quick else asked.seconds) / FRAME_S)
+    frames = round((0.1 if asked.tiny else min(asked.seconds, 10.0) if asked.quick else asked.seconds) / FRAME_S)
     data = {
         kind: summary([follow(alike, frames, [asked.seed, alike, video]) for video in range(videos)])
         for kind, alike in (("own patterns", False), ("four look alike", True))
     }
     if asked.figures:
-        picture(asked.figures, False, 6 if asked.tiny else 60, asked.seed)
+        picture(asked.figures, False, 2 if asked.tiny else 60, asked.seed)
     if asked.json:
         print_json(data)
         return

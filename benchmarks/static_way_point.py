@@ -113,9 +113,9 @@ def main():
     asked = options(__doc__)
     scales, angles, dampings = (0.3, 0.5, 1.0, 2.0, 5.0, 10.0), (90, 120), (True, False)
     if asked.quick:
-        scales, angles, dampings = (1.0, 5.0), (90,), (True,)
+        scales, angles, dampings = (1.0,) if asked.tiny else (1.0, 5.0), (90,), (True,)
     still = run_all(sweep_jobs(asked.seed, scales, angles, dampings), outcome, asked.at_most_s)
-    robots = ("ideal", "default") if asked.quick else ROBOTS
+    robots = ("ideal",) if asked.tiny else ("ideal", "default") if asked.quick else ROBOTS
     printed = run_all(printed_jobs(asked.seed, robots), outcome, asked.at_most_s)
     slide = [Job(name, loop, values(seed=asked.seed, seconds=24.0)) for name, loop in LOOPS.items()]
     sliding = {} if asked.quick else run_all(slide, summary)

@@ -122,6 +122,8 @@ def main():
     ]
     long_runs = {} if asked.quick else run_all(long_jobs(asked.seed), outcome)
     models, compensations = ("smooth", "elastoplastic"), ("none", "default") if asked.quick else tuple(COMPENSATIONS)
+    if asked.tiny:
+        models, compensations = models[:1], compensations[:1]
     rests = run_all(rest_jobs(seeds, models, compensations), swing, asked.at_most_s)
     resting = []
     for model in models:
