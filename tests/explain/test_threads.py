@@ -9,7 +9,9 @@ import pytest
 
 import drake_ispace as di
 from drake_ispace.explain import threads
+from drake_ispace.explain.decide.decide import decide
 from drake_ispace.explain.threads import each, side_by_side
+from stand_ins.linear import Linear, made, no_generics, noise, pattern
 
 CORES = 2
 
@@ -90,6 +92,20 @@ def test_after_an_error_no_further_job_begins():
     assert len(begun) <= CORES + 1
 
 
+def test_a_decision_does_not_depend_on_the_number_of_threads(monkeypatch):
+    shapes = {"tilt": pattern(3), "drag": pattern(5), "lag": pattern(8)}
+    runs = Linear(noise() + 0.8 * shapes["tilt"] + 0.5 * shapes["lag"], shapes)
+    decisions = []
+    for cores in (1, 2):
+        monkeypatch.setattr(threads.os, "sched_getaffinity", lambda pid, cores=cores: range(cores), raising=False)
+        with side_by_side():
+            found = decide(runs, made(*shapes), 0, generics=no_generics)
+        sizes = {candidate.name: size[0] for candidate, size in found.named.point.items()}
+        decisions.append((found.detection, sizes, {candidate.name: gain for candidate, gain in found.gains.items()}))
+    assert decisions[0] == decisions[1] and set(decisions[0][1]) == {"tilt", "lag"}
+
+
+@pytest.mark.slow
 def test_an_answer_does_not_depend_on_the_number_of_threads(monkeypatch):
     scenario, known = di.load_scenario("omni_multirate"), di.effects()
     effects = [known["floor_tilt"], known["coulomb_friction"]]

@@ -43,13 +43,24 @@ def told(case: Case, effects: list | None = None) -> dict:
     return record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "name", "factor"), NAMED)
 def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
-    record = told(Case(robot, "effect", name, factor, 1.0, 0))
+    assert is_named(told(Case(robot, "effect", name, factor, 1.0, 0)))
+
+
+def test_of_a_few_effects_the_hidden_one_is_named_measured_and_added():
+    few = some("coulomb_friction", "viscous_friction")
+    assert is_named(told(Case("omni", "effect", "coulomb_friction", 0.5, 1.0, 0), few))
+
+
+def is_named(record) -> bool:
+    """Whether the effect alone is named, with its size, and closes the gap."""
     assert is_alone(record), record
     assert record["p_value"] < 0.01
     assert all(p["error"] < 0.1 for p in record["parameters"].values()), record["parameters"]
     assert record["closed"] is None or record["closed"] > 0.8
+    return True
 
 
 @pytest.mark.slow
@@ -85,6 +96,7 @@ def test_a_command_late_by_part_of_a_tick_is_no_error_of_the_accelerometer():
     assert found.effects[0].parameters["delay_s"].estimate == pytest.approx(0.003, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "sizes"), [
     ("presliding_friction", {"torque_n_m": 0.01, "reach_rad": 0.3}),
     pytest.param("coulomb_friction", {"torque_n_m": 0.01}, marks=pytest.mark.slow),
@@ -117,6 +129,7 @@ def test_what_no_name_explains_is_said():
     assert found.unknown.driver == "place and direction" and found.unknown.nearest == "soft_floor"
 
 
+@pytest.mark.slow
 def test_of_wheels_that_rub_once_a_turn_it_is_said_what_the_friction_goes_with():
     rubbing = "tight_spot", 0.02
     runs = [generate("omni", m, {}, 10.0, 80 + i, unknown=rubbing) for i, m in enumerate(["square", "eight"])]
