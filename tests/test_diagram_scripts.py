@@ -17,7 +17,7 @@ FOLDER = Path(__file__).parents[1] / "diagrams"
 #: Scripts on real measurements -> their least form; none where discrepancy/test_real_data.py runs it as it is.
 REAL = {
     "optiodom_omni3": ["--runs", "1", "--effects", "wheel_toe", "marker_offset"],
-    "optiodom_diff": ["--runs", "1", "--effects", "track_error", "wheel_radius_error"],
+    "optiodom_diff": ["--runs", "1", "--effects", "track_error"],
     "regbot_motor": None, "emps_drive": None,
 }
 

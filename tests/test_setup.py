@@ -29,6 +29,7 @@ def setup(tmp_path):
     return setup
 
 
+@pytest.mark.slow
 def test_without_network_it_says_what_pip_said_last(setup):
     done = setup(PIP_NO_INDEX="1", PIP_CONFIG_FILE=os.devnull)
     assert done.returncode == 1

@@ -393,6 +393,7 @@ def kernels(spec):
     ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", PLANTS)
 def test_the_plain_form_of_a_plants_kernels_equals_the_compiled_one(name):
     spec, rng = PLANTS[name].spec, np.random.default_rng(7)

@@ -36,12 +36,14 @@ def test_a_finding_is_a_sentence_with_its_repair(folders, said):
     assert "places in mm" in out and "kinect: x = 0.001 x, y = 0.001 y" in out
 
 
+@pytest.mark.slow
 def test_json_is_one_document_of_rows(folders, said):
     (row,) = json.loads(said("check", *runs_in(folders / "mm"), "--json"))["data"]
     assert row["fault"] == "wrong_unit" and row["run"] == "all" and row["channel"] == "kinect"
     assert row["from_s"] is None and row["drop_in_deviance"] > 12.0 and row["repair"] and "rivals" in row
 
 
+@pytest.mark.slow
 def test_repaired_copies_agree_and_the_runs_stay_as_they_are(folders, here, said):
     before = [path.read_bytes() for path in sorted((folders / "mm").rglob("*.csv"))]
     said("check", *runs_in(folders / "mm"), "--repair", "repaired")
@@ -50,6 +52,7 @@ def test_repaired_copies_agree_and_the_runs_stay_as_they_are(folders, here, said
     assert "wrong_unit" in load(here / "repaired" / "square").notes
 
 
+@pytest.mark.slow
 def test_a_page_shows_each_finding(folders, here, said):
     said("check", *runs_in(folders / "mm"), "--out", "page")
     page = (here / "page" / "index.html").read_text(encoding="utf-8")
@@ -58,6 +61,7 @@ def test_a_page_shows_each_finding(folders, here, said):
     assert len(json.loads((here / "page" / "findings.json").read_text(encoding="utf-8"))) == 1
 
 
+@pytest.mark.slow
 def test_copies_never_replace_the_runs(folders, refused):
     runs = runs_in(folders / "mm")
     for place in (folders / "mm", runs[0]):

@@ -168,6 +168,7 @@ def test_a_lost_robot_is_reported_with_its_time(document, arguments):
     assert all(np.isfinite(list(data["final"].values())))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("arguments", [DIVERGING, FALLING], ids=["unstable", "falling"])
 def test_a_lost_robot_still_has_metrics(document, arguments):
     (metrics,) = document("compare", *arguments, "--seconds", "30", "--out", "folder")["runs"].values()
@@ -219,6 +220,7 @@ LIGHT = [
 ]
 
 
+@pytest.mark.slow
 def test_everyday_commands_import_nothing_they_do_not_need(python):
     program = (
         "import sys\nfrom drake_ispace.cli.app import main\n"
@@ -253,12 +255,13 @@ sys.argv[0] = "drake-ispace"
 cli.main()
 """
 LONG = {
-    "simulate": ["simulate", "velocity_base", "--seconds", "2000", "--out", "d"],
     "compare": ["compare", "velocity_base", "odometry_replay", "--seconds", "2000", "--out", "d"],
+    "simulate": ["simulate", "velocity_base", "--seconds", "2000", "--out", "d"],
     "demo": ["demo", "--out", "d"],
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("arguments", LONG.values(), ids=LONG.keys())
 def test_ctrl_c_says_so_once_and_leaves_nothing(launched, here, arguments):
     process = launched("-c", TELLS_WHEN_RUNNING, *arguments)
@@ -300,6 +303,7 @@ def test_a_closed_standard_output_is_one_sentence():
     assert done.returncode == 2 and done.stderr.startswith("drake-ispace: standard output: is closed, expected")
 
 
+@pytest.mark.slow
 def test_letters_that_the_locale_lacks_stop_nothing():
     environment = {**os.environ, "LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"}
     command = [sys.executable, "-m", "drake_ispace", "montecarlo", "omni_multirate", "--runs", "1", "--seconds", "0.1"]
@@ -307,6 +311,7 @@ def test_letters_that_the_locale_lacks_stop_nothing():
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_an_ignored_ctrl_c_stays_ignored(python):
     program = "import signal, sys\nfrom drake_ispace.cli.app import main\n"
     program += "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
@@ -314,6 +319,7 @@ def test_an_ignored_ctrl_c_stays_ignored(python):
     assert python("-c", program).endswith("\nTrue\n")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
 def test_a_full_disk_behind_standard_output_is_one_sentence(launched):
     with open("/dev/full", "w") as full:
@@ -324,7 +330,7 @@ def test_a_full_disk_behind_standard_output_is_one_sentence(launched):
 
 
 def test_a_reader_that_leaves_early_is_no_error(launched):
-    process = launched("-m", "drake_ispace", "draw", "velocity_base")
+    process = launched("-m", "drake_ispace", "list")
     process.stdout.close()
     assert process.stderr.read() == "" and process.wait() in (0, 1)
 
@@ -339,5 +345,6 @@ def test_a_run_in_three_lines_of_python():
     assert run.signals["omni_pose"].shape == (101, 3) and run.diverged_s is None
 
 
+@pytest.mark.slow
 def test_python_m_is_the_same_command(python):
     assert json.loads(python("-m", "drake_ispace", "list", "--json"))["diagrams"] == list(CATALOG)

@@ -117,6 +117,7 @@ def test_goal_areas_agree_with_the_crosses():
     assert np.hypot(*(corners[[0, 2]] - corners[[1, 3]]).T) == pytest.approx(0.7, rel=0.03)
 
 
+@pytest.mark.slow
 @real
 def test_locate_as_json(document, field, tmp_path):
     writer = cv2.VideoWriter(str(tmp_path / "start.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (640, 480))
@@ -133,6 +134,7 @@ def test_locate_as_json(document, field, tmp_path):
 # Pictures of the room
 
 
+@pytest.mark.slow
 def test_robots_of_the_room_are_located(document, picture):
     (frame,) = document("locate", picture)["frames"]
     assert frame["t"] == 0.0

@@ -39,6 +39,7 @@ def options(key, texts):
     return [word for text in texts for word in (key, text)]
 
 
+@pytest.mark.slow
 @real
 def test_a_scene_learned_from_twelve_pixels_finds_all_six_robots(document, tmp_path, monkeypatch):
     monkeypatch.setattr(cli_vision, "_TRIED", 60)
@@ -74,6 +75,7 @@ def learned(document, room, tmp_path, *more):
     return load_scene(str(tmp_path / "own.yaml"))
 
 
+@pytest.mark.slow
 def test_a_learned_scene_finds_the_robots_elsewhere_too(document, room, tmp_path):
     eye = scene_eye(learned(document, room, tmp_path))
     renderer, rng, seen = Renderer(view_of(SPACE.camera), SPACE.scenery, seed=3), np.random.default_rng(0), 0

@@ -68,6 +68,7 @@ def _rest(step, xd, encoder, imu, tilt, torque, memory, forgetting, trace_limit,
         xd[:] = out
 
 
+@pytest.mark.slow
 def test_a_million_ticks_without_excitation_stay_finite():
     block = OnlineIdentifier(Identifier(forgetting=0.99), 0.02)
     p, xd = block.spec.parameters, block.spec.discrete_state.copy()

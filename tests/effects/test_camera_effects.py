@@ -116,6 +116,7 @@ def test_without_latency_not_a_bit_changes():
     assert np.array_equal(along(poses, 0.0), poses)
 
 
+@pytest.mark.slow
 def test_a_robot_is_hidden_for_whole_vision_instants():
     key, out, lost = stream(0, "test"), np.empty(3), []
     for tick in range(19 * 2000 + 1):
@@ -192,6 +193,7 @@ def test_each_robot_is_seen_through_its_own_effects():
     assert omni[:, 1].all() and not pendulum[:, 1].all()
 
 
+@pytest.mark.slow
 def test_a_hidden_robot_is_in_no_image():
     settings = ["seconds=0.6", "space.localizer.mode=image", "omni.effects.camera_dropouts.share=0.5"]
     omni = messages(simulate(load_scenario("shared_space", settings)).signals)

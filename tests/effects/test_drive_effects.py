@@ -43,6 +43,7 @@ def test_other_values_change_the_run(name, neutral):
     assert not np.array_equal(run(*LISTED, at_probes(BY_NAME[name]))["omni_pose"], neutral["omni_pose"])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("place", [actuator, transmission], ids=["actuator", "transmission"])
 def test_parity_with_drake_with_all_of_them(place):
     strong = map(at_probes, place.EFFECTS)

@@ -150,6 +150,7 @@ def driven(plant, body, effects, torque, start, config, until):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_the_pendulum_on_a_slope_keeps_its_energy():
     plant, slope = PENDULUM.plant, (0.05, -0.03)
     effects = {"floor_tilt": {"slope_x_rad": slope[0], "slope_y_rad": slope[1]}}
@@ -175,6 +176,7 @@ def test_an_omni_robot_rolls_down_at_g_times_slope():
     assert states[-1, 3:6] == pytest.approx([0.0, -0.0980199, 0.0], abs=1e-6)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("scrub, floor", [(0.01, 0.2), (0.3, 4.0), (2.0, 20.0)])
 def test_large_forces_beside_dry_friction_come_to_rest_in_the_5_ms_step(scrub, floor):
     effects = {"turn_scrub": {"moment_n_m": scrub}, "soft_floor": {"force_n": floor}}
@@ -267,6 +269,7 @@ def test_bad_values_are_refused(bad, message):
         load_scenario("omni_multirate", [f"omni.effects.{bad}"])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_neutral_effects_change_no_bit_and_others_agree_with_drake(robot):
     scenario = load_scenario(f"{robot}_multirate", ["seconds=1", f"{robot}.plant.slip.ratio=[0.05, 0, 0.05]"])

@@ -142,6 +142,7 @@ def test_the_controller_does_not_know():
         np.testing.assert_array_equal(gain(wrong), gain(load_scenario(f"{robot}_multirate")))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 def test_neutral_effects_change_no_bit_and_others_agree_with_drake(robot):
     scenario = load_scenario(f"{robot}_multirate", ["seconds=1"])

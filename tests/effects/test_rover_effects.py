@@ -73,6 +73,7 @@ def test_at_neutral_values_the_run_is_the_base_run(name):
         assert np.array_equal(rows, listed.signals[signal]), signal
 
 
+@pytest.mark.slow
 def test_drake_and_the_compiled_rollout_agree_to_the_bit():
     every = {effect: {} for effect in NAMES} | SOME
     assert parity(load_scenario("velocity_base", ["seconds=4", f"rover.effects={every}"]))["max_abs_difference"] == 0.0

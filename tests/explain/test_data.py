@@ -37,6 +37,7 @@ def pushed(t, values):
     values[t > 5.0, 0] += 0.6
 
 
+@pytest.mark.slow
 def test_no_physics_is_blamed_for_millimetres(runs, effects):
     answer = explain(MODEL, [with_kinect(run, in_millimetres) for run in runs[:2]], effects=effects)
     assert answer.verdict == "data" and answer.effects == []
@@ -57,6 +58,7 @@ def test_trusted_data_are_used_and_the_finding_stands_first(runs, effects):
     assert answer.verdict != "data" and "places in mm" in str(answer).splitlines()[1]
 
 
+@pytest.mark.slow
 def test_a_stretch_is_cut_out_and_the_rest_is_explained(runs, effects):
     answer = explain(MODEL, [with_kinect(runs[0], pushed), runs[1]], runs[2], effects=effects)
     assert [effect.name for effect in answer.effects] == ["wheel_radius_error"]
@@ -64,6 +66,7 @@ def test_a_stretch_is_cut_out_and_the_rest_is_explained(runs, effects):
     assert answer.data[0].limited and "camera_jump" in {finding.fault for finding in answer.data}
 
 
+@pytest.mark.slow
 def test_a_late_camera_may_be_a_clock(effects):
     late = hide(MODEL, "omni", {"camera_latency": {"latency_s": 0.08}}, ["square", "trapezium", "square"], 5, 8.0)
     *training, held_out = late.values()

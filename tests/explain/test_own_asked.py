@@ -60,16 +60,19 @@ def test_a_run_that_is_too_short_to_be_cut_asks_for_nothing():
     assert asked([run(1, 0.05, seconds=4.0)], is_lacking=True) is None
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(4))
 def test_sound_runs_ask_for_nothing(seed):
     assert asked([run(10 * seed + k) for k in (1, 2, 3)]) is None
 
 
+@pytest.mark.slow
 def test_a_spring_is_unknown_and_goes_with_the_angle_of_the_wheel():
     found = di.explain(model(INERTIA, VISCOUS), [run(k, spring=0.05) for k in (1, 2)], effects=FEW)
     assert found.verdict == "unknown" and found.unknown.driver == "wheel angle"
 
 
+@pytest.mark.slow
 def test_what_whole_runs_ask_for_is_named_and_said():
     """A friction no larger than a sound drive may have, as far as coarse counts show it one after the other."""
     runs = [_counted(run(k, coulomb=0.008, push=0.0), 0.05) for k in range(4)]

@@ -108,6 +108,7 @@ def test_what_unknown_torques_add_up_to_is_not_taken_for_the_effect():
     assert abs(size.least_squares - 0.012) > 0.5 * 0.012
 
 
+@pytest.mark.slow
 def test_runs_that_come_nearer_by_chance_do_not_decide_the_size():
     """Each of the two is simulated better with least squares of the other, whose size is a tenth too small."""
     found = di.explain(
@@ -118,6 +119,7 @@ def test_runs_that_come_nearer_by_chance_do_not_decide_the_size():
     assert abs(size.least_squares - 0.004) > 0.1 * 0.004
 
 
+@pytest.mark.slow
 def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
     runs = [run(k, 0.02, push=0.03, every=20) for k in (1, 2, 3)]
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "torque_slew_limit"))
@@ -125,6 +127,7 @@ def test_an_encoder_that_is_read_rarely_shows_no_delay_that_is_not_there():
     assert "training runs, ATE run, simulated wheel angle, relative (torque): 0." in str(found)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("play_rad, verdict", [(0.0, "none"), (0.1, "unknown")])
 def test_play_in_a_gear_adds_nothing_up_and_is_not_passed_for_noise(play_rad, verdict):
     runs = [loose_run(k, 0.02, play_rad) for k in (1, 2)]
@@ -188,6 +191,7 @@ def test_two_frictions_that_stay_as_they_are_drift_nowhere():
     assert found.verdict == "named" and not found.drifts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [
     told_apart("coulomb_friction", "viscous_friction"), pytest.param(None, marks=pytest.mark.slow),
 ], ids=["some", "all"])
@@ -212,6 +216,7 @@ def test_dry_friction_is_as_steep_as_at_the_usual_speed(friction):
     assert np.array_equal(model(0.5, **friction).in_motion(np.zeros(1)), model(0.5, **friction).linearised()[0])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("every", "late_s"), [(5, 0.005), (5, 0.02), (1, 0.01), (20, 0.04)])
 def test_torques_that_are_stamped_late_are_set_to_the_tick(every, late_s):
     runs = [Clock("torque", 1.0, late_s).apply(run(k, 0.02, push=0.01, every=every)) for k in (1, 2)]
@@ -222,6 +227,7 @@ def test_torques_that_are_stamped_late_are_set_to_the_tick(every, late_s):
     ]
 
 
+@pytest.mark.slow
 def test_an_encoder_that_is_stamped_late_may_be_its_clock_or_a_delay_of_the_command():
     runs = [Clock("encoder", 1.0, 0.03).apply(run(k, 0.02, push=0.01)) for k in (1, 2)]
     found = di.explain(model(0.02), runs, effects=told_apart("command_delay", "motor_lag", "viscous_friction"))
@@ -230,6 +236,7 @@ def test_an_encoder_that_is_stamped_late_may_be_its_clock_or_a_delay_of_the_comm
     assert effect.parameters["delay_s"].estimate == pytest.approx(0.03, abs=0.001)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("every", [1, 5, 20])
 @pytest.mark.parametrize("effects", [None, ["command_delay", "motor_lag"]])
 @pytest.mark.parametrize("lacking", [{}, {"viscous": 0.01}, {"sag_per_s": 0.012}], ids=str)
@@ -269,6 +276,7 @@ def test_torques_that_were_logged_more_rarely_than_the_encoder_are_said_to_be_he
     assert bool(found.warning) == warned
 
 
+@pytest.mark.slow
 def test_a_run_may_be_logged_more_rarely_than_those_to_train_on():
     training = [run(40 + i, 0.02, viscous=0.01, most_rad_s2=30.0) for i in range(2)]
     seldom = run(42, 0.02, viscous=0.01, most_rad_s2=30.0, every=20)
@@ -276,6 +284,7 @@ def test_a_run_may_be_logged_more_rarely_than_those_to_train_on():
     assert answer.verdict == "named" and [effect.name for effect in answer.effects] == ["viscous_friction"]
 
 
+@pytest.mark.slow
 def test_a_delay_adds_nothing_up_over_a_run_and_is_that_of_the_filter():
     runs = [Clock("encoder", 1.0, 0.03).apply(run(1, 0.02, push=0.01))]
     (effect,) = di.explain(model(0.02), runs, effects=told_apart("command_delay", "viscous_friction")).effects

@@ -109,6 +109,7 @@ def test_diff_odometry_from_all_circles():
     assert smaller(found, "free") > 0.2
 
 
+@pytest.mark.slow
 def test_regbot_motors_rub_without_a_stribeck_bump():
     found = answer("regbot_motor", "--runs", "4")
     assert "coulomb_friction" in names(found)[0] and "stribeck_friction" not in names(found)[0]

@@ -125,6 +125,7 @@ def test_a_run_without_effects_is_the_scenario_of_the_package(robot):
 # ------------------------------------------------------------------------------------------------------------ runs
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_without_effects_a_robot_stays_near_its_path(robot, motion):
@@ -286,12 +287,14 @@ def is_safe(run):
     return inside and (run.robot == "omni" or np.abs(truth.column("tilt")).max() < 0.5)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "name"), EFFECTS)
 def test_an_effect_is_felt_and_survived(robot, name, plain):
     run = generate(robot, "eight", {name: scaled(name, robot)}, seconds=12.0, seed=2)
     assert is_safe(run) and changed(run, plain[robot])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "name"), OUTSIDERS)
 def test_an_unknown_effect_is_felt_and_survived(robot, name, plain):
     run = generate(robot, "eight", unknown=scaled_unknown(name, robot), seconds=12.0, seed=2)
@@ -370,6 +373,7 @@ def robot_in(physics, robot, motion="square"):
     return generate(robot, motion, {}, 6.0, 4, process_noise=0.0, sensor_noise=0.0, physics=physics)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_other_physics_makes_nearly_the_same_run(robot):
     own, foreign = (robot_in(physics, robot).channels["truth"].values for physics in (OWN, FOREIGN))
@@ -378,6 +382,7 @@ def test_other_physics_makes_nearly_the_same_run(robot):
     assert 0.0 < apart < 0.02 * way
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_wheels_creep_a_little_in_other_physics(robot):
     run = robot_in(FOREIGN, robot, "spin")

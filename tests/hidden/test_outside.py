@@ -58,11 +58,13 @@ def test_bearings_that_seize_half_way_show_in_the_second_half(robot, size):
     assert said.startswith("the second half of the runs by itself is explained best by coulomb_friction (torque_n_m")
 
 
+@pytest.mark.slow
 def test_a_mirrored_room_is_a_mistake_of_the_data():
     answer = told("omni", "mirrored_room", 1.0)
     assert answer.verdict == "data" and answer.data[0].fault == "camera_axis_mirrored"
 
 
+@pytest.mark.slow
 def test_a_sound_robot_is_called_sound():
     assert told("omni", None, 0.0).verdict == "none"
 

@@ -105,6 +105,7 @@ def test_a_trace_is_named_without_which_the_answer_does_not_suffice():
     assert "single_wheel_radius_error" in {wheel.name, *wheel.equivalents} and not found.remainders
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has", [
     ("encoder", "kinect"), pytest.param(("command", "encoder", "kinect"), marks=pytest.mark.slow),
 ])

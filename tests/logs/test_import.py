@@ -34,9 +34,9 @@ channels:
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """Folders of four runs, and the mapping beside them."""
+    """Folders of three runs, and the mapping beside them."""
     folder = tmp_path_factory.mktemp("logs")
-    for run in range(4):
+    for run in range(3):
         somebody.write_csv(folder / f"run{run}", run)
     (folder / "mapping.yaml").write_text(MAPPING)
     return folder
@@ -130,7 +130,7 @@ def test_wheels_beside_speeds_are_seen_as_wheels(tmp_path):
 
 def test_from_three_csv_files_to_the_larger_wheel(document, logs, tmp_path):
     """The whole road: the radius is named; the delay went into the offset of the clocks, and is said there."""
-    runs = [logs / f"run{i}" for i in range(4)]
+    runs = [logs / f"run{i}" for i in range(3)]
     told = document("import", logs / "mapping.yaml", *runs, "--out", tmp_path)
     assert all(any("part of that number" in line for line in lines) for lines in told["notes"].values())
     *training, held_out = told["recordings"].values()

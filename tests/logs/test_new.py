@@ -19,6 +19,7 @@ def test_a_new_robot_file_is_a_robot(said, tmp_path):
     assert robot.name == "cart" and robot.doubts() == [] and len(robot.wheels) == 2
 
 
+@pytest.mark.slow
 def test_a_new_effect_is_found_in_its_own_simulation(said, tmp_path):
     said("new", "effect", "torque_fade", "--out", tmp_path / "torque_fade.py")
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -40,6 +41,7 @@ def test_a_file_that_is_there_is_kept(refused, tmp_path):
     assert (tmp_path / "cart.yaml").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_from_its_first_cell_to_its_last(monkeypatch):
     monkeypatch.chdir(ROOT)
     cells = json.loads((ROOT / "examples" / "three_csv_files.ipynb").read_text())["cells"]

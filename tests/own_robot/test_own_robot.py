@@ -44,6 +44,7 @@ def test_it_is_simulated_as_it_is_compiled():
     assert command("parity", SCENARIO, "--seconds", "1")["max_abs_difference"] == 0.0
 
 
+@pytest.mark.slow
 def test_it_follows_its_path():
     run = command("simulate", SCENARIO, "--seconds", "20")
     assert not run["diverged"]
@@ -54,6 +55,7 @@ def test_it_is_drawn(tmp_path):
     assert "cart_plant" in command("draw", SCENARIO, "--out", tmp_path / "cart.svg")["dot"]
 
 
+@pytest.mark.slow
 def test_an_effect_hidden_in_it_is_found(hidden):
     found = command("explain", hidden / "square", hidden / "circle", "--model", SCENARIO)
     assert [effect["name"] for effect in found["effects"]] == ["coulomb_friction"]
@@ -61,6 +63,7 @@ def test_an_effect_hidden_in_it_is_found(hidden):
     assert size["ci90"][0] <= SIZE <= size["ci90"][1]
 
 
+@pytest.mark.slow
 def test_runs_of_another_robot_are_refused(hidden, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "drake_ispace", "explain", hidden / "square", "--model", "omni_multirate"],

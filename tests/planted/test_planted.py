@@ -28,6 +28,7 @@ def test_there_are_seventy_mistakes_and_each_has_names():
     assert len(CORRUPTIONS) >= 70 and all(mistake.expected for mistake in CORRUPTIONS.values())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", FEW)
 def test_a_planted_mistake_is_found_under_its_own_name(originals, tmp_path, name):
     result = planted("omni", "omni_multirate", originals, name, tmp_path)
@@ -62,12 +63,14 @@ def test_the_totals_count_what_can_be_seen(originals):
     assert totals([seen])["nothing found"] == 1 and totals([seen])["first"] == 0.0
 
 
+@pytest.mark.slow
 def test_two_planted_mistakes_are_both_found(originals, tmp_path):
     names = ["camera in inches", "headings off by 90 degrees"]
     found = planted_together("omni_multirate", originals, names, tmp_path)
     assert sorted(found) == ["heading_offset", "wrong_unit"]
 
 
+@pytest.mark.slow
 def test_sound_sets_have_no_finding():
     assert sound(2, 40) == 0
 

@@ -130,6 +130,7 @@ def test_the_first_thing_shown_is_the_hidden_effect_and_what_was_found(page, dat
     assert data["explained"]["seed"] == 3
 
 
+@pytest.mark.slow
 def test_a_second_demonstration_replaces_the_first(folder, tmp_path, monkeypatch, document):
     monkeypatch.setattr(demo_module, "_COMPARISONS", demo_module._COMPARISONS[:1])
     monkeypatch.setattr(demo_module, "write_hidden_effect", write_quickly)

@@ -537,6 +537,7 @@ def test_damaged_cache_entries_are_made_anew(damage, tmp_path, monkeypatch):
     assert np.array_equal(small_rollout().run(20)["count"], expected)
 
 
+@pytest.mark.slow
 def test_two_processes_may_race_for_one_entry(tmp_path):
     text = (
         "from drake_ispace.rollout.compile import compile_diagram\n"
@@ -576,6 +577,7 @@ def test_a_second_process_loads_what_the_first_compiled(tmp_path):
     assert hits == ["0", "1"]
 
 
+@pytest.mark.slow
 def test_a_kernel_from_the_cache_is_called_in_a_second_process(tmp_path):
     environment = {**os.environ, "DRAKE_ISPACE_CACHE": str(tmp_path)}
     code = "from drake_ispace.blocks.noise import stream, normal; print(normal(stream(0, 'name'), 3, 0))"

@@ -50,6 +50,7 @@ def test_bad_input_is_refused(refused, words):
     assert "expected" in refused("montecarlo", *SHORT, *words)
 
 
+@pytest.mark.slow
 def test_interrupts_keep_whole_rows(launched, tmp_path):
     """Killed, then stopped by Ctrl-C: only whole files are left, and they say how far it came."""
     words = ["montecarlo", "omni_multirate", "--seconds", "0.45", "--runs", "200000", "--out", tmp_path]

@@ -13,7 +13,7 @@ from noisy import NOISE_AND_SLIP
 
 
 @pytest.mark.parametrize("name", CATALOG)
-@pytest.mark.parametrize("seconds", [5, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [2, *(pytest.param(seconds, marks=pytest.mark.slow) for seconds in (5, 20))])
 def test_every_diagram_agrees_over(seconds, name):
     result = parity(load_scenario(name, [*NOISE_AND_SLIP, f"seconds={seconds}"]))
     assert result["ticks"] == 200 * seconds

@@ -164,6 +164,7 @@ def stamped(tick, out):
     out[0] = tick
 
 
+@pytest.mark.slow
 def test_every_fix_of_2000_acts_in_its_own_tick():
     builder = DiagramBuilder()
     walker, clock = builder.AddSystem(Walker()), builder.AddSystem(Clock())

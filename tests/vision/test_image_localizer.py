@@ -356,6 +356,7 @@ def test_a_compiled_rollout_refuses_it():
         compile_diagram(build_diagram(scenario))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", ["omni", "pendulum"])
 def test_a_robot_drives_on_images(name):
     run = simulate(load_scenario(f"{name}_multirate", ["seconds=1.5", "space.localizer.mode=image"]))

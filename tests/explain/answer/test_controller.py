@@ -28,6 +28,7 @@ def test_the_models_own_controller_leaves_nothing_whatever_the_plant_lacks(hidde
     assert check.unexplained < 1e-6 and check.gain == pytest.approx(1.0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_same_law_written_by_another_hand_leaves_little(robot):
     model = load_scenario(f"{robot}_multirate")
@@ -47,6 +48,7 @@ def test_without_a_channel_that_it_takes_nothing_is_said(hidden):
         assert check_controller(model, robot, replace(run, channels=channels)) is None
 
 
+@pytest.mark.slow
 def test_explain_warns_of_another_controller():
     model = load_scenario("omni_multirate")
     runs = list(hide(model, "omni", {}, ["square", "circle"], seconds=6.0).values())

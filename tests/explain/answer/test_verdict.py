@@ -179,6 +179,7 @@ def test_an_answer_has_the_rows_of_its_proof():
     assert (answer.gap, answer.proof, answer.remainders) == (answers.GAP, "held-out runs", [answers.LEFT])
 
 
+@pytest.mark.slow
 def test_a_size_that_differs_from_run_to_run_is_told():
     sizes = {"square": 0.006, "eight": 0.014}
     runs = [

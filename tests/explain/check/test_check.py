@@ -65,24 +65,27 @@ def marked(run, ahead_m, left_m):
     return changed(run, "kinect", placed)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("place", [(0.25, 0.0), (0.0, -0.4), (0.7, 0.0), (-0.5, 0.5)])
 def test_a_marker_anywhere_on_the_robot_accuses_nobody(sound, robot, place):
     assert found([marked(run, *place) for run in sound[robot]], robot) == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize("degrees", [60, *(pytest.param(degrees, marks=pytest.mark.slow) for degrees in (30, -150))])
 def test_headings_may_be_off_by_any_angle(sound, robot, degrees):
     turned = lambda t, v: v + np.deg2rad(degrees) * (np.arange(v.shape[1]) == 2)  # noqa: E731
-    off = [changed(run, "kinect", turned) for run in sound[robot]]
-    (finding,) = found(off, robot)
+    checked = check(MODEL[robot], [changed(run, "kinect", turned) for run in sound[robot]])
+    (finding,) = checked.findings
     assert (finding.fault, finding.what) == ("heading_offset", f"headings off by {degrees} degrees")
-    for run, plain in zip(check(MODEL[robot], off).repaired, sound[robot], strict=True):
+    for run, plain in zip(checked.repaired, sound[robot], strict=True):
         left = run.channels["kinect"].column("phi") - plain.channels["kinect"].column("phi")
         assert np.abs(left).max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "channel", "factors", "fault"), [
     ("omni", "encoder", (4,) * 4, "counts_per_turn"), ("omni", "kinect", (1, -1, 1), "camera_axis_mirrored"),
     ("pendulum", "encoder", (1, -1), "wheel_sign"), ("pendulum", "kinect", (1e3, 1e3, 1), "wrong_unit"),
@@ -93,6 +96,7 @@ def test_mistakes_are_found_beside_a_marker_that_is_not_at_the_middle(sound, rob
     assert (finding.fault, finding.channel) == (fault, channel)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", OMNI)
 @pytest.mark.parametrize(("channel", "factors", "fault"), [
     ("kinect", (1e3, 1e3, 1), "wrong_unit"), ("kinect", (1, 1, 180 / np.pi), "wrong_unit"),
@@ -110,6 +114,7 @@ def test_units_and_signs_of_whole_logs(sound, robot, channel, factors, fault):
     assert finding.drop_in_deviance > 12.0 and finding.repairs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize("factor", [20.0, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_torques_in_no_known_unit_are_told_with_the_factor(sound, robot, factor):
@@ -118,12 +123,14 @@ def test_torques_in_no_known_unit_are_told_with_the_factor(sound, robot, factor)
     assert finding.repairs[0].matrix[0][0] == pytest.approx(1.0 / factor, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", PENDULUM)
 def test_a_motor_may_be_weak_and_a_robot_heavy(sound, robot):
     for factor in (2.5, 0.5):
         assert not found([changed(run, "torque", lambda t, v, k=factor: k * v) for run in sound[robot]], robot)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("matrix", "fault"), [
     (np.diag([1, 1, 1, 1, 1, -1]), "imu_axes"), (np.diag([1 / 9.80665] * 3 + [1] * 3), "wrong_unit"),
     (np.eye(6)[[2, 0, 1, 5, 3, 4]], "imu_axes"),
@@ -133,11 +140,13 @@ def test_axes_and_units_of_the_imu(sound, matrix, fault):
     assert (finding.fault, finding.channel) == (fault, "imu")
 
 
+@pytest.mark.slow
 def test_gravity_that_was_taken_off(sound):
     runs = [changed(run, "imu", lambda t, v: v - [0, 0, 9.80665, 0, 0, 0]) for run in sound["pendulum"]]
     assert [finding.fault for finding in found(runs, "pendulum")] == ["gravity_missing"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("stamps", "fault"), [
     (lambda t: t + 0.8, "clock_offset"), (lambda t: 1e3 * t, "time_unit"), (lambda t: t + 1.7e9, "epoch_stamps"),
     (lambda t: t + 300.0, "clocks_disjoint"),
@@ -147,6 +156,7 @@ def test_clocks_of_the_camera(sound, stamps, fault):
     assert (finding.fault, finding.channel) == (fault, "kinect")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", MODEL)
 @pytest.mark.parametrize("lost", [0.0, 0.2])
 def test_frames_that_are_stamped_when_they_arrive(sound, robot, lost):
@@ -163,6 +173,7 @@ def test_frames_that_are_stamped_when_they_arrive(sound, robot, lost):
     assert found([fewer], robot) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", [7.0, 1.0 / 34.0])
 def test_any_whole_number_may_be_the_gear_that_was_forgotten(sound, gear):
     finding = found([changed(run, "encoder", lambda t, v: gear * v) for run in sound["omni"]], "omni")[0]
@@ -181,17 +192,20 @@ def test_a_latency_is_no_fault(sound):
     assert found([changed(run, "kinect", stamps=lambda t: t + 0.08) for run in sound["omni"]], "omni") == []
 
 
+@pytest.mark.slow
 def test_the_wheels_own_clock_is_told_from_that_of_the_others(sound):
     (finding,) = found([changed(run, "encoder", stamps=lambda t: t + 1.0) for run in sound["omni"]], "omni")
     assert (finding.fault, finding.channel) == ("clock_offset", "encoder")
 
 
+@pytest.mark.slow
 def test_one_run_alone_may_be_wrong(sound):
     first, second = sound["omni"]
     (finding,) = found([changed(first, "encoder", lambda t, v: -v), second], "omni")
     assert finding.fault == "encoder_sign" and finding.runs == (0,)
 
 
+@pytest.mark.slow
 def test_a_gyro_tells_swapped_wheels_from_a_mirrored_room(sound):
     wheels = [changed(run, "encoder", lambda t, v: v[:, ::-1]) for run in sound["pendulum"]]
     assert found(wheels, "pendulum")[0].fault == "wheels_swapped"
@@ -222,6 +236,7 @@ def test_wheels_that_start_anew_often_or_at_rest_are_continued(moved):
     assert np.allclose(turned, turned[0])
 
 
+@pytest.mark.slow
 def test_places_in_steps_of_10_cm_are_coarse_and_nothing_else(sound):
     rough = [changed(run, "kinect", lambda t, v: np.column_stack([np.round(v[:, :2], 1), v[:, 2:]]))
              for run in sound["omni"]]
@@ -280,6 +295,7 @@ def jumped(t, v):
     return v
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("channel", "values", "fault"), [
     ("kinect", carried, "robot_carried"), ("kinect", frozen, "channel_frozen"), ("encoder", frozen, "channel_frozen"),
     ("kinect", spiked, "camera_outliers"), ("kinect", hardly_spiked, "camera_outliers"),
@@ -292,6 +308,7 @@ def test_what_is_limited_in_time_is_found_there(sound, channel, values, fault):
     assert 2.0 < finding.from_s < 7.5 and finding.to_s < 10.0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("column", [0, 1])
 @pytest.mark.parametrize(("values", "fault", "what", "lasts_s"), [
@@ -314,6 +331,7 @@ def with_lost_rows(run, channel, at_s, lost_s):
     return replace(run, channels=run.channels | {channel: moved})
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", MODEL)
 def test_angles_that_are_lost_where_later_stamps_are_moved_up_are_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]
@@ -331,6 +349,7 @@ def with_rows_twice(channel, at, count):
     return replace(channel, t=channel.t[0] + period_s * np.arange(len(values)), values=values)
 
 
+@pytest.mark.slow
 def test_rows_that_come_twice_where_later_stamps_are_moved_are_a_clock_of_the_wheels_that_jumps():
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}
     first, second = (two_wheels.drive(680 + i, 20.0, **exact) for i in range(2))
@@ -359,6 +378,7 @@ def test_a_counter_that_starts_anew_once_at_a_steady_speed_is_no_row_that_comes_
     assert finding.fault == "angle_wrap"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", MODEL)
 def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_that_jumps(sound, robot):
     first, second = sound[robot]
@@ -370,6 +390,7 @@ def test_a_torque_that_lost_rows_where_later_stamps_are_moved_up_has_a_clock_tha
     assert 1.5 < repair.since_s < 5.0  # on a straight line at one speed a torque does not say when
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", MODEL)
 def test_a_clock_that_leaves_out_some_time_jumps_there(sound, robot):
     first, second = sound[robot]
@@ -379,6 +400,7 @@ def test_a_clock_that_leaves_out_some_time_jumps_there(sound, robot):
     assert finding.fault == "clock_jump" and finding.from_s == jumped.t[jumped.t >= 4.5][0]
 
 
+@pytest.mark.slow
 def test_a_check_is_printed_in_sentences(sound):
     first, second = sound["omni"]
     assert str(check(MODEL["omni"], [first, second])) == "The recordings agree with each other"
@@ -389,6 +411,7 @@ def test_a_check_is_printed_in_sentences(sound):
     assert "kinect in " in line and "the place jumps by 0.299 m" in line and "repair: " in line
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "channel", "column"), [("omni", "torque", 0), ("pendulum", "imu", 4)])
 def test_a_column_that_stops_for_a_while_is_told(sound, robot, channel, column):
     first, second = sound[robot]
@@ -406,6 +429,7 @@ def test_a_single_fix_of_a_slow_camera_that_is_off_is_an_outlier(sound):
     assert finding.fault == "camera_outliers" and finding.from_s == finding.to_s == slow.t[12]
 
 
+@pytest.mark.slow
 def test_headings_of_single_fixes_that_are_off_are_left_out(sound):
     first, second = sound["omni"]
     checked = check(MODEL["omni"], [changed(first, "kinect", turned_over), second])
@@ -415,6 +439,7 @@ def test_headings_of_single_fixes_that_are_off_are_left_out(sound):
     assert np.array_equal(checked.repaired[0].channels["kinect"].t, left)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle_rad", [0.5 * np.pi, -0.5 * np.pi, np.pi])
 def test_headings_that_are_turned_for_a_while_are_turned_back(sound, angle_rad):
     def turned(t, v):
@@ -429,6 +454,7 @@ def test_headings_that_are_turned_for_a_while_are_turned_back(sound, angle_rad):
     assert np.allclose(np.sin(off), 0.0, atol=1e-12) and np.allclose(np.cos(off), 1.0)
 
 
+@pytest.mark.slow
 def test_headings_of_every_fifth_fix_are_turned_back(sound):
     def turned(t, v):
         v[1::5, 2] += np.pi
@@ -449,6 +475,7 @@ def test_a_hand_between_outliers_is_found_as_well(sound):
     assert set(faults) == {"camera_outliers", "robot_carried"} and 5.0 < faults["robot_carried"].from_s < 7.5
 
 
+@pytest.mark.slow
 def test_a_camera_of_another_run(sound):
     first, second = sound["omni"]
     stranger = replace(first, channels=first.channels | {"kinect": second.channels["kinect"]})
@@ -505,6 +532,7 @@ def test_a_drive_may_lag_behind_its_command(commanded):
     assert check(*commanded).findings == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("factors", "fault"), [
     ((1, 1, -1), "command_sign"), ((1e3, 1e3, 1), "wrong_unit"), ((1, 1, np.pi / 180.0), "wrong_unit"),
 ])
@@ -514,6 +542,7 @@ def test_columns_of_the_command(commanded, factors, fault):
     assert (finding.fault, finding.channel) == (fault, "command")
 
 
+@pytest.mark.slow
 def test_a_command_tells_swapped_wheels_from_a_mirrored_room():
     late = [two_wheels.drive(80 + i, 15.0, left_share=0.0, late_s=0.06, lag_s=0.02, in_step=True) for i in range(2)]
     swapped = [changed(run, "encoder", lambda t, v: v[:, ::-1].copy()) for run in late]
@@ -521,6 +550,7 @@ def test_a_command_tells_swapped_wheels_from_a_mirrored_room():
     assert finding.fault == "wheels_swapped" and "camera_axis_mirrored" in finding.rivals
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wheels", [
     lambda t, v: v * [1.004, 1.0], lambda t, v: v + 0.05 * np.sin(3.3 * t)[:, None] * (t[:, None] > 2.0),
 ])
@@ -532,6 +562,7 @@ def test_a_steady_turn_on_the_spot_accuses_nobody(wheels):
     assert check(two_wheels.model(), runs).findings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "rate", "lag_s"), [
     (0.0, 1.2, 0.0), (0.0, 1.2, 0.1), (0.3, 0.0, 0.0), (0.3, 0.5, 0.0), (0.3, 0.5, 0.1),
 ])
@@ -544,12 +575,14 @@ def test_steady_motion_accuses_nobody(speed, rate, lag_s, gain):
     assert check(two_wheels.model(), runs).findings == []
 
 
+@pytest.mark.slow
 def test_headings_that_are_nothing_but_noise_are_in_no_other_unit():
     straight = {"speeds_m_s": (0.3, 0.3), "rates_rad_s": (0.0, 0.0), "left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
     runs = [two_wheels.drive(seed, 30.0, in_step=True, **straight) for seed in (0, 1)]
     assert check(two_wheels.model(), runs).findings == []
 
 
+@pytest.mark.slow
 def test_wheels_may_be_named_in_any_order(commanded):
     model, runs = commanded
     encoder = runs[0].channels["encoder"]
@@ -558,6 +591,7 @@ def test_wheels_may_be_named_in_any_order(commanded):
     assert check(model, [replace(runs[0], channels=runs[0].channels | {"encoder": named}), runs[1]]).findings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [40.0, pytest.param(100.0, marks=pytest.mark.slow)])
 def test_a_steady_circle_hardly_says_whose_torque_it_is(seconds):
     """Its push towards the middle is constant, and what is left of the torque is noise."""
@@ -575,6 +609,7 @@ def test_the_even_steps_of_half_an_hour_of_stamps_take_little_memory():
     assert grid.step_s == pytest.approx(0.0953, abs=1e-3 / len(t))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seconds", [5.0, 6.0])
 def test_a_larger_wheel_is_no_gyro_of_another_run_where_the_robot_only_drives_straight(seconds):
     larger = {"single_wheel_radius_error": {"wheel": 2, "share": 0.05}}
@@ -589,6 +624,7 @@ def test_a_gyro_of_another_run_is_found(sound):
     assert ("channel_of_another_run", "imu") in [(f.fault, f.channel) for f in check(MODEL["pendulum"], runs).serious]
 
 
+@pytest.mark.slow
 def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
     square, eight = sound["omni"]
     swapped = replace(square, channels=square.channels | {"torque": eight.channels["torque"]})
@@ -596,6 +632,7 @@ def test_a_torque_of_another_run_is_found_beside_a_sound_one(sound):
     assert ("channel_of_another_run", "torque") in faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [
     {"camera_hz": 120.0, "encoder_hz": 200.0, "others": {"marker_y_m": -0.112}},  # about a wheel that hardly turns
     {"camera_hz": 0.8},  # a fix long after it has begun to move
@@ -606,6 +643,7 @@ def test_a_robot_whose_wheels_may_rest_is_not_carried_and_no_wheel_is_stuck(how,
     assert check(two_wheels.model(), runs).findings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [pytest.param(10, marks=pytest.mark.slow), 35])
 def test_a_torque_is_no_stranger_and_its_clock_right_beside_ripple_of_encoders_and_friction_that_fades(number):
     case = cases()[number]
@@ -613,6 +651,7 @@ def test_a_torque_is_no_stranger_and_its_clock_right_beside_ripple_of_encoders_a
     assert check(MODEL[case["robot"]], runs_of(case)).serious == []
 
 
+@pytest.mark.slow
 def test_a_clock_of_torque_that_drifts_alike_in_all_runs_is_told(sound):
     def drifting(run):
         torque = run.channels["torque"]
@@ -622,6 +661,7 @@ def test_a_clock_of_torque_that_drifts_alike_in_all_runs_is_told(sound):
     assert {(f.fault, f.channel) for f in found} == {("clock_drift", "torque")}
 
 
+@pytest.mark.slow
 def test_motors_that_cog_shake_the_body_and_are_no_imu_with_other_axes():
     (case,) = [case for case in cases() if case["seed"] == 537]
     assert case["effect"] == "cogging" and found(runs_of(case), "pendulum") == []
@@ -641,6 +681,7 @@ def test_another_size_is_no_factor_of_two(dimension, share, fault):
     assert [finding.fault for finding in check(two_wheels.model(), runs).findings] == ([fault] if fault else [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", OMNI)
 @pytest.mark.parametrize("times", [3.0, 20.0])
 def test_a_track_of_the_model_that_is_far_too_wide_is_the_models(robot, times):
@@ -661,6 +702,7 @@ def test_a_robot_of_millimetres_typed_as_metres_is_refused(key):
         load_scenario("velocity_base", [f"{key}=200"])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", PENDULUM)
 @pytest.mark.parametrize("times", [0.3, 1.7, 2.0])
 def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, sound):
@@ -670,6 +712,7 @@ def test_a_room_of_another_size_is_the_cameras_not_the_wheels(robot, times, soun
     assert finding.fault == "wrong_unit" and finding.channel == "kinect" and f"{times:g} times" in finding.what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [100, 300])
 def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
     runs = [generate("omni", motion, {}, 20.0, seed + i) for i, motion in enumerate(("square", "eight", "circle"))]
@@ -681,6 +724,7 @@ def test_wheels_that_spin_in_the_air_are_no_mistake_of_the_whole_run(seed):
     assert {finding.fault, *finding.rivals} >= {"robot_carried", "robot_lifted"} and finding.limited
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wheel", [0, 2])
 def test_a_wheel_that_counts_backwards_on_a_circle_is_told_by_the_other_three(wheel):
     """A marker that may be anywhere explains to the camera what it does."""
@@ -690,6 +734,7 @@ def test_a_wheel_that_counts_backwards_on_a_circle_is_told_by_the_other_three(wh
     assert finding.what == f"wheel {wheel + 1} counts backwards" and not found([run], "omni")
 
 
+@pytest.mark.slow
 def test_a_wheel_that_counts_backwards_is_told_beside_a_sound_run_of_the_same_motion():
     runs = [run for seed in (5, 6) for run in hide(MODEL["omni"], "omni", {}, ["circle"], seed, 8.0).values()]
     runs[1] = changed(runs[1], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))
@@ -697,6 +742,7 @@ def test_a_wheel_that_counts_backwards_is_told_beside_a_sound_run_of_the_same_mo
     assert (finding.what, finding.runs) == ("wheel 1 counts backwards", (1,))
 
 
+@pytest.mark.slow
 def test_three_mistakes_of_wheels_and_model_are_another_robot_and_nothing_is_repaired():
     runs = [generate("omni", motion, {}, 12.0, 5 + i) for i, motion in enumerate(("square", "eight", "circle"))]
     in_degrees = lambda t, v: np.rad2deg(v) * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0)  # noqa: E731
@@ -724,6 +770,7 @@ def test_swapped_wheels_are_told_beside_a_run_that_no_camera_saw():
         assert np.array_equal(run.channels["encoder"].values, repaired.channels["encoder"].values)
 
 
+@pytest.mark.slow
 def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_it_rests():
     runs = list(hide(MODEL["omni"], "omni", {}, ["square", "figure_eight", "trapezium"], 5, 8.0).values())
     runs[0] = changed(runs[0], "encoder", lambda t, v: v * np.where(np.arange(v.shape[1]) == 0, -1.0, 1.0))
@@ -731,6 +778,7 @@ def test_a_wheel_that_counts_backwards_in_one_run_is_not_told_of_a_run_in_which_
     assert (finding.fault, finding.runs) == ("wheel_sign", (0,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1])
 def test_places_in_millimetres_in_one_run_of_two_are_that_and_nobody_carried_the_robot(number):
     """By its turns, which are right, the run follows the wheels well as it is."""
@@ -741,6 +789,7 @@ def test_places_in_millimetres_in_one_run_of_two_are_that_and_nobody_carried_the
     assert (finding.fault, finding.what, finding.runs) == ("wrong_unit", "places in mm", (number,))
 
 
+@pytest.mark.slow
 def test_the_width_of_a_track_that_skids_is_measured():
     others = {"track_share": 2.0}
     runs = [two_wheels.drive(900 + i, 15.0, 0.0, 0.0, 0.0, others=others, in_step=True) for i in range(2)]

@@ -28,6 +28,7 @@ def found(runs, share, drifting):
     return {finding.runs: finding.repairs[0].rate for finding in findings}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("drifting", [1, 2])
 def test_a_rate_between_those_that_are_tried_is_found(sound, drifting):
     """Rates are tried in steps of 0.4 % first, by which the ends of 50 s are 0.2 s apart."""
@@ -36,6 +37,7 @@ def test_a_rate_between_those_that_are_tried_is_found(sound, drifting):
     assert list(rates.values()) == [pytest.approx(1.0 / 0.9895, abs=5e-4)] * drifting
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drifting", [1, 2])
 @pytest.mark.parametrize("share", [-0.007, 0.007])
 def test_a_drift_by_less_than_latencies_differ_between_cameras_is_found_as_such(sound, share, drifting):
@@ -45,12 +47,14 @@ def test_a_drift_by_less_than_latencies_differ_between_cameras_is_found_as_such(
     assert list(rates.values()) == [pytest.approx(1.0 / (1.0 + share), abs=3e-4)] * drifting
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drifting", [1, 2])
 def test_a_drift_by_less_than_its_motion_tells_is_none(sound, drifting):
     """In 50 s the camera's clock comes to be 0.09 s late."""
     assert found(sound, -0.0018, drifting) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.01, 0.02])
 def test_a_clock_that_drifts_alike_in_short_runs_is_one_mistake_of_all(share):
     """By itself hardly one of them shows it: in 18 s the clock comes to be 0.18 or 0.36 s late."""
@@ -59,6 +63,7 @@ def test_a_clock_that_drifts_alike_in_short_runs_is_one_mistake_of_all(share):
     assert rates == {(i,): pytest.approx(1.0 / (1.0 + share), abs=5e-4) for i in range(4)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 300])
 def test_a_window_more_that_lies_in_the_run_is_no_evidence_of_a_drift(seed):
     """Runs of 16.0 s end so that a faster clock has one or two windows of the camera more."""

@@ -47,6 +47,7 @@ def errors_of(runs, found):
     return [np.sqrt(np.mean(np.concatenate(one) ** 2)) for one in (logged, repaired)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [
     {"lag_s": 0.0}, {"lag_s": 0.05}, {"lag_s": 0.25, "others": {"delay_s": 0.07}}, {"lag_s": 0.0, "encoder_hz": 100.0},
 ], ids=["exact", "lag", "lag and delay", "fast"])
@@ -56,12 +57,14 @@ def test_changes_get_their_own_moments_whatever_the_drive_does_besides(robot):
     assert logged > 0.45 * step_s and repaired < max(0.1 * step_s, 0.0015)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("others", SLOW_DRIVES, ids=["ramp", "fast ramp", "brakes"])
 def test_what_a_drive_takes_longer_for_larger_changes_is_no_part_of_their_moments(others):
     logged, repaired = errors_of(*checked(lag_s=0.0, others=others))
     assert repaired < 0.4 * logged
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [
     {"lag_s": 0.0}, {"lag_s": 0.2}, {"lag_s": 0.03, "others": {"delay_s": 0.03}}, {"lag_s": 0.1, "encoder_hz": 100.0},
     {"lag_s": 0.1, "others": {"gain_share": 0.08}}, {"lag_s": 0.0, "others": {"brake_s2_m": 1.0}},
@@ -71,6 +74,7 @@ def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
     assert checked(**robot, in_step=True)[1].findings == []
 
 
+@pytest.mark.slow
 def test_changes_are_found_though_the_drive_speeds_up_slowly():
     _, found = checked(lag_s=0.0, others={"ramp_s2_m": 0.3}, encoder_hz=50.0)
     assert [finding.fault for finding in found.findings] == ["command_moments"] * 2
@@ -119,6 +123,7 @@ def test_samples_at_earlier_times_stay_in_order():
     assert again.t == pytest.approx([0.0, 0.06, 0.2]) and again.values[:, 0] == pytest.approx([0.0, 1.0, 2.0])
 
 
+@pytest.mark.slow
 def test_a_log_that_keeps_every_fourth_sample_of_the_command_shows_no_delay():
     run = two_wheels.drive(5, **SOUND | {"lag_s": 0.0, "in_step": True})
     command = run.channels["command"]

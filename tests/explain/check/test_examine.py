@@ -70,6 +70,7 @@ def test_without_held_out_runs_none_is_missed(runs, monkeypatch):
     assert not examined(runs, ()).warnings
 
 
+@pytest.mark.slow
 def test_each_run_is_told_with_its_own_numbers():
     """What is alike in two runs but for its size is not told of both with the size of one."""
     hidden = di.hide("omni_multirate", "omni", {}, ["square", "circle"], 5, 8.0).values()

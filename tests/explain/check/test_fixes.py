@@ -43,6 +43,7 @@ def noisy(run, place_m, heading_rad, seed=1):
         place_m, place_m, heading_rad))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("hz, late_s", [(30.0, 0.0), (30.0, 0.1), (10.0, 0.0)])
 def test_nobody_carries_the_robot_of_a_noisy_camera(hz, late_s):
     """From fix to fix the noise is more than the robot moves."""
@@ -50,6 +51,7 @@ def test_nobody_carries_the_robot_of_a_noisy_camera(hz, late_s):
     assert not check(two_wheels.model(), sound).findings
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("share", [0.02, 0.1])
 def test_fixes_that_are_off_are_left_out_and_no_others(share):
     first, second = runs()
@@ -64,6 +66,7 @@ def test_fixes_that_are_off_are_left_out_and_no_others(share):
     assert len(values) - len(checked.repaired[0].channels["kinect"].t) < 1.05 * len(off)
 
 
+@pytest.mark.slow
 def test_a_robot_that_shakes_for_a_while_keeps_its_fixes():
     """At nearly half the camera's rate every motion comes back at once."""
     t, fixes = np.arange(0.0, 40.0, 0.02), np.arange(0.0133, 39.9, 0.2)
@@ -79,6 +82,7 @@ def test_a_robot_that_shakes_for_a_while_keeps_its_fixes():
     assert not check(two_wheels.model(), [run]).findings
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("later_s", [0.0, -40.0])
 @pytest.mark.parametrize("degrees", [25.0, -10.0])
 def test_headings_that_are_off_for_a_while_are_turned_back_there_and_nowhere_else(degrees, later_s):
@@ -135,6 +139,7 @@ def reckoned(run, t, share=0.0):
     return np.column_stack([place, wrap(phi)])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("share, late_s, digits", [(0.0, 0.0, 12), (0.03, 0.0, 12), (0.0, 0.04, 12), (0.0, 0.0, 5)])
 def test_poses_that_were_computed_from_the_wheels_are_no_cameras(share, late_s, digits):
     """Not even where they tell of other wheels than those believed, or late, or all was rounded in a file."""
@@ -152,6 +157,7 @@ def test_poses_that_were_computed_from_the_wheels_are_no_cameras(share, late_s, 
     assert "kinect" not in checked.repaired[0].channels
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("camera_hz, encoder_hz", [(30.0, 50.0), (100.0, 50.0), (30.0, 10.0)])
 def test_a_camera_without_noise_knows_no_counts(monkeypatch, camera_hz, encoder_hz):
     monkeypatch.setattr(two_wheels, "FIX_RMS", (0.0, 0.0, 0.0))
@@ -184,6 +190,7 @@ def with_turned_places(run, degrees):
     return with_fixes(run, values)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("others", [{}, {"marker_x_m": 0.1, "marker_y_m": 0.05}], ids=["middle", "beside"])
 @pytest.mark.parametrize("degrees", [(0.0, 60.0, 0.0), (0.0, 50.0, 120.0), (40.0, 40.0, -130.0)])
 def test_places_that_are_turned_are_told_by_their_angle_in_each_run(degrees, others):
@@ -195,6 +202,7 @@ def test_places_that_are_turned_are_told_by_their_angle_in_each_run(degrees, oth
         assert np.abs(wrap(added - np.deg2rad(by))).max() < np.deg2rad(2.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("having", [(0,), (0, 1)], ids=["one run", "all runs"])
 @pytest.mark.parametrize("name", ["x", "y"])
 @pytest.mark.parametrize("unit, factor", [("mm", 1e3), ("cm", 1e2)])

@@ -33,6 +33,7 @@ def squares(seed, wanders_m_s=0.0, side_s=3.8, turn_rad_s=0.9):
     })
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(4))
 def test_a_command_is_no_stranger_to_a_drive_that_wanders(seed):
     assert not [finding for finding in check(MODEL, [squares(seed, 0.02)]).findings if finding.channel == "command"]
@@ -79,6 +80,7 @@ def test_a_camera_of_another_run_that_turns_the_other_way_is_found():
     assert finding.what == "moves with the wheels of run 1"
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "channel"), [
     ("omni", "torque"), ("pendulum", "torque"), pytest.param("pendulum", "imu", marks=pytest.mark.slow),
 ])
@@ -90,6 +92,7 @@ def test_a_torque_or_an_imu_of_another_run_is_found_by_whose_wheels_it_follows(r
     assert finding.what == "moves with the wheels of run 2"
 
 
+@pytest.mark.slow
 def test_the_camera_of_a_robot_that_is_pushed_twice_is_no_other_runs():
     """Both pushes take it aside and turn it, faster than it ever drives."""
     run = two_wheels.drive(5, 24.0, 0.0, 0.0, 0.0, in_step=True)

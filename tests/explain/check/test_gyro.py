@@ -25,6 +25,7 @@ def with_gyro(share, rate, late_s=0.0, seed=7, **how):
     return replace(run, channels=run.channels | {"imu": Channel(encoder.t + late_s, COLUMNS, values)})
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("share, rate", [(0.03, 0.03), (0.3, 0.0), (-0.1, 0.0), (0.0, 0.3), (0.0, -0.05)])
 def test_its_scale_and_its_zero_are_told_and_repaired(share, rate):
     run = with_gyro(share, rate)
@@ -37,17 +38,20 @@ def test_its_scale_and_its_zero_are_told_and_repaired(share, rate):
     assert np.polyfit(sound, repaired, 1)[0] == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("share, rate, late_s", [(0.0, 0.0, 0.0), (0.004, 0.006, 0.0), (0.0, 0.0, 0.08)])
 def test_a_sound_gyro_may_be_late_and_off_by_a_little(share, rate, late_s):
     assert check(two_wheels.model(), [with_gyro(share, rate, late_s)]).findings == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("most_rad_s", [0.0, 0.02])
 def test_a_gyro_is_not_off_where_the_robot_hardly_turns(most_rad_s):
     run = with_gyro(0.0, 0.0, rates_rad_s=(-most_rad_s, most_rad_s))
     assert "gyro_off" not in {finding.fault for finding in check(two_wheels.model(), [run]).findings}
 
 
+@pytest.mark.slow
 def test_a_gyro_is_not_off_beside_a_camera_of_another_run():
     run, other = with_gyro(0.0, 0.0), with_gyro(0.0, 0.0, seed=8)
     swapped = replace(run, channels=run.channels | {"kinect": other.channels["kinect"]})

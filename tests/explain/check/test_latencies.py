@@ -24,6 +24,7 @@ def findings(late_s, **hidden):
     return check(two_wheels.model(), recordings).findings
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("usual_s", [0.0, 0.06])
 def test_it_is_found_beside_a_larger_wheel_and_set_by_the_difference(usual_s):
     (finding,) = findings([usual_s, usual_s + 0.1, usual_s], left_share=0.03)
@@ -42,6 +43,7 @@ def test_a_clock_that_jumps_by_less_than_a_usual_latency_is_told_with_its_jump()
     assert finding.repairs[0].offset_s == pytest.approx(-0.15, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed, later_s", [(8300, 0.15), (8300, 0.2), (8330, 0.2)])
 def test_a_jump_within_a_window_is_no_drift_and_no_robot_that_is_carried(seed, later_s):
     fast = SOUND | {"in_step": True, "speeds_m_s": (-0.5, 0.5), "rates_rad_s": (-1.0, 1.0)}
@@ -54,6 +56,7 @@ def test_a_jump_within_a_window_is_no_drift_and_no_robot_that_is_carried(seed, l
     assert finding.repairs[0].offset_s == pytest.approx(-later_s, abs=0.0101)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("late_s", [(0.0, 0.1), (0.1, 0.1, 0.1), (0.0, 0.03, 0.0)])
 def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
     assert not findings(late_s)
@@ -100,6 +103,7 @@ def test_a_command_that_may_as_well_be_no_earlier_than_the_wheels_is_no_finding(
     assert finding.runs == (2,)
 
 
+@pytest.mark.slow
 def test_outliers_are_left_out_by_the_clock_by_which_they_were_found():
     """Repairs act one after the other: fixes that are off are found before the clock of their run is."""
     first, second, late = (two_wheels.drive(7300 + i, 20.0, in_step=True, **SOUND | {"late_s": lag}) for i, lag in (
@@ -123,6 +127,7 @@ def moved(run, channel, by_s):
     return replace(run, channels=run.channels | {channel: replace(there, t=there.t + by_s)})
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("off_s", [0.3, -0.4])
 def test_a_clock_is_off_by_what_all_windows_say_and_not_by_where_one_more_comes_in(off_s):
     exact = SOUND | {"in_step": True}
@@ -131,6 +136,7 @@ def test_a_clock_is_off_by_what_all_windows_say_and_not_by_where_one_more_comes_
     assert finding.channel == "kinect" and finding.repairs[0].offset_s == pytest.approx(-off_s, abs=0.0101)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("off_s", [0.3, 1.0, -0.5])
 def test_camera_and_command_that_are_off_alike_are_a_clock_of_the_encoders(off_s):
     lagging = SOUND | {"lag_s": 0.1, "in_step": True}
@@ -149,6 +155,7 @@ def with_gyro(run):
     return replace(run, channels=run.channels | {"imu": imu})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.25, 0.3])
 def test_sensors_that_agree_need_no_command_to_tell_of_the_encoders(late_s):
     """A drive that is late adds to what the command is off by."""
@@ -158,6 +165,7 @@ def test_sensors_that_agree_need_no_command_to_tell_of_the_encoders(late_s):
     assert channels == {"encoder"}
 
 
+@pytest.mark.slow
 def test_a_gyro_that_agrees_with_the_wheels_speaks_for_their_clock():
     slow = SOUND | {"others": {"delay_s": 0.3}, "in_step": True}
     runs = [moved(with_gyro(two_wheels.drive(7350 + i, 20.0, **slow)), "kinect", -0.3) for i in range(2)]

@@ -93,12 +93,14 @@ FAULTS = {
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_mistake_is_named_or_stands_beside_what_is_named(sound, fault):
     finding = check(MODEL, [FAULTS[fault](one) for one in sound]).findings[0]
     assert fault in (finding.fault, *finding.rivals) and "camera_latency" not in finding.rivals
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("times", "may_be"), [(35.15, "57.3 (deg)"), (1.0 / 700.0, "1000 (mN m, N mm, mrad)")])
 def test_a_ratio_of_torques_and_angles_is_told_as_it_is_and_no_unit_is_put_in_its_place(sound, times, may_be):
     runs = [mixed("torque", -np.eye(2) / times)(one) for one in sound]
@@ -112,11 +114,13 @@ def test_a_ratio_of_torques_and_angles_is_told_as_it_is_and_no_unit_is_put_in_it
         assert np.array_equal(after.channels["torque"].values, -before.channels["torque"].values)
 
 
+@pytest.mark.slow
 def test_a_ratio_that_no_known_unit_comes_near_is_said_to_be_none(sound):
     (finding,) = check(MODEL, [mixed("torque", 2e4 * np.eye(2))(one) for one in sound]).findings
     assert "20000 times too large" in finding.what and "no known unit" in finding.what and not finding.repairs
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("inertia", [0.4 * INERTIA, INERTIA, 2.5 * INERTIA])
 def test_friction_and_another_inertia_are_no_mistake_of_the_data(inertia):
     assert not check(MODEL, [run(inertia, seed=seed) for seed in range(2)]).findings
@@ -131,6 +135,7 @@ def test_a_constant_torque_is_a_step_and_not_a_dead_channel(sound):
     assert not check(MODEL, [step]).findings
 
 
+@pytest.mark.slow
 def test_explain_blames_no_physics_for_a_torque_of_the_other_sense(sound):
     answer = di.explain(MODEL, [FAULTS["torque_sign"](one) for one in sound])
     assert answer.verdict == "data" and answer.data[0].fault == "torque_sign"
@@ -193,11 +198,13 @@ def of_arm(torque, theta):
     })
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("believed", [0.3, 0.0, 0.6])
 def test_a_torque_that_holds_a_weight_is_no_mistake_of_the_data(believed):
     assert not check(arm(believed), [swings(seed) for seed in (2, 3)]).findings
 
 
+@pytest.mark.slow
 def test_a_torque_of_the_other_sense_is_found_beside_a_weight():
     findings = check(arm(0.3), [swings(seed, -1.0) for seed in (2, 3)]).findings
     assert [finding.fault for finding in findings] == ["torque_sign"]
@@ -220,16 +227,19 @@ def steps(seed, delay_s, sense=1.0):
     return of_arm(sense * torque, theta)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", [0, 10])
 def test_a_torque_that_acts_late_is_not_of_the_other_sense(seed):
     assert not check(arm(0.3), [steps(seed + k, 0.02) for k in (0, 1)]).findings
 
 
+@pytest.mark.slow
 def test_a_late_torque_of_the_other_sense_is_found():
     findings = check(arm(0.3), [steps(k, 0.02, -1.0) for k in (0, 1)]).findings
     assert [finding.fault for finding in findings] == ["torque_sign"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", range(3))
 def test_a_torque_that_tells_nothing_at_most_lags_is_of_no_other_run(seed):
     assert not check(arm(0.3), [sine(seed + k) for k in (0, 3)]).findings
@@ -245,6 +255,7 @@ def test_what_is_no_number_is_refused(channel, sound):
         check(MODEL, [sound[1], spoilt])
 
 
+@pytest.mark.slow
 def test_runs_of_which_nothing_is_left_contradict_each_other(sound):
     def dead(recording):
         old = recording.channels["torque"]
@@ -265,14 +276,16 @@ def logged(torque, theta):
     })
 
 
-def test_a_wheel_that_comes_by_again_and_a_torque_that_is_repeated_are_no_rows_twice():
-    t = 2e-3 * np.arange(4000)
+_COUNTS = np.cumsum(np.tile(np.r_[np.ones(40), -np.ones(38), -2.0, np.ones(40), 2.0, -np.ones(42)], 25))[:4000]
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("angles", [
+    0.3 * np.abs((1e-3 * np.arange(4000)) % 2.0 - 1.0),  # to and fro at 0.15 rad/s, a count every 20 rows
+    3.0 * np.abs((1e-3 * np.arange(4000)) % 2.0 - 1.0),  # a count every other row
+    6e-3 * (_COUNTS + 0.5),
+], ids=["slow", "quick", "count by count"])
+def test_a_wheel_that_comes_by_again_and_a_torque_that_is_repeated_are_no_rows_twice(angles):
     torque = np.tile(0.05 * np.sin(2.0 * np.pi * np.arange(500) / 500.0), 8)
-    theta = 0.3 * np.abs((0.5 * t) % 2.0 - 1.0)  # to and fro at 0.15 rad/s, a count every 20 rows
-    quick = 3.0 * np.abs((0.5 * t) % 2.0 - 1.0)  # a count every other row
-    counts = np.cumsum(np.tile(np.r_[np.ones(40), -np.ones(38), -2.0, np.ones(40), 2.0, -np.ones(42)], 25))[:4000]
-    found = [
-        finding.fault for angles in (theta, quick, 6e-3 * (counts + 0.5))
-        for finding in check(MODEL, [logged(torque, angles)]).findings
-    ]
+    found = [finding.fault for finding in check(MODEL, [logged(torque, angles)]).findings]
     assert "rows_duplicated" not in found

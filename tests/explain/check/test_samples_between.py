@@ -57,6 +57,7 @@ def found(run, model=None):
     return check(model or model_of(run), [run])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("every", [2, 4, 8])
 def test_a_torque_that_is_logged_more_rarely_than_it_is_set_is_serious(run, every):
     assert [f.fault for f in found(kept(run, "torque", slice(None, None, every))).serious] == ["undersampled"]
@@ -68,12 +69,14 @@ def test_an_imu_that_is_logged_or_read_more_rarely_than_the_controller_uses_it_i
         assert [(f.fault, f.channel) for f in found(changed).serious] == [("undersampled", "imu")]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lost", [0.0, 0.01, 0.06, 0.3])
 def test_torques_that_are_lost_now_and_then_are_told_and_no_reason_to_stop(run, lost):
     checked = found(kept(run, "torque", at_random(run, "torque", lost)))
     assert [f.fault for f in checked.findings] == (["steps_missing"] if lost > 0.02 else []) and not checked.serious
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lost", [0.5, 0.7])
 @pytest.mark.parametrize("name", ["encoder", "kinect"])
 def test_where_rows_are_lost_at_random_true_stamps_are_left_alone(run, name, lost):
@@ -113,6 +116,7 @@ def test_a_torque_that_repeats_in_step_may_have_been_another_in_between(run):
     assert (finding.fault, finding.what) == ("steps_missing", "the same as before at 75 % of the ticks")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("name", ["encoder", "torque"])
 def test_angles_that_are_read_rarely_and_torques_that_are_logged_often_are_sound(run, name):
     channel = run.channels[name]
@@ -124,6 +128,7 @@ def test_angles_that_are_read_rarely_and_torques_that_are_logged_often_are_sound
     assert not found(changed).findings
 
 
+@pytest.mark.slow
 def test_a_torque_in_steps_of_a_second_is_known_at_every_tick():
     run = generate("omni", "eight", seconds=8.0, seed=43)
     steps = np.sin(np.floor(run.channels["torque"].t))[:, None] * np.full(4, 0.1)
@@ -131,6 +136,7 @@ def test_a_torque_in_steps_of_a_second_is_known_at_every_tick():
     assert "undersampled" not in {f.fault for f in found(rare).findings}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("fault", ["steps_missing", "samples_held"])
 def test_beside_steps_that_are_missing_nothing_is_named_for_certain(run, fault):
     findings = [replace(finding, fault=fault) for finding in found(held(run, "torque", 4)).findings]
@@ -139,6 +145,7 @@ def test_beside_steps_that_are_missing_nothing_is_named_for_certain(run, fault):
     assert (answer.verdict == "incomplete") == (fault == "steps_missing")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("lasts_s", "parts"), [(0.4, 1), (1.2, 2)])
 def test_a_long_gap_cuts_a_run_in_two(lasts_s, parts):
     run = generate("omni", "eight", seconds=12.0, seed=44)
@@ -159,6 +166,7 @@ def interpolated(run, every_s, digits=None):
     return with_samples(run, "kinect", t, values if digits is None else np.round(values, digits))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("digits", [None, 9, 6])
 def test_fixes_that_a_table_interpolates_are_left_out_but_for_those_at_the_bends(rover, digits):
     every = interpolated(rover, 0.01, digits)
@@ -175,6 +183,7 @@ def test_interpolated_fixes_of_a_noisy_camera_are_of_no_other_run():
     assert [f.fault for f in found(run).findings] == ["samples_interpolated"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("every_s", [0.01, 0.004])
 def test_bends_that_rounding_hides_keep_their_fixes(run, every_s):
     checked = found(interpolated(run, every_s, 4))
@@ -184,6 +193,7 @@ def test_bends_that_rounding_hides_keep_their_fixes(run, every_s):
     assert np.abs(before.t[:, None] - after.t).min(axis=1).max() < 2.0 * every_s
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("every_s", [0.04, 0.01, 0.004])
 def test_noise_that_is_spread_over_rows_makes_no_stranger_of_a_camera(run, every_s):
     """Rounded to 1 mm hardly a bend shows, and from row to row hardly any noise."""
@@ -217,6 +227,7 @@ COURSES = {
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("how", COURSES)
 def test_headings_that_are_directions_of_motion_are_told(run, rover, how):
     for one, model in ((run, None), (rover, two_wheels.model())):

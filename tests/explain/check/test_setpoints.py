@@ -20,11 +20,13 @@ def faults_of(robot):
     return [finding.fault for finding in check(two_wheels.model(), runs_of(robot)).findings]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lag_s", [0.0, 0.01, 0.2])
 def test_wheels_that_lead_their_command_follow_a_setpoint(lag_s):
     assert faults_of({"lag_s": lag_s}) == ["command_sampled"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [
     {"lag_s": 0.0}, {"lag_s": 0.2}, {"lag_s": 0.03, "others": {"delay_s": 0.03}}, {"lag_s": 0.1, "encoder_hz": 100.0},
 ])
@@ -36,10 +38,12 @@ def test_a_command_that_steps_now_and_then_is_no_curve():
     assert "command_sampled" not in faults_of({"lag_s": 0.0, "ramp_s": 0.0})
 
 
+@pytest.mark.slow
 def test_a_lag_of_half_a_sample_hides_that_a_setpoint_is_sampled():
     assert faults_of({"lag_s": 0.03}) == []
 
 
+@pytest.mark.slow
 def test_a_late_setpoint_is_not_told_from_a_late_command():
     assert faults_of({"lag_s": 0.0, "others": {"delay_s": 0.05}}) == []
 

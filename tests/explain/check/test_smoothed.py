@@ -39,6 +39,7 @@ def rover():
     return two_wheels.drive(3, 20.0, **SOUND)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("how", HOW)
 def test_smoothed_fixes_are_told_and_thinned_out(rover, how):
     checked = check(two_wheels.model(), [smoothed(rover, HOW[how])])
@@ -47,6 +48,7 @@ def test_smoothed_fixes_are_told_and_thinned_out(rover, how):
     assert 3.0 <= len(before.t) / len(after.t) <= 9.0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("changes", [
     {}, {"late_s": 0.1}, {"left_share": 0.03, "late_s": 0.1, "lag_s": 0.05},
 ], ids=["sound", "late", "three effects"])
@@ -54,6 +56,7 @@ def test_fixes_as_measured_are_not_smoothed(changes):
     assert not check(two_wheels.model(), [two_wheels.drive(4, 20.0, **SOUND | changes)]).findings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [(0, 1, 2), (20, 21, 22)])
 def test_a_slow_camera_beside_wheels_of_another_size_is_not_smoothed(seeds):
     runs = [two_wheels.drive(seed, 30.0, camera_hz=5.0) for seed in seeds]

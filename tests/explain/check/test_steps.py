@@ -95,6 +95,7 @@ def test_fixes_that_are_lost_on_a_bend_are_no_jump(seed):
     assert "camera_jump" not in {finding.fault for finding in check(two_wheels.model(), [run]).findings}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("dash_s", [0.04, 0.1, 0.4])
 def test_a_short_dash_under_a_late_camera_is_no_jump_and_no_fix_that_is_off(dash_s):
     t = 0.02 * np.arange(600)
@@ -159,6 +160,7 @@ def test_no_marker_goes_as_far_on_a_circle_as_a_wheel_that_is_dead(ways, recorde
     assert dead(0.02 * np.arange(500)[:, None] * ways, 0.05, recorded) == [("channel_dead", "encoder")]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("heading", [0.0, 1.0])
 def test_a_heading_that_nobody_filled_in_is_told(heading):
     assert found("kinect", lambda t, values: values * [1.0, 1.0, 0.0] + [0.0, 0.0, heading]) == [
@@ -166,6 +168,7 @@ def test_a_heading_that_nobody_filled_in_is_told(heading):
     ]
 
 
+@pytest.mark.slow
 def test_a_command_of_a_robot_that_rests_is_not_dead():
     """Its encoders go to and fro by a count."""
     still = {"speeds_m_s": (0.0, 0.0), "rates_rad_s": (0.0, 0.0)}
@@ -202,6 +205,7 @@ def test_a_robot_that_is_pushed_as_it_drives_is_cut_out_for_as_long_as_it_is_pus
     assert 16.0 < finding.from_s < 17.2 and 18.8 < finding.to_s < 20.0
 
 
+@pytest.mark.slow
 def test_a_long_push_in_which_the_robot_drives_along_for_a_while_is_told_once():
     (finding,) = pushed(642, 40.0, 17.0, 25.0, 1.6)
     assert finding.runs == (0,) and finding.from_s < 17.2 and finding.to_s > 24.8

@@ -34,6 +34,7 @@ def found(changed, other):
     return check(two_wheels.model(), [changed, other]).findings
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("degrees", [5.0, -8.0])
 def test_a_robot_that_is_turned_by_hand_is_told_and_the_moment_cut_out(degrees):
     first, second = runs()
@@ -57,22 +58,26 @@ def test_counts_that_are_lost_at_once_are_the_encoders():
     assert (finding.from_s, finding.to_s) == (encoder.t[row - 1], encoder.t[row])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("others", [{}, {"track_share": 0.05}, {"slip_share": 0.05}, {"brake_s2_m": 0.5}], ids=str)
 def test_no_turn_is_told_of_whatever_else_is_missing(others):
     assert found(*runs(**others)) == []
 
 
+@pytest.mark.slow
 def test_a_turn_that_takes_the_robot_nowhere_is_not_told():
     first, second = runs()
     assert found(pushed(first, 0.7), second) == []
 
 
+@pytest.mark.slow
 def test_two_turns_by_hand_do_not_hide_each_other():
     first, second = runs()
     checked = found(pushed(pushed(first, 8.0), 8.0, 30.0), second)
     assert [(f.fault, round(f.from_s)) for f in checked] == [("robot_carried", 20), ("robot_carried", 30)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("share", [0.3, 0.8])
 def test_headings_that_turn_without_the_path_are_the_cameras_and_turned_back(share):
     first, second = runs()
@@ -86,6 +91,7 @@ def test_headings_that_turn_without_the_path_are_the_cameras_and_turned_back(sha
     assert np.abs(np.diff(back - kinect.column("phi"))).max() < 0.02
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("late_s", [0.0, 0.05, 0.12])
 @pytest.mark.parametrize("rate_rad_s", [1.5, 4.0])
 def test_one_quick_turn_before_a_late_camera_is_made_by_wheels(monkeypatch, rate_rad_s, late_s):

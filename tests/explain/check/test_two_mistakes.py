@@ -45,6 +45,7 @@ def mistaken(run, names):
     return run
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "one", "other"), [
     pytest.param("omni", "inches", "headings a quarter off", marks=pytest.mark.slow),
     ("omni", "headings in degrees", "revolutions"),
@@ -63,6 +64,7 @@ def test_both_mistakes_are_found_and_nothing_else(sound, robot, one, other):
     assert all(finding.run == "all" for finding in found.findings)
 
 
+@pytest.mark.slow
 def test_repairs_of_both_give_the_sound_motion_again(sound):
     runs = [mistaken(run, ("millimetres and degrees", "headings a quarter off")) for run in sound["omni"]]
     for before, after in zip(sound["omni"], check("omni_multirate", runs).repaired, strict=True):
@@ -70,6 +72,7 @@ def test_repairs_of_both_give_the_sound_motion_again(sound):
         assert np.abs(np.diff(after, axis=0) - np.diff(before, axis=0)).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_one_mistake_of_one_run_is_not_made_two_of_all(sound):
     first, *others = sound["omni"]
     (finding,) = check("omni_multirate", [mistaken(first, ("headings a quarter off",)), *others]).findings

@@ -36,6 +36,7 @@ def test_sound_runs_have_no_finding(unseen):
     assert found(unseen) == []
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("matrix", "fault"), [
     ([[0.0, 1.0], [1.0, 0.0]], "wheels_swapped"), ([[1.0, 0.0], [0.0, -1.0]], "wheel_sign"),
     pytest.param([[-1.0, 0.0], [0.0, -1.0]], "encoder_sign", marks=pytest.mark.slow),
@@ -49,12 +50,14 @@ def test_one_mistake_of_the_encoders_is_one(unseen, matrix, fault):
         np.testing.assert_allclose(repaired.channels["encoder"].values, sound.channels["encoder"].values, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_mistake_of_a_gyro_or_of_torques_is_theirs(unseen):
     turned = np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
     assert found(mixed(unseen, "imu", turned)) == [("imu_axes", "imu", "all")]
     assert found(mixed(unseen, "torque", -np.eye(2))) == [("torque_sign", "torque", "all")]
 
 
+@pytest.mark.slow
 def test_a_mistake_of_a_gyro_is_its_own_where_torques_tell_nothing(unseen):
     turned = mixed(unseen, "imu", np.diag([1.0, 1.0, 1.0, 1.0, 1.0, -1.0]))
     dead = mixed(turned, "torque", np.zeros((2, 2)))
@@ -73,6 +76,7 @@ def test_runs_need_not_have_the_same_channels_nor_names_of_columns(unseen):
     assert ("wheels_swapped", "encoder") in {(fault, channel) for fault, channel, _ in found([one, without])}
 
 
+@pytest.mark.slow
 def test_a_camera_that_saw_next_to_nothing_is_none():
     runs = list(hide(MODEL, "pendulum", {}, ["square", "figure_eight"], 4, 12.0).values())
     blind = [

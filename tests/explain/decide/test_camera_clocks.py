@@ -35,6 +35,7 @@ def found_in(runs, model=None):
     return camera_clocks(prepare(model or two_wheels.model(), runs, (), LIBRARY), runs)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [SOUND, LACKING], ids=["sound", "lacking"])
 @pytest.mark.parametrize("late_s", [0.03, -0.06])
 def test_a_run_whose_camera_is_later_than_in_others_is_told(robot, late_s):
@@ -43,6 +44,7 @@ def test_a_run_whose_camera_is_later_than_in_others_is_told(robot, late_s):
     assert finding.repairs == (Clock("kinect", 1.0, pytest.approx(-late_s, abs=0.003)),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "seconds", "late_s"), [
     (110, (60.0, 12.0, 12.0), 0.05), (110, (60.0, 12.0, 12.0), -0.08), (216, (20.0, 20.0), 0.05),
     (56, (15.0, 15.0), 0.1),
@@ -63,6 +65,7 @@ def test_a_run_with_a_single_fix_tells_nothing():
     assert found_in(runs) == {}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [SOUND, LACKING], ids=["sound", "lacking"])
 def test_a_clock_that_drifts_is_told_with_its_rate(robot):
     (i, finding), = found_in(runs_of(robot, clock_2=(0.004, 0.0))).items()
@@ -70,6 +73,7 @@ def test_a_clock_that_drifts_is_told_with_its_rate(robot):
     assert finding.repairs[0].rate == pytest.approx(1.0 - 0.004, abs=4e-4)
 
 
+@pytest.mark.slow
 def test_clocks_that_begin_late_are_repaired_alike():
     at_zero, later = (
         [finding.repairs[0] for finding in found_in(runs_of(SOUND, since_s, clock_0=(0.004, 0.05))).values()]
@@ -80,6 +84,7 @@ def test_clocks_that_begin_late_are_repaired_alike():
     assert np.allclose(later[0].moved(t + 1e6) - 1e6, at_zero[0].moved(t), atol=1e-4)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("others", [
     {}, {"slip_share": 0.05}, {"deflating_share": 0.03}, {"patch_share": 0.05}, {"fast_slip_s2_m2": 0.1},
     {"warped_rad_m": 0.05}, {"ripple_rad": 0.03}, {"skid_s": 0.05},
@@ -102,6 +107,7 @@ def test_in_coarse_counts_no_clock_is_told(monkeypatch):
     assert found_in(runs_of(SOUND, clock_0=(0.004, 0.05))) == {}
 
 
+@pytest.mark.slow
 def test_parts_that_stand_for_runs_are_left_as_they_are():
     runs = runs_of(SOUND, clock_0=(0.004, 0.05))
     case = prepare(two_wheels.model(), runs, (), LIBRARY)
@@ -126,6 +132,7 @@ def test_data_that_are_trusted_keep_their_clocks():
     assert "kinect" not in [finding.channel for finding in answer.data]
 
 
+@pytest.mark.slow
 def test_runs_that_no_camera_saw_have_no_clock_of_one():
     runs = [generate("pendulum", motion, {}, 6.0, seed=90 + i) for i, motion in enumerate(("square", "eight"))]
     runs = [replace(run, channels={n: c for n, c in run.channels.items() if n != "kinect"}) for run in runs]

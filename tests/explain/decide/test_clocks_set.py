@@ -20,6 +20,7 @@ def runs_of(robot, effects=None, late=0, channel="torque"):
     return [Clock(channel, 1.0, late * TICK_S).apply(run) for run in runs]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "channel", "late"), [
     *[(robot, "torque", late) for robot in ("omni", "pendulum") for late in (1, 5)],
     *[("pendulum", "imu", late) for late in (-2, 1, 8)], *[("pendulum", "encoder", late) for late in (-4, 3)],
@@ -40,6 +41,7 @@ def test_a_clock_that_is_off_is_told_to_the_tick_and_set(robot, channel, late):
     assert case.runs[0].channels[channel].t[-1] == pytest.approx(sound.runs[0].channels[channel].t[-1])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [pytest.param("omni", marks=pytest.mark.slow), "pendulum"])
 @pytest.mark.parametrize("effects", [
     {}, {"command_delay": {"delay_s": 0.008}}, {"motor_lag": {"time_constant_s": 0.02}},
@@ -52,6 +54,7 @@ def test_whatever_the_model_lacks_no_clock_is_off(robot, effects):
     assert with_clocks_set(case, ["a", "b"]) == (case, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channel", [pytest.param("torque", marks=pytest.mark.slow), "imu"])
 def test_a_model_with_a_clock_that_is_off_lacks_nothing_and_its_controller_is_its_own(channel):
     found = di.explain("pendulum_multirate", runs_of("pendulum", late=2, channel=channel), effects=FEW)
@@ -77,6 +80,7 @@ def cut(run, since_s):
 FOLLOWING = [di.effects()[name] for name in ("velocity_lag", "velocity_delay", "velocity_gain", "camera_latency")]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("late_s", [0.02, 0.05, 0.1])
 def test_wheels_that_turn_before_their_command_tell_of_its_clock(late_s):
     _, (finding,) = with_clocks_set(prepare(two_wheels.model(), rover(late_s), (), FOLLOWING), ["a", "b"])
@@ -94,6 +98,7 @@ def test_a_late_command_is_told_of_encoders_that_are_read_rarely():
     assert (finding.fault, finding.channel) == ("clock_offset", "command")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [
     {}, {"lag_s": 0.1}, {"others": {"delay_s": 0.1}}, {"others": {"gain_share": 0.05}}, {"left_share": 0.04},
     {"late_s": 0.08}, {"in_step": False}, {"ramp_s": 3.0, "encoder_hz": 20.0, "lag_s": 0.1},
@@ -103,6 +108,7 @@ def test_wheels_that_follow_late_or_otherwise_than_told_do_not(robot):
     assert with_clocks_set(case, ["a", "b"]) == (case, [])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lag_s", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("seed", [1, 11])
 def test_a_drive_that_lags_in_short_runs_does_not_either(seed, lag_s):

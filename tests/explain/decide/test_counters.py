@@ -35,6 +35,7 @@ def zeros(case):
     return np.array([track.measured[0, 2] for track in every])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("held_out", [0, 1])
 def test_phases_become_the_same_and_it_is_said(held_out):
     recorded = runs(ECCENTRIC, (0, 36, -30))
@@ -45,6 +46,7 @@ def test_phases_become_the_same_and_it_is_said(held_out):
     assert "encoders' zeros were moved" in after.warning and "wheel 3" in after.warning
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("effects", "later"), [(ECCENTRIC, (0, 0, 0)), ({}, (0, 36, -30))], ids=["same", "sound"])
 def test_counters_that_agree_or_show_nothing_are_left(effects, later):
     case = prepare("omni_multirate", runs(effects, later))

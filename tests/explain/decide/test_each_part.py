@@ -49,10 +49,12 @@ def until(end_s, recording):
     return dataclasses.replace(recording, channels=channels)
 
 
+@pytest.mark.slow
 def test_runs_of_a_sound_robot_show_nothing():
     assert not shown({}, ())
 
 
+@pytest.mark.slow
 def test_a_change_of_the_command_whose_moment_is_not_known_is_no_effect():
     sound = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
     recordings = [two_wheels.drive(seed, 20.0, **sound) for seed in (100, 101, 104)]
@@ -136,6 +138,7 @@ def test_a_marker_that_was_moved_before_the_unseen_run_only_is_not_nothing():
     assert "part of the runs" in answer.title
 
 
+@pytest.mark.slow
 def test_a_limit_of_a_thousand_metres_per_second_squared_is_nothing():
     sound, slips = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}, {"slip_share": 0.0324}
     case = prepare(two_wheels.model(), [
@@ -153,11 +156,13 @@ def halves_of(recordings):
     return {(one.part.split()[1], one.candidate.name) for one in found}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("count", [1, 2])
 def test_halves_of_a_sound_robots_runs_show_nothing(count):
     assert halves_of(runs({}, (), count)) == set()
 
 
+@pytest.mark.slow
 def test_what_both_halves_have_is_no_matter_of_one():
     assert halves_of(runs(LATE, range(2), 2)) == set()
 
@@ -170,6 +175,7 @@ def test_a_camera_that_is_late_half_way_is_late_in_the_second_half():
     assert half == "second" and name in ("camera_latency", "clock_offset")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("end_s", [1.9, 2.0])
 def test_halves_of_which_nothing_is_scored_are_left_alone(end_s):
     cut = []
@@ -189,6 +195,7 @@ def test_halves_without_encoders_have_nothing_though_a_camera_saw_the_robot():
     assert shown_by_half(case.prediction, {}, candidates(case.effects_to_try, case.replay.body), 0) == []
 
 
+@pytest.mark.slow
 def test_of_several_coordinates_the_one_that_changes_is_told():
     late = []
     for recording in runs({"others": {"marker_x_m": 0.0}}, (), 2):

@@ -94,6 +94,7 @@ def test_wheels_lead_to_the_fixes_whether_or_not_the_command_was_logged(encoder_
         assert logged["motion"].any() and logged["room"] == pytest.approx(alone["room"], rel=0.0, abs=off)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_command", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 256)
@@ -107,6 +108,7 @@ def test_coarse_counts_are_no_camera_that_is_late(has_command, monkeypatch):
     assert answer.verdict == "none" and not answer.data, answer
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("has_command", [False, True])
 def test_a_few_counts_a_turn_that_nobody_stated_are_not_missing(has_command, monkeypatch):
     monkeypatch.setattr(two_wheels, "COUNTS", 20)

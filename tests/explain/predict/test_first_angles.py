@@ -37,6 +37,7 @@ def later(recording):
     return replace(recording, channels=recording.channels | {"encoder": moved})
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("model", "run"), [
     ("omni_multirate", lambda: generate("omni", "square", {}, 4.0, 1)),
     ("pendulum_multirate", lambda: generate("pendulum", "square", {}, 4.0, 1)),

@@ -40,6 +40,7 @@ def test_a_filter_for_rare_samples_forgets_between_them():
     assert np.abs(np.linalg.eigvals(decay)).max() < 0.99
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("ticks", [1, 8])
 def test_the_model_follows_a_robot_that_stands_elsewhere(ticks):
     """It is measured every `ticks` ticks, and where it is not there is nothing to be surprised at."""

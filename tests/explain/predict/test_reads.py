@@ -50,6 +50,7 @@ def test_a_robot_under_torque_and_reads_at_every_tick_are_left_as_they_are():
     assert prepare("omni_multirate", [run]).prediction.tracks[0].reads is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoder_hz", [50.0, pytest.param(200.0, marks=pytest.mark.slow)])
 def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     some = runs(3, 8.0, encoder_hz=encoder_hz, others={"delay_s": 0.064})
@@ -60,6 +61,7 @@ def test_a_late_command_is_not_taken_for_a_lag(encoder_hz):
     assert effect.parameters["delay_s"].estimate == pytest.approx(0.064, abs=0.003)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("left_share", [0.0, 0.05])
 def test_a_few_fixes_are_fewer_than_what_could_explain_them(left_share):
     some = runs(2, 6.0, left_share=left_share)

@@ -32,6 +32,7 @@ def needed(robot, level):
     return process_noise(prediction, windows[0].shortest, spreads.errors, spreads.of_sensors(), spreads.of_process())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ["omni", "pendulum"])
 @pytest.mark.parametrize("level", [0.3, 2.0])
 def test_process_noise_of_a_sound_robot_is_measured_and_plausible(robot, level):

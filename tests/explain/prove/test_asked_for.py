@@ -40,6 +40,7 @@ def asked(further, name=RADIUS, straight=(), alone=(), **hidden):
     return found and (found.effect, found.point)
 
 
+@pytest.mark.slow
 def test_wheels_that_differ_take_the_place_of_a_common_radius():
     effect, point = asked(TRACK, left_share=0.02)
     assert effect.name == RADII and [c.name for c in point] == [RADII]
@@ -51,6 +52,7 @@ def test_a_further_effect_stands_beside_the_named_ones():
     assert effect.name == TRACK and [c.name for c in point] == [RADIUS, TRACK]
 
 
+@pytest.mark.slow
 def test_a_run_that_alone_tells_a_size_is_passed_over():
     """Of three runs one turns, without which nobody knows the track."""
     effect, point = asked(RADIUS, TRACK, straight=(1, 2), alone=(0,), radius_share=0.02, track_share=0.03)
@@ -65,5 +67,6 @@ def test_no_run_is_passed_over_where_more_is_left_than_sizes_are_unsure_of():
     assert told == [True, False]
 
 
+@pytest.mark.slow
 def test_nothing_is_asked_for_where_the_named_effect_is_the_right_one():
     assert asked(TRACK, radius_share=0.02) is None

@@ -128,6 +128,7 @@ def test_what_was_logged_is_what_is_compared():
     )
 
 
+@pytest.mark.slow
 def test_validation_leaves_out_what_does_not_help():
     answer = di.explain(motor(), STEPS, [step(2.5), step(-2.5)], FRICTIONS)
     assert [effect.name for effect in answer.effects] == ["viscous_friction"] and answer.verdict == "named"
@@ -147,6 +148,7 @@ def test_validation_names_both_where_both_are_missing():
     }
 
 
+@pytest.mark.slow
 def test_validation_finds_nothing_in_a_motor_that_lacks_nothing():
     runs = [step(volts, viscous=0.0, noise=0.05, seed=i) for i, volts in enumerate((1.0, 2.0, 3.0, -1.5))]
     answer = di.explain(motor(), runs, [step(2.5, viscous=0.0)], FRICTIONS)
@@ -159,6 +161,7 @@ class Twin(ViscousFriction):
     card = replace(ViscousFriction.card, name="twin")
 
 
+@pytest.mark.slow
 def test_effects_that_validate_alike_are_a_set():
     answer = di.explain(motor(), STEPS, effects=[FRICTIONS[0], Twin()])
     (effect,) = answer.effects

@@ -9,6 +9,7 @@ from drake_ispace.explain.prove.errors.least_squares import plain_fit
 from hidden import two_wheels
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("delay_s", [1e-5, 4e-4, 0.02])
 def test_a_size_near_its_bound_does_not_hold_up_the_others(delay_s):
     exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True}

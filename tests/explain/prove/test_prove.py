@@ -42,6 +42,7 @@ def row_of(answer, **wanted):
     return row
 
 
+@pytest.mark.slow
 def test_the_size_is_also_found_by_plain_least_squares(proven):
     (effect,) = proven.effects
     assert effect.name == "wheel_radius_error" and proven.verdict == "named" and proven.remainders == []
@@ -66,12 +67,14 @@ def test_what_noise_leaves_is_what_the_right_answer_leaves(proven):
             assert row.after < 2.0 * (row.sensors**2 + row.chance**2) ** 0.5
 
 
+@pytest.mark.slow
 def test_without_a_held_out_run_each_run_is_left_out_in_turn(runs, effects):
     answer = explain("omni_multirate", [runs["square"], runs["figure_eight"]], effects=effects[:1])
     row = row_of(answer, runs="held_out", metric="ATE", channel="position", driven_by="wheels")
     assert answer.proof == "leave-one-run-out" and row.closed > 0.9 and answer.verdict == "named"
 
 
+@pytest.mark.slow
 def test_a_single_run_is_cut_into_blocks(runs, effects):
     answer = explain("omni_multirate", runs["figure_eight"], effects=effects)
     assert answer.proof == "blocks of the run" and any(row.runs == "held_out" for row in answer.gap)
@@ -100,6 +103,7 @@ def decided(runs, effects):
     return case, decide(case.prediction, candidates(case.effects_to_try, case.replay.body), 0)
 
 
+@pytest.mark.slow
 def test_a_look_alike_that_leaves_more_than_noise_where_the_answer_does_not_is_none(decided):
     """One that leaves as little stays, and so does one that nobody fitted."""
     case, decision = decided
@@ -114,6 +118,7 @@ def test_a_look_alike_that_leaves_more_than_noise_where_the_answer_does_not_is_n
     assert answer.verdict == "named" and answer.effects[0].equivalents == []
 
 
+@pytest.mark.slow
 def test_sizes_that_leave_more_than_noise_are_those_of_least_squares(decided):
     case, decision = decided
     ((radius, (size,)),) = decision.named.point.items()
@@ -140,6 +145,7 @@ def test_an_effect_with_which_unseen_runs_come_no_nearer_is_not_confirmed(decide
     assert unconfirmed(-0.04, None) == unconfirmed(0.02, 0.02) == unconfirmed(-0.04, -0.04, 1e3) == []
 
 
+@pytest.mark.slow
 def test_a_run_that_no_camera_saw_takes_no_place_from_the_others():
     blind, seen, held_out = (two_wheels.drive(700 + i, 10.0, 0.03, 0.05, 0.0, in_step=True) for i in range(3))
     blind.channels.pop("kinect")
@@ -150,6 +156,7 @@ def test_a_run_that_no_camera_saw_takes_no_place_from_the_others():
     assert "no channel kinect in run 1: it is compared in the other runs only" in answer.warnings
 
 
+@pytest.mark.slow
 def test_the_run_without_the_command_that_no_other_run_can_use_then_is_named():
     untold, told = (two_wheels.drive(700 + i, 10.0, 0.0, 0.0, 0.0, in_step=True) for i in range(2))
     untold.channels.pop("command")
