@@ -7,9 +7,11 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.clocks.clocks import clocks
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
-from drake_ispace.explain.check.compare.links import LATENCIES_S
+from drake_ispace.explain.check.compare.links import LATENCIES_S, base_of, link_of
 from drake_ispace.files.recording import Channel
+from drake_ispace.robots.library import robots
 from hidden import two_wheels
 
 SOUND = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0}
@@ -60,6 +62,28 @@ def test_a_jump_within_a_window_is_no_drift_and_no_robot_that_is_carried(seed, l
 @pytest.mark.parametrize("late_s", [(0.0, 0.1), (0.1, 0.1, 0.1), (0.0, 0.03, 0.0)])
 def test_nothing_is_found_without_most_runs_that_differ_from_it_clearly(late_s):
     assert not findings(late_s)
+
+
+def clocks_of_short_runs(seed, late_s, seconds=5.0):
+    """What is found of the camera's clock in runs of 5 s, of which a few windows tell; late_s: of each."""
+    settings, found = two_wheels.model().rover, []
+    for i, late in enumerate(late_s):
+        run = moved(two_wheels.drive(seed + i, seconds, in_step=True, **SOUND), "kinect", late)
+        base = base_of(run, robots()["rover"], settings)
+        found.append((i, link_of(run, base, "kinect"), base))
+    return clocks(found)
+
+
+@pytest.mark.parametrize("seed, seconds, late_s", [(7450, 4.95, 0.05)])
+def test_windows_that_only_some_lags_have_are_no_evidence_for_these(seed, seconds, late_s):
+    """Cameras that are late by less than is told: another window comes in at another lag of each."""
+    assert not clocks_of_short_runs(seed, late_s * np.array([0.0, 1.0, 0.4, 0.9, 0.7]), seconds)
+
+
+@pytest.mark.parametrize("late_s", [0.1, -0.1])
+def test_in_short_runs_a_clock_that_is_off_is_told_by_the_right_time(late_s):
+    (finding,) = clocks_of_short_runs(7400, [0.0, 0.0, late_s, 0.0, 0.0])
+    assert finding.runs == (2,) and finding.repairs[0].offset_s == pytest.approx(-late_s, abs=0.0101)
 
 
 def test_lags_that_hardly_tell_are_no_finding():

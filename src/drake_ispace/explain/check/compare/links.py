@@ -127,7 +127,8 @@ class Link:
         channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
             the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
             share; None: none. usual_s: from and to, by how much later [s] the wheels may say what a sound channel says.
-        slack: of the relation. t: (k,) the channel's stamps.
+        slack: of the relation. t: (k,) the channel's stamps. finer: the same in windows no longer than a usual latency,
+            in which a late channel tells of none of the same motion; None: not told apart.
     """
 
     channel: str
@@ -141,6 +142,7 @@ class Link:
     usual_s: tuple[float, float] = (-LATENCY_S, LATENCY_S)
     slack: Slack = PHYSICS
     t: np.ndarray = field(default_factory=lambda: np.empty(0))
+    finer: "Link | None" = None
 
     @property
     def any_share(self) -> bool:
@@ -160,7 +162,8 @@ class Link:
 
     def only(self, kept: np.ndarray) -> "Link":
         """The Link with these of its windows (n,)."""
-        return replace(self, since_s=self.since_s[kept], until_s=self.until_s[kept], measured=self.measured[kept])
+        times = {"since_s": self.since_s[kept], "until_s": self.until_s[kept]}
+        return replace(self, **times, measured=self.measured[kept], finer=None)
 
     def outside(self, stretches: Iterable[tuple[float, float]], lag_s: float = 0.0) -> np.ndarray:
         """(n,) whether a window, and the same one lag_s later, lies outside of all stretches [s]."""
@@ -190,15 +193,18 @@ def link_of(run: Recording, base: Base, channel: str) -> Link | None:
     """The Link of one channel; None where it cannot be compared."""
     makers = {"kinect": camera_link, "imu": turn_link, TORQUE: torque_link, COMMAND: command_link}
     link = makers[channel](run, base) if channel in makers and channel in run.channels else None
-    return replace(link, t=run.channels[channel].t) if link is not None and len(link.since_s) >= FEWEST else None
+    if link is None or len(link.since_s) < FEWEST:
+        return None
+    finer = camera_link(run, base, window_s=LATENCY_S) if channel == "kinect" else None
+    return replace(link, t=run.channels[channel].t, finer=finer)
 
 
-def camera_link(run: Recording, base: Base, starts: int = 1) -> Link | None:
-    """The camera's motion, in body axes; turns as lengths. starts: as of `windows`."""
+def camera_link(run: Recording, base: Base, starts: int = 1, window_s: float = WINDOW_S) -> Link | None:
+    """The camera's motion, in body axes; turns as lengths. starts, window_s: as of `windows`."""
     if not has_motion(run):
         return None
     kinect = run.channels["kinect"]
-    stretches, unit = windows(kinect, starts), np.array([1.0, 1.0, arm(base.geometry)])
+    stretches, unit = windows(kinect, starts, window_s), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
         "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,

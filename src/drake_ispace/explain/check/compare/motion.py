@@ -51,14 +51,17 @@ def between(kinect: Channel, first: np.ndarray, last: np.ndarray) -> Windows:
     return Windows(kinect.t[first], kinect.t[last], first, last)
 
 
-def windows(kinect: Channel, starts: int = 1) -> Windows:
-    """Windows that begin and end with a fix, end to end; starts: how many series, begun a share of a window apart."""
+def windows(kinect: Channel, starts: int = 1, window_s: float = WINDOW_S) -> Windows:
+    """Windows that begin and end with a fix, end to end; starts: how many series, begun a share of a window apart.
+
+    window_s: length of each, up to the next fix.
+    """
     pairs = set()
     for k in range(starts):
-        i = int(np.searchsorted(kinect.t, kinect.t[0] + k * WINDOW_S / starts))
+        i = int(np.searchsorted(kinect.t, kinect.t[0] + k * window_s / starts))
         while i < len(kinect.t):
-            j = int(np.searchsorted(kinect.t, kinect.t[i] + WINDOW_S - 1e-9))
-            if j < len(kinect.t) and kinect.t[j] - kinect.t[i] <= _LONGEST * WINDOW_S:
+            j = int(np.searchsorted(kinect.t, kinect.t[i] + window_s - 1e-9))
+            if j < len(kinect.t) and kinect.t[j] - kinect.t[i] <= _LONGEST * window_s:
                 pairs.add((i, j))
             i = max(j, i + 1)
     first, last = np.array(sorted(pairs), dtype=int).reshape(-1, 2).T

@@ -9,7 +9,7 @@ from drake_ispace.explain.check.compare.agreement import RELATED, SAID
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, least, rates_of
 from drake_ispace.explain.check.compare.clocks.trial import Trial
-from drake_ispace.explain.check.compare.links import LATENCIES_S, LATENCY_S, RATE_S, Base, Link, moves
+from drake_ispace.explain.check.compare.links import LATENCY_S, RATE_S, Base, Link, moves
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -45,8 +45,7 @@ def clocks(links: Links) -> list[Finding]:
     found = [trial.finding(best.path, 2.0 * best.gain, best.rivals) for trial, best in own]
     if found or not trials or trials[0].link.channel not in ("kinect", COMMAND):
         return found
-    lags = [Path(float(lag)) for lag in LATENCIES_S]
-    scores = [np.array(trial.scores(lags, must_follow=False)) * any(trial.scores(lags)) for trial in trials]
+    scores = [trial.of_latencies() for trial in trials]
     return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
 
 

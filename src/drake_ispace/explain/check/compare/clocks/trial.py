@@ -82,9 +82,9 @@ class Trial:
             jumps = len(self.gaps)
         return float(np.log(jumps if path.later_s else drifts if path.rate else 1))
 
-    def _scored(self, since, until, measured, must_follow):
+    def _scored(self, since, until, measured, must_follow, link=None):
         """(p,) of p paths along which the same windows (p, n) lie inside of the run; measured: (n, d) in these."""
-        link, times = self.link, (since.ravel(), until.ravel())
+        link, times = link or self.link, (since.ravel(), until.ravel())
         x, besides = link.predicted(*times).reshape(*since.shape, -1), None
         without = np.zeros_like(x[:1])  # beside nothing, to be unrelated is the same along all paths
         if link.any_share:
@@ -132,6 +132,24 @@ class Trial:
         """
         since, until = (times_along(paths, t) for t in (self.link.since_s, self.link.until_s))
         return -np.array(self.scores(paths, must_follow=False, among=inside(self.base, since, until).all(axis=0)))
+
+    def of_latencies(self) -> np.ndarray:
+        """(lags,) log likelihood of each of LATENCIES_S over that without any relation; zeros: none can be told.
+
+        All of them are of the windows that lie inside of the run along every one. Of a short run these are few, and one
+        that only some lags have would outweigh what the others say of these.
+        """
+        finer = self.link.finer
+        link = self.link if finer is None or len(finer.since_s) < len(self.link.since_s) else finer
+        since, until = (t + LATENCIES_S[:, None] for t in (link.since_s, link.until_s))
+        kept = inside(self.base, since, until).all(axis=0)
+        if not kept.any():
+            return np.zeros(len(LATENCIES_S))
+        related, followed = (
+            self._scored(since[:, kept], until[:, kept], link.measured[kept], must_follow, link)
+            for must_follow in (False, True)
+        )
+        return related * followed.any()
 
     def sharpened(self, path: Path, losses_of: Losses) -> Path:
         """The path with the best lag near its own, and the best rate of a drift, or the best jump but at a gap.
