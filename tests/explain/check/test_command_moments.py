@@ -2,11 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import drake_ispace as di
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.command.drive import drive_of
+from drake_ispace.explain.check.compare.command.moments import moment_findings
+from drake_ispace.explain.check.compare.links import base_of
 from drake_ispace.faults.repair import Clock, Restamped
 from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.robots.library import robots
 from hidden import two_wheels
 
 SOUND = {"encoder_hz": 20.0, "left_share": 0.0, "late_s": 0.0}
@@ -72,6 +78,39 @@ def test_what_a_drive_takes_longer_for_larger_changes_is_no_part_of_their_moment
 ])
 def test_a_command_that_changes_when_it_is_logged_is_sound(robot):
     assert checked(**robot, in_step=True)[1].findings == []
+
+
+def lagging(seed, lag_s, until_logged_s=0.0):
+    """Command and wheels of a drive that lags, and that errs by 2 mm/s for some 0.3 s at a time.
+
+    Its command changes so long before it is logged, or less.
+    """
+    random, step_s, wheels = np.random.default_rng(seed), 0.02, two_wheels.model().rover.plant.nominal_geometry
+    t = TICK_S * np.arange(round(20.0 / TICK_S))
+    at = np.cumsum(random.choice(np.arange(40, 125), 12)) * step_s
+    acts, size = at - until_logged_s * random.random(len(at)), random.uniform(-0.2, 0.2, len(at))
+    speed = (t[:, None] >= acts) @ size
+    told = np.column_stack([speed, 0.0 * t, np.sin(3.0 * speed)])
+    keep, alike = np.exp(-TICK_S / np.array([lag_s, 0.3]))
+    erred = lfilter([np.sqrt(1.0 - alike**2)], [1.0, -alike], random.normal(0.0, 0.002, len(t)))
+    speeds = lfilter([0.0, 1.0 - keep], [1.0, -keep], told, axis=0) + erred[:, None] * [1.0, 0.0, 3.0]
+    count = 2.0 * np.pi / 4096
+    angles = np.floor(np.cumsum(TICK_S * speeds @ wheels.inverse.T, axis=0) / count) * count
+    every = round(step_s / TICK_S)
+    command = Channel(t[::every], ("vx", "vy", "wz"), told[::every], {}, step_s)
+    names = tuple(f"theta_{i + 1}" for i in range(angles.shape[1]))
+    run = Recording("rover", "velocity_base", {"encoder": Channel(t[::every], names, angles[::every], {}, step_s)})
+    model = two_wheels.model()
+    return drive_of(command, base_of(run, robots()["rover"], model.rover))
+
+
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_lagging_drive_that_is_too_fast_for_a_while_makes_no_moments(seed):
+    assert not moment_findings({i: lagging(10 * seed + i, 0.25) for i in range(3)})
+
+
+def test_moments_are_told_beside_a_drive_that_is_too_fast_for_a_while():
+    assert moment_findings({i: lagging(i, 0.25, 0.02) for i in range(3)})
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.files.recording import Channel
 from drake_ispace.plants.wheels import WheelGeometry
 
-_BLOCK_S = BLOCK_TICKS * TICK_S  # within which what a fit leaves may belong together
+BLOCK_S = BLOCK_TICKS * TICK_S  # within which what a fit leaves may belong together
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def best_following(pairs: Sequence[tuple[Drive, np.ndarray]], step_s: float, ear
     starts = [(1.0 + late, 1.0 + lag, 1.0) for late in (0.0, 0.5, 1.0, 4.0) for lag in (0.0, 1.0, 4.0)]
     least = min(starts, key=lambda x: float(np.sum(left(x) ** 2)))
     fit = least_squares(left, least, bounds=([1.0, 1.0, 0.1], [40.0, 100.0, 10.0]), diff_step=1e-2)
-    blocks = np.concatenate([np.floor(drive.edges[:-1] / _BLOCK_S) + 1e6 * i for i, (drive, _) in enumerate(pairs)])
+    blocks = np.concatenate([np.floor(drive.edges[:-1] / BLOCK_S) + 1e6 * i for i, (drive, _) in enumerate(pairs)])
     squares = (fit.fun**2).reshape(len(blocks), -1).sum(axis=1)
     late, lag, gain = map(float, of(fit.x))
     return Following(late, lag, gain, np.bincount(np.unique(blocks, return_inverse=True)[1], squares))

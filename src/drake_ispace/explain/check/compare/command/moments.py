@@ -12,7 +12,7 @@ from scipy.special import logsumexp, softmax
 from scipy.stats import norm, truncnorm
 
 from drake_ispace.explain.check.compare.agreement import ALIKE, SAID
-from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
+from drake_ispace.explain.check.compare.command.drive import BLOCK_S, Drive, Following, best_following
 from drake_ispace.explain.check.compare.links import FEWEST
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CHANCE
@@ -42,13 +42,14 @@ def moment_findings(drives: Mapping[int, Drive]) -> list[Finding]:
         rates = {i: drive.held(moved[i]) for i, drive in drives.items()}
         follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
         found = [_moments(drive, samples[i], moved[i], rates[i], follows) for i, drive in drives.items()]
-        earlier, std = (np.concatenate(each) for each in zip(*found, strict=True))
-        (at_once, _), (half, _), (within, answered), (twice, _) = (
-            _scored(earlier, std, answers, k * step_s) for k in (0.0, 0.5, 1.0, 2.0)
+        earlier, std, cautious = (np.concatenate(each) for each in zip(*found, strict=True))
+        at_once, half, within, twice = (
+            _scored(earlier, cautious, answers, k * step_s)[0] for k in (0.0, 0.5, 1.0, 2.0)
         )
         score, gained = within - at_once, within - at_once - score
         if score < SAID or not (std < step_s).any():
             return []
+        _, answered = _scored(earlier, std, answers, step_s)
         expected = _within_a_step(earlier - answered, std, step_s, follows.late_s)
         for i, one in zip(drives, np.split(expected, ends), strict=True):
             moved[i][samples[i]] = one
@@ -73,11 +74,14 @@ def _changed(drive):
 
 def _moments(
     drive: Drive, samples: np.ndarray, moved: np.ndarray, rates: np.ndarray, follows: Following
-) -> tuple[np.ndarray, np.ndarray]:
-    """By how much the changes at some samples (c,) act before them [s], and the standard deviations, both (c,).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """By how much the changes at some samples (c,) act before them [s], and the standard deviations, all (c,).
 
     These moments explain best how far the wheels turned. A constant of all of them cannot be told from the lateness in
-    `follows`. moved: (all samples,) [s] by how much earlier they are in the rates (k, n) that the wheels are told.
+    `follows`. The first standard deviation is of noise that is new in every window. The other one is of noise that
+    belongs together within a block, as where a drive is too fast for a while: by it is judged whether changes lie
+    within a step at all. moved: (all samples,) [s] by how much earlier they are in the rates (k, n) that the wheels are
+    told.
     """
     sizes, since = drive.changes[samples - 1], drive.command.t[samples] - moved[samples] + follows.late_s
     first = np.maximum(np.searchsorted(drive.edges, since, side="right") - 1, 0)
@@ -92,11 +96,31 @@ def _moments(
     left = (drive.turned - follows.gain * drive.predicted(rates, follows.late_s, follows.lag_s)).ravel()
     normal, product = (columns @ columns.T).toarray(), columns @ left
     if not normal.any():  # no wheel answers: a moment is anywhere in the run
-        return moved[samples], np.full(len(samples), drive.edges[-1] - drive.edges[0])
+        return moved[samples], *np.full((2, len(samples)), drive.edges[-1] - drive.edges[0])
     inverse = np.linalg.inv(normal + _LEVEL * np.trace(normal) / len(samples) * np.eye(len(samples)))
     more = inverse @ product
-    noise = np.sqrt(np.sum((left - more @ columns) ** 2) / max(len(left) - len(samples), 1)) + 1e-12
-    return moved[samples] + more, noise * np.sqrt(np.diag(inverse))
+    unexplained, free = left - more @ columns, max(len(left) - len(samples), 1)
+    noise = np.sqrt(np.sum(unexplained**2) / free) + 1e-12
+    weights = (inverse @ columns.toarray()).reshape(len(samples), *drive.turned.shape)
+    together = _variances(weights, unexplained.reshape(drive.turned.shape), drive.edges) * len(left) / free
+    return moved[samples] + more, noise * np.sqrt(np.diag(inverse)), np.sqrt(together) + 1e-12
+
+
+def _variances(weights: np.ndarray, noise: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(c,) variances of sums of noise (m, n) of n wheels, times weights (c, m, n).
+
+    A drive that is too fast for a while is so in many windows, as if a change had come earlier, the more the longer the
+    drive takes for a change. Noise is taken to be alike throughout the run, and to belong together within a block
+    (Newey and West, 1987).
+    edges: (m + 1,) [s] of the windows.
+    """
+    most = min(max(1, round(BLOCK_S / float(np.median(np.diff(edges))))), len(noise))
+    variances = np.zeros(len(weights))
+    for k in range(most):
+        together = noise[k:].T @ noise[: len(noise) - k] / len(noise)
+        of_pairs = np.einsum("cma,ab,cmb->c", weights[:, k:], together, weights[:, : len(noise) - k], optimize=True)
+        variances += (2.0 if k else 1.0) * (1.0 - k / most) * of_pairs
+    return np.maximum(variances, 0.0)
 
 
 def _answers(drive, samples) -> list[np.ndarray]:
