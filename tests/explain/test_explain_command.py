@@ -62,6 +62,12 @@ def test_runs_model_and_seed_are_handed_on(asked, said):
     assert (asked["seed"], asked["most_s"]) == (7, 40.0) and asked["model"].omni.plant.mass_kg == 8.0
 
 
+def test_a_model_needs_no_path_on_which_it_could_be_simulated(asked, said):
+    """The default heading is fixed, which two wheels cannot hold."""
+    said("explain", "a", "--model", "velocity_base", "--set", "rover.plant.wheels=differential")
+    assert [str(run.path) for run in asked["runs"]] == ["a"]
+
+
 def test_several_runs_may_be_held_out_at_once(asked, said):
     said("explain", "a", *MODEL, "--held-out", "b", "c", "--seed", "1")
     assert len(asked["runs"]) == 1 and len(asked["held_out"]) == 2

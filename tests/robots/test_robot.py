@@ -1,5 +1,7 @@
 """What every robot answers: numbers that may be off, wheels by name, what it offers to effects, its dynamics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,12 @@ def test_columns_are_taken_by_the_names_of_wheels():
 def test_columns_of_other_wheels_are_refused(columns, said):
     with pytest.raises(InputError, match=said):
         ROBOTS["pendulum"].by_wheel(channel(*columns), plant_of("pendulum"), "here")
+
+
+def test_columns_that_are_missing_are_told_with_their_file():
+    read = replace(channel("theta_r"), file="run/encoder.csv")
+    with pytest.raises(InputError, match=r"\(run/encoder.csv\) has 1 columns, .* r or 1, l or 2, got theta_r"):
+        ROBOTS["pendulum"].by_wheel(read, plant_of("pendulum"), "here")
 
 
 @pytest.mark.parametrize("name", ["omni", "pendulum"])

@@ -47,7 +47,6 @@ def explain(
     from drake_ispace.scenario import load_scenario
 
     scenario = load_scenario(model, set_ or [])
-    _robots(scenario, model)  # a model that cannot be built is refused before the runs are read
     recordings, held_out = [load(run) for run in runs], [load(run) for run in held_out]
     with stages("reading the library of effects") as tell:
         from drake_ispace.explain.explain import explain as explain_runs

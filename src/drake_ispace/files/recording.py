@@ -57,6 +57,8 @@ class Channel:
         SI unit of a column. May be left out for columns whose unit is known from their name.
     period_s
         Nominal sampling period [s], None if unknown.
+    file
+        Where it was read from, for messages; empty if it was made in memory.
     """
 
     t: np.ndarray
@@ -64,6 +66,7 @@ class Channel:
     values: np.ndarray
     units: dict[str, str] = field(default_factory=dict)
     period_s: float | None = None
+    file: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", np.asarray(self.t, dtype=float))
@@ -207,7 +210,8 @@ def _load_channel(folder: Path, name: str, entry: Any, robot: str, where: Path) 
             index = table.names.index(column)
             values[:, index] = values[:, index] * numerator / denominator
     in_si.pop("t")
-    channel = _in_order(Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s), name, robot)
+    read = Channel(values[:, 0].copy(), columns, values[:, 1:].copy(), in_si, period_s, str(file))
+    channel = _in_order(read, name, robot)
     _check_samples(channel, str(file), table.place)
     _check_period(name, channel, where)
     return channel if period_s is None else replace(channel, period_s=float(period_s))

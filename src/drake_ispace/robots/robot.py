@@ -218,13 +218,15 @@ class Robot(abc.ABC):
         """
         ends = [column.partition("_")[2] for column in channel.columns]
         labels = self.wheel_labels(plant)
+        where = f"{where} ({channel.file})" if channel.file else where
+        wanted = ", ".join(" or ".join(names) for names in labels)
         if len(ends) != len(labels):
-            raise InputError(f"{where} has {len(ends)} columns, expected {len(labels)}")
+            expected = f"{len(labels)}: one each of {wanted}, got {', '.join(channel.columns)}"
+            raise InputError(f"{where} has {len(ends)} columns, expected {expected}")
         order = []
         for known in labels:
             found = [i for i, end in enumerate(ends) if end in known]
             if len(found) != 1:
-                wanted = ", ".join(" or ".join(names) for names in labels)
                 raise InputError(f"{where} has the columns {', '.join(channel.columns)}, expected one each of {wanted}")
             order += found
         if order == sorted(order):

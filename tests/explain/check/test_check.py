@@ -498,6 +498,15 @@ def test_a_channel_without_samples_is_refused(sound, channel):
         check("omni_multirate", [replace(first, channels=first.channels | {channel: none}), *others])
 
 
+@pytest.mark.parametrize("channel", ["encoder", "kinect", "torque"])
+def test_a_channel_of_one_sample_is_refused_with_its_file(sound, channel):
+    first, *others = sound["omni"]
+    one = rows(first.channels[channel], np.arange(len(first.channels[channel].t)) == 0)
+    one = replace(one, file="run/its.csv")
+    with pytest.raises(InputError, match=rf"run 1: channel {channel} \(run/its.csv\) holds one sample"):
+        check("omni_multirate", [replace(first, channels=first.channels | {channel: one}), *others])
+
+
 def test_an_unknown_wheel_is_refused(sound):
     run = sound["pendulum"][0]
     encoder = replace(run.channels["encoder"], columns=("theta_r", "theta_x"))
