@@ -119,6 +119,7 @@ def test_a_log_may_begin_while_the_robot_moves(has):
     assert len(found.effects) == len(has) - 1
 
 
+@pytest.mark.slow
 def test_what_hardly_shows_from_fix_to_fix_is_named_if_free_runs_need_it():
     """A marker that is 46 mm off, of a robot that turns slowly under a camera at 100 Hz."""
     slow = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.05, "in_step": True, "ramp_s": 3.0}

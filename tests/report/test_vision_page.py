@@ -13,10 +13,9 @@ PICTURES = ("views", "thresholds", "depth", "configuration", "tracking")
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    return write_vision_page(tmp_path_factory.mktemp("vision"), seconds=1.0)
+    return write_vision_page(tmp_path_factory.mktemp("vision"), seconds=0.5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", PICTURES)
 def test_every_picture_shows_something(page, name):
     assert cv2.imread(str(page[0].with_name(f"{name}.png"))).std() > 10.0

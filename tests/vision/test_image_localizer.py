@@ -103,6 +103,7 @@ def test_a_marker_seen_at_the_wrong_height_is_seen_elsewhere():
 # Poses
 
 
+@pytest.mark.slow
 def test_poses_over_the_space(eye, renderer):
     rng, gaps = np.random.default_rng(5), []
     for tick in range(20):
