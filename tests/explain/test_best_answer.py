@@ -128,6 +128,25 @@ def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_n
     assert len(best.answer.warnings) == 2 - len(left) and all("no nearer" in said for said in best.answer.warnings)
 
 
+@pytest.mark.parametrize(("unconfirmed", "left", "verdict"), [
+    ({}, ["slip", "lag"], "named"),
+    ({"slip lag": ["lag"]}, ["slip"], "incomplete"),
+    ({"slip lag": ["lag"], "slip": ["slip"]}, [], "unknown"),
+])
+def test_what_is_left_of_an_answer_on_a_plant_of_ones_own_is_none(unconfirmed, left, verdict):
+    """The effect that unseen runs rule out stood for something that is missing."""
+    def answered(decision):
+        names = [candidate.name for candidate in decision.named.point]
+        effects = [SimpleNamespace(name=name, parameters={}) for name in names]
+        answer = SimpleNamespace(verdict="named" if names else "none", effects=effects, warnings=[], gap=[])
+        return proved(decision, answer, unconfirmed=unconfirmed.get(" ".join(names), []))
+
+    own = SimpleNamespace(scenario=None, is_filtered=True, replay=CASE.replay)
+    best = best_answered(own, answered(decided(["slip", "lag"])), answered, none_without)
+    assert [effect.name for effect in best.answer.effects] == left and best.answer.verdict == verdict
+    assert len(best.answer.warnings) == 2 - len(left) and all("likelier without" in w for w in best.answer.warnings)
+
+
 @dataclass
 class Keeping:
     """A Decision that names the effects of a point."""

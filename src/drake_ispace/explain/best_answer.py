@@ -4,7 +4,15 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 from drake_ispace.explain.answer.explanation import Explanation
-from drake_ispace.explain.answer.verdict import UNCONFIRMED, add_trace, doubtful, lacks_little, left_out, nonsense
+from drake_ispace.explain.answer.verdict import (
+    RULED_OUT,
+    UNCONFIRMED,
+    add_trace,
+    doubtful,
+    lacks_little,
+    left_out,
+    nonsense,
+)
 from drake_ispace.explain.decide.decide import MOST_EFFECTS
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.predict.case import Case
@@ -72,7 +80,10 @@ def _preferred(case, first, answered, decided_without) -> Answered:
         return replace(without, dropped=best.dropped)
     best = _without_small(case, best, answered)
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
-        best = _without(best, {best.proof.unconfirmed[0]}, f"is not confirmed: {UNCONFIRMED}", answered)
+        why = UNCONFIRMED if case.scenario is not None else RULED_OUT
+        best = _without(best, {best.proof.unconfirmed[0]}, f"is not confirmed: {why}", answered)
+        if case.scenario is None:  # the rest is no answer then: what it stood for is missing
+            best.answer.verdict = "incomplete" if best.answer.effects else "unknown"
     return best
 
 

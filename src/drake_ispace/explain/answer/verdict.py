@@ -20,6 +20,7 @@ from drake_ispace.robots.robot import COMMAND
 
 #: Why effects make no sense.
 UNCONFIRMED = "with it free runs of unseen data come no nearer"
+RULED_OUT = "unseen runs are likelier without it"
 _ASTRAY = "unseen runs are led further away by it"
 _SEVERAL = 3.0  # times what sensors leave
 

@@ -36,7 +36,8 @@ class Proof:
             training runs that alone tell some of the sizes, and are therefore judged by sizes that were fitted to
             them, too; empty where other runs were held out. may_stand: tells whether a rival suffices on unseen runs
             as the named effects do; None where these do not, or where that cannot be told. unconfirmed: names of
-            effects that free runs show, and with which those of unseen runs come no nearer, the worst first.
+            effects that free runs show, and with which those of unseen runs come no nearer, the worst first; of a plant
+            of the user's own those without which unseen runs are likelier.
             instead: computes the decision with a rival in the place of a named effect that training runs prefer, or
             None; None where they are not asked.
     """
