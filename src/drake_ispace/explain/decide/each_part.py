@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
-from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, Detection, trials
+from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection, trials
 from drake_ispace.explain.decide.proposals.propose import Proposal, clearest_effects, proposals_of
 from drake_ispace.explain.decide.shown import alarm_of, held
 from drake_ispace.explain.decide.survey.generic import Generic
@@ -29,6 +29,7 @@ from drake_ispace.explain.predict.case import part_of
 from drake_ispace.explain.predict.prediction import Prediction, predict
 from drake_ispace.explain.predict.stretches import stretch
 from drake_ispace.explain.predict.tracks import Track
+from drake_ispace.explain.threads import each
 
 _HALVES = ("the first half of the runs", "the second half of the runs")
 
@@ -181,7 +182,8 @@ class _Leader:
         fitted: the effect. alike: others that explain about as much. detection, proposals: of the alarm. best: its size
             by the score of the signature nearest to what was fitted. sizes, variances: of the same without each of the
             seconds of the part.
-        tolerance: by how much the size may differ between parts of a sound robot (a standard deviation).
+        tolerance: by how much the size may differ between parts of a sound robot, or by torques as strong as the model
+            of a user's own plant assumes (a standard deviation).
     """
 
     fitted: Proposal
@@ -242,7 +244,32 @@ def _leader(own: Survey, seed) -> _Leader | None:
         return None
     near = [p.candidate for p in proposals if p is not fitted and p.penalised_gain > fitted.penalised_gain - MARGIN]
     tolerance = fitted.candidate.tolerances(scales_of(own.view.prediction))[best.at]
+    tolerance = float(np.hypot(tolerance, _by_unknown_torques(own, best, seed)))
     return _Leader(fitted, near, detection, proposals, best, sizes, variances, tolerance)
+
+
+def _by_unknown_torques(own, of, seed) -> float:
+    """By how much unknown torques, as strong as the model of a user's own plant assumes, move a size; 0 of a robot.
+
+    Of a slow one a part has a mean, which the noise of the part, a matter of a second, knows nothing of. Where they are
+    all noise, what the filter could not predict is white, and plain least squares tells the size best.
+    """
+    prediction, change = own.view.prediction, _in_a_row(own.screen.signatures[of.number].change)
+    if prediction.replay.body.robot.in_room:
+        return 0.0
+    as_given = _in_a_row(own.residuals)
+
+    def moved(draw):
+        tracks = [prediction.replay.disturbed(track, [seed, 8, draw, i]) for i, track in enumerate(prediction.tracks)]
+        after = _in_a_row(replace(prediction, tracks=tracks).residuals(merged(own.point)))
+        return of.step * (change @ (after - as_given)) / (change @ change)
+
+    return float(np.std(each(moved, range(round(1.0 / FALSE_ALARM_RATE)))))
+
+
+def _in_a_row(runs) -> np.ndarray:
+    """All numbers of residuals, or of their changes."""
+    return np.concatenate([rows.ravel() for run in runs for rows in run.values()])
 
 
 def _nearest(sizes, fitted) -> "_Size":

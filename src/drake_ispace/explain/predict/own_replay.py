@@ -5,9 +5,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import solve_continuous_are
+from scipy.signal import lfilter
 
 from drake_ispace.blocks.block import Block
 from drake_ispace.blocks.errors import InputError
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body, Effect
 from drake_ispace.explain.counts import smallest_step
 from drake_ispace.explain.own_model import OwnModel
@@ -73,6 +75,14 @@ class OwnReplay(Replay):
     def pushed(self, run: Track, force: np.ndarray) -> Track:
         """The run with the first column of `force` (rows, 3) added to the torque of every wheel."""
         return replace(run, command=run.command + force[:, :1])
+
+    def disturbed(self, run: Track, seed: list[int]) -> Track:
+        """The run with a draw of unknown torques, as strong as the model assumes, on every wheel."""
+        keep = np.exp(-TICK_S / CORRELATION_S)
+        white = np.random.default_rng(seed).standard_normal(run.command.shape)
+        torque = self.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
+        torque[: int(np.argmax(np.any(run.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
+        return replace(run, command=run.command + torque)
 
     def simulated(
         self, run: Track, values: Values, plant: Mapping[str, float] | None = None, start: np.ndarray | None = None

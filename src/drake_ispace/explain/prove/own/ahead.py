@@ -15,7 +15,6 @@ from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction, change
 from drake_ispace.explain.prove.errors.free_run import PREDICTION, STEP, Errors, Measure, rms
 from drake_ispace.explain.prove.noise.noise import DRAWS
-from drake_ispace.explain.prove.own.sizes import pushed
 from drake_ispace.explain.threads import each
 
 AHEAD = Measure(PREDICTION, STEP, "encoder: wheel angle", "rad", "torque")
@@ -65,7 +64,7 @@ class Ahead:
             after = replace(self._prediction, tracks=tracks).residuals(self._values)
             return rms(self._of_turning(list(map(change, after, as_given))))
 
-        sources = counted, lambda track, seeds: pushed(replay, track, seeds)
+        sources = counted, replay.disturbed
         jobs = [(disturbed, number, draw) for number, disturbed in enumerate(sources, 6) for draw in range(DRAWS)]
         squares = np.square(each(lambda job: changed(*job), jobs)).reshape(len(sources), DRAWS)
         return [{AHEAD: float(size)} for size in np.sqrt(squares.mean(axis=1))]

@@ -19,7 +19,6 @@ from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.stretches import equal_parts
 from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.errors.free_run import ATE, RUN, SPACING_S, Errors, Measure, horizon_of, rms
-from drake_ispace.explain.prove.own.sizes import pushed
 from drake_ispace.explain.threads import each
 
 _Noise = Mapping[Measure, float]
@@ -67,7 +66,7 @@ def _by_chance(replay, tracks, sizes, horizon, seed, draws) -> tuple[float, floa
 
     def drawn(draw):
         """Mean squares (parts,)."""
-        moved = [_errors(replay, pushed(replay, part, [seed, 4, i, draw]), sizes) for i, part in enumerate(parts)]
+        moved = [_errors(replay, replay.disturbed(part, [seed, 4, i, draw]), sizes) for i, part in enumerate(parts)]
         return [np.mean((after - before) ** 2) for after, before in zip(moved, as_given, strict=True)]
 
     draws = draws if horizon == RUN else -(-draws * len(tracks) // len(parts))

@@ -13,16 +13,11 @@ rule out a rival by as much.
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
-from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.decision import MARGIN, Decision
 from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
 from drake_ispace.explain.fit.free_run import Sizes, error_of, errors_of, fitted, shifts_of, slopes
-from drake_ispace.explain.predict.filters import CORRELATION_S
-from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.predict.tracks import Track
 from drake_ispace.explain.prove.errors.left_out import groups_of, sizes_without
 from drake_ispace.explain.threads import each
 
@@ -76,7 +71,7 @@ def _by_chance(replay, tracks, filtered, seed) -> list[float]:
     def share(draw):
         """Of one draw; a run has the sizes that the others tell, and an only one those that it tells itself."""
         changes = [
-            errors_of(replay, [pushed(replay, track, [seed, 5, draw, i])], filtered) - at[i]
+            errors_of(replay, [replay.disturbed(track, [seed, 5, draw, i])], filtered) - at[i]
             for i, track in enumerate(tracks)
         ]
         told = [np.concatenate([changes[j] for j in others[i]]) @ told_by[i] for i in runs]
@@ -84,12 +79,3 @@ def _by_chance(replay, tracks, filtered, seed) -> list[float]:
         return sum(np.sum(one**2) for one in left) / sum(np.sum(one**2) for one in changes)
 
     return each(share, range(round(1.0 / FALSE_ALARM_RATE)))
-
-
-def pushed(replay: OwnReplay, track: Track, seed: list[int]) -> Track:
-    """The run with a draw of unknown torques, as strong as the model assumes, on every wheel."""
-    keep = np.exp(-TICK_S / CORRELATION_S)
-    white = np.random.default_rng(seed).standard_normal(track.command.shape)
-    torque = replay.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
-    torque[: int(np.argmax(np.any(track.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
-    return replace(track, command=track.command + torque)
