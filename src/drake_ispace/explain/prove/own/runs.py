@@ -1,8 +1,8 @@
 """Errors of free-run simulations of a user's own plant, over whole runs and over single seconds, and what chance makes.
 
 What unknown torques do adds up: at the end of a run chance alone may lead as far away as whatever is missing, and then
-the run tells nothing, but each of its seconds does. A plant whose state is more than angles and rates is known only
-where a run begins, and is simulated over whole runs alone.
+the run tells nothing, but each of its seconds does, from the angles and rates with which it comes nearest. A plant
+whose state is more than these is known only where a run begins, and is simulated over whole runs alone.
 """
 
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,8 @@ def _parts(replay, track) -> dict[str, list[Track]]:
     """Horizon -> the parts of a run that last as long."""
     parts, seconds = {RUN: [track]}, round(track.ticks * TICK_S / SPACING_S)
     if replay.body.plant.load is not None and seconds > 1:
-        parts[horizon_of(SPACING_S)] = equal_parts(track, seconds, 1)
+        begun = equal_parts(track, seconds, 1)
+        parts[horizon_of(SPACING_S)] = [replace(part, unscored_ticks=max(part.unscored_ticks, 1)) for part in begun]
     return parts
 
 
