@@ -498,13 +498,19 @@ def test_a_channel_without_samples_is_refused(sound, channel):
         check("omni_multirate", [replace(first, channels=first.channels | {channel: none}), *others])
 
 
-@pytest.mark.parametrize("channel", ["encoder", "kinect", "torque"])
+def with_one_sample(run, channel):
+    one = rows(run.channels[channel], np.arange(len(run.channels[channel].t)) == 0)
+    return replace(run, channels=run.channels | {channel: replace(one, file="run/its.csv")})
+
+
+@pytest.mark.parametrize("channel", ["encoder", "torque"])
 def test_a_channel_of_one_sample_is_refused_with_its_file(sound, channel):
-    first, *others = sound["omni"]
-    one = rows(first.channels[channel], np.arange(len(first.channels[channel].t)) == 0)
-    one = replace(one, file="run/its.csv")
     with pytest.raises(InputError, match=rf"run 1: channel {channel} \(run/its.csv\) holds one sample"):
-        check("omni_multirate", [replace(first, channels=first.channels | {channel: one}), *others])
+        check("omni_multirate", [with_one_sample(sound["omni"][0], channel), sound["omni"][1]])
+
+
+def test_a_camera_that_saw_the_robot_once_is_as_good_as_none(sound):
+    assert found([with_one_sample(sound["omni"][0], "kinect"), sound["omni"][1]], "omni") == []
 
 
 def test_an_unknown_wheel_is_refused(sound):

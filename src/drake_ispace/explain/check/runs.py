@@ -15,7 +15,7 @@ from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import entry_of
 
-_OF_MOTION = (COMMAND, TORQUE, "encoder", "imu", "kinect")  # channels that are compared with each other
+_OF_MOTION = (COMMAND, TORQUE, "encoder", "imu")  # channels of which one sample tells nothing
 _LARGEST = np.reciprocal(np.finfo(float).eps)  # in any unit; above it a number no longer counts by ones
 
 UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
@@ -83,7 +83,7 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
 
 
 def check_given(recording: Recording, name: str) -> None:
-    """Refuse a channel without samples, one of a single sample that tells of no motion, and what `check_sizes` refuses.
+    """Refuse a channel without samples, one of a single sample that tells nothing, and what `check_sizes` refuses.
 
     Raises:
         InputError: naming run and channel, and its file.
