@@ -23,6 +23,12 @@ def test_a_robot_that_does_as_it_is_told_lacks_nothing():
     assert found.verdict == "none", found
 
 
+def test_neither_does_one_that_turns_on_the_spot_and_whose_drive_errs_by_itself():
+    still = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "speeds_m_s": (0.0, 0.0)}
+    runs = [two_wheels.drive(700 + i, 10.0, others={"errs_m_s": 0.002}, **still) for i in range(2)]
+    assert di.explain(two_wheels.model(), runs, effects=[di.effects()["track_error"]]).verdict == "none"
+
+
 @pytest.mark.slow
 def test_of_two_that_explain_as_much_the_one_that_makes_sense_is_named():
     """A camera that shows the room 1.5 % larger looks like wheels that slip by less than nothing."""

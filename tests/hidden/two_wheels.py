@@ -34,6 +34,7 @@ OTHERS = {
     "swing_s2": 0.0,  # the drive overshoots: one over the square of its frequency, damped by a third
     "dead_rad_s": 0.0,  # a wheel that is told less stands still, and is as much slower if told more
     "brake_s2_m": 0.0,  # as ramp_s2_m, but only where the robot becomes slower
+    "errs_m_s": 0.0,  # each wheel that is told to turn errs by so much, for some 0.3 s at a time
     # what no library names
     "lean_s2_m": 0.0,  # the outer wheel is pressed: share of the radius over speed times turning rate
     "belt_m_s": 0.0,  # the floor moves along x of W
@@ -101,6 +102,8 @@ def drive(
         sent = _swung(sent, 1.0 / np.sqrt(o["swing_s2"]))
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0
     rate = lfilter([1.0 - keep], [1.0, -keep], sent, axis=0)
+    if o["errs_m_s"] > 0.0:
+        rate += _erring(seed, n) * (o["errs_m_s"] / RADIUS_M) * (sent != 0.0)
     angle = np.vstack([np.zeros(2), np.cumsum(rate[:-1] * _STEP_S, axis=0)])
     slip = 1.0 - _SLIP_RMS * lfilter([0.05], [1.0, -0.95], random.standard_normal((n, 2)), axis=0) / 0.16
     left = 1.0 + left_share - o["deflating_share"] * t / seconds - o["punctured_share"] * (2.0 * t > seconds)
@@ -129,6 +132,13 @@ def drive(
         "encoder": Channel(t[read], ("theta_1", "theta_2"), counted, {}, 1.0 / encoder_hz),
         "kinect": Channel(np.round(stamps, 6), ("x", "y", "phi"), seen, {}, None),
     }, f"two wheels, seed {seed}")
+
+
+def _erring(seed, n):
+    """(n, 2) noise of unit variance, alike for some 0.3 s."""
+    keep = np.exp(-_STEP_S / 0.3)
+    white = np.random.default_rng([seed, 78]).standard_normal((n, 2))
+    return lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
 
 
 def _way(forward, sideways, phi, belt_m_s, patch_share):
