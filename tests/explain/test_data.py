@@ -37,7 +37,6 @@ def pushed(t, values):
     values[t > 5.0, 0] += 0.6
 
 
-@pytest.mark.slow
 def test_no_physics_is_blamed_for_millimetres(runs, effects):
     answer = explain(MODEL, [with_kinect(run, in_millimetres) for run in runs[:2]], effects=effects)
     assert answer.verdict == "data" and answer.effects == []

@@ -43,7 +43,6 @@ def told(case: Case, effects: list | None = None) -> dict:
     return record
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "name", "factor"), NAMED)
 def test_a_hidden_effect_is_named_measured_and_added(robot, name, factor):
     record = told(Case(robot, "effect", name, factor, 1.0, 0))

@@ -93,7 +93,6 @@ FAULTS = {
 }
 
 
-@pytest.mark.first_case
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_mistake_is_named_or_stands_beside_what_is_named(sound, fault):
     finding = check(MODEL, [FAULTS[fault](one) for one in sound]).findings[0]

@@ -49,7 +49,6 @@ def until(end_s, recording):
     return dataclasses.replace(recording, channels=channels)
 
 
-@pytest.mark.slow
 def test_runs_of_a_sound_robot_show_nothing():
     assert not shown({}, ())
 

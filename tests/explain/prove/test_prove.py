@@ -67,7 +67,6 @@ def test_what_noise_leaves_is_what_the_right_answer_leaves(proven):
             assert row.after < 2.0 * (row.sensors**2 + row.chance**2) ** 0.5
 
 
-@pytest.mark.slow
 def test_without_a_held_out_run_each_run_is_left_out_in_turn(runs, effects):
     answer = explain("omni_multirate", [runs["square"], runs["figure_eight"]], effects=effects[:1])
     row = row_of(answer, runs="held_out", metric="ATE", channel="position", driven_by="wheels")

@@ -29,7 +29,7 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
         if unknown.driver.startswith("time"):
             drive = "repeat one motion several times in a run, so that nothing but time changes"
         elif unknown.driver == "nothing":
-            drive = "repeat one motion with the plant tilted or loaded otherwise, so that a constant force changes"
+            drive = "repeat one motion tilted or loaded otherwise, so that a constant force changes"
         elif unknown.driver == "place":
             drive = "repeat one motion in other parts of the room, so that nothing but the place changes"
         nearest = f"; nearest known effect: {unknown.nearest}" if unknown.nearest != "none" else ""

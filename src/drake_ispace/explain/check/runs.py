@@ -11,11 +11,10 @@ from drake_ispace.blocks.errors import InputError, shown
 from drake_ispace.files.recording import Recording, check_finite
 from drake_ispace.robots.library import robots
 from drake_ispace.robots.recordings import load
-from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
+from drake_ispace.robots.robot import Robot
 from drake_ispace.scenario import Scenario
 from drake_ispace.wiring.catalog import entry_of
 
-_OF_MOTION = (COMMAND, TORQUE, "encoder", "imu")  # channels of which one sample tells nothing
 _LARGEST = np.reciprocal(np.finfo(float).eps)  # in any unit; above it a number no longer counts by ones
 
 UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
@@ -83,7 +82,7 @@ def robot_of(scenario: Scenario, runs: Sequence[Recording], names: Sequence[str]
 
 
 def check_given(recording: Recording, name: str) -> None:
-    """Refuse a channel without samples, one of a single sample that tells nothing, and what `check_sizes` refuses.
+    """Refuse a channel without samples, an encoder of one, which tells of no motion, and what `check_sizes` refuses.
 
     Raises:
         InputError: naming run and channel, and its file.
@@ -92,8 +91,8 @@ def check_given(recording: Recording, name: str) -> None:
         where = f"{name}: channel {channel}" + (f" ({samples.file})" if samples.file else "")
         if not samples.t.size:
             raise InputError(f"{where} holds no sample, expected some, or no such channel")
-        if samples.t.size == 1 and channel in _OF_MOTION:
-            raise InputError(f"{where} holds one sample, which tells of no motion, expected more, or no such channel")
+        if samples.t.size == 1 and channel == "encoder":
+            raise InputError(f"{where} holds one sample, which tells of no motion, expected more")
     check_sizes(recording, name)
 
 

@@ -254,10 +254,10 @@ def _by_unknown_torques(own, of, seed) -> float:
     Of a slow one a part has a mean, which the noise of the part, a matter of a second, knows nothing of. Where they are
     all noise, what the filter could not predict is white, and plain least squares tells the size best.
     """
-    prediction, change = own.view.prediction, _in_a_row(own.screen.signatures[of.number].change)
-    if prediction.replay.body.robot.in_room:
+    prediction = own.view.prediction
+    if prediction.replay.body.robot.in_room or not prediction.replay.unknown_torque:
         return 0.0
-    as_given = _in_a_row(own.residuals)
+    change, as_given = _in_a_row(own.screen.signatures[of.number].change), _in_a_row(own.residuals)
 
     def moved(draw):
         tracks = [prediction.replay.disturbed(track, [seed, 8, draw, i]) for i, track in enumerate(prediction.tracks)]

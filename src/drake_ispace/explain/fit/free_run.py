@@ -19,7 +19,8 @@ from drake_ispace.explain.predict.prediction import wheel_speeds
 from drake_ispace.explain.predict.replay import Values
 from drake_ispace.explain.predict.tracks import Track
 
-_STEP = 1e-3  # of a start, as a share
+_STEP = 1e-3  # of a start, as a share, and of its squared errors, below which it is found
+_MOST_STEPS = 8  # in which a start is found
 _FAR = 1e6  # rad, rad/s: the error of a simulation that runs away
 _LOGGED = {"angle": ("simulated wheel angle", "rad"), "speed": ("simulated wheel speed", "rad/s")}
 
@@ -111,19 +112,23 @@ def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, 
     plant: other values of the plant's own parameters, by name.
     """
     def difference_from(start):
-        return _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
+        difference = _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
+        return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
 
-    begins_in_motion, start = track.unscored_ticks > 0, None
-    if begins_in_motion:
-        start = np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
-    difference = difference_from(start)
-    if begins_in_motion:
-        steps = np.diag(_STEP * np.maximum(np.abs(start), 1.0))
-        slopes = np.stack([difference_from(start + step) - difference for step in steps], axis=-1)
-        if np.isfinite(slopes).all() and np.isfinite(difference).all():
-            share = np.linalg.lstsq(slopes.reshape(-1, len(start)), difference.ravel(), rcond=None)[0]
-            difference = difference - slopes @ share
-    return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
+    if not track.unscored_ticks:
+        return difference_from(None)
+    start = np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
+    units = np.maximum(np.abs(start), 1.0)
+
+    def moved(by):
+        return start + (by - 1.0) * units
+
+    # step by step: what grows fast, as a fall, is far from linear in the start
+    nearest = least_squares(
+        lambda by: difference_from(moved(by)).ravel(), np.ones(len(start)), diff_step=_STEP, ftol=_STEP,
+        max_nfev=_MOST_STEPS,
+    )
+    return difference_from(moved(nearest.x))
 
 
 def errors_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.ndarray:
@@ -165,4 +170,6 @@ def rms(values: np.ndarray) -> float:
 def _logged(replay, track, angles):
     """(rows, n) angles, or speeds over two ticks, from the first torque on: a rest before it would dilute errors."""
     rows = angles if replay.logged == "angle" else (angles[2:] - angles[:-2]) / (2.0 * TICK_S)
+    if track.unscored_ticks > 0:  # it begins in motion
+        return rows
     return rows[int(np.argmax(np.any(track.command[: track.ticks] != 0.0, axis=1))) :]

@@ -81,7 +81,8 @@ class OwnReplay(Replay):
         keep = np.exp(-TICK_S / CORRELATION_S)
         white = np.random.default_rng(seed).standard_normal(run.command.shape)
         torque = self.unknown_torque * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], white, axis=0)
-        torque[: int(np.argmax(np.any(run.command != 0.0, axis=1)))] = 0.0  # a run begins with the first torque
+        if not run.unscored_ticks:  # a run that begins at rest begins with the first torque
+            torque[: int(np.argmax(np.any(run.command != 0.0, axis=1)))] = 0.0
         return replace(run, command=run.command + torque)
 
     def simulated(

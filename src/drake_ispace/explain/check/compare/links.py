@@ -127,8 +127,8 @@ class Link:
         channel: name. since_s, until_s: (n,) windows on the channel's clock. measured: (n, d). predicted: of windows on
             the wheels' clock, (n, d). groups, noise (d,): as of regression.scores. besides: of windows, motions of any
             share; None: none. usual_s: from and to, by how much later [s] the wheels may say what a sound channel says.
-        slack: of the relation. t: (k,) the channel's stamps. finer: the same in windows no longer than a usual latency,
-            in which a late channel tells of none of the same motion; None: not told apart.
+        slack: of the relation. t: (k,) the channel's stamps. finer: the same in windows about as long as a usual
+            latency, in which a late channel tells of little of the same motion; None: not told apart.
     """
 
     channel: str

@@ -56,7 +56,7 @@ def prove_own(case: Case, decision: Decision | Choice, seed: int) -> Proof:
     worst = sorted((r for r in left if r.unit != "1"), key=lambda remainder: -remainder.ratio)[:1]
     asked, instead, unconfirmed = None, None, []
     if parts and isinstance(decision, Decision) and answer.point:
-        unconfirmed = ruled_out(case.held_out, decision.named.point)
+        unconfirmed = ruled_out(case.held_out, decision.named.point)  # at the sizes that are likeliest read by read
     if isinstance(decision, Decision) and decision.unknown is None:
         instead = partial(preferred_by_runs, case.prediction, decision)
         if len(answer.point) < MOST_EFFECTS:

@@ -7,7 +7,7 @@ tell these moments from each other; from a drive's own delay they are told by ly
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.sparse import lil_array
+from scipy.sparse import eye_array, kron, lil_array
 from scipy.special import logsumexp, softmax
 from scipy.stats import norm, truncnorm
 
@@ -101,26 +101,27 @@ def _moments(
     more = inverse @ product
     unexplained, free = left - more @ columns, max(len(left) - len(samples), 1)
     noise = np.sqrt(np.sum(unexplained**2) / free) + 1e-12
-    weights = (inverse @ columns.toarray()).reshape(len(samples), *drive.turned.shape)
-    together = _variances(weights, unexplained.reshape(drive.turned.shape), drive.edges) * len(left) / free
+    sums = _covariance(columns, unexplained.reshape(drive.turned.shape), drive.edges) * len(left) / free
+    together = np.maximum(np.sum(inverse @ sums * inverse, axis=1), 0.0)
     return moved[samples] + more, noise * np.sqrt(np.diag(inverse)), np.sqrt(together) + 1e-12
 
 
-def _variances(weights: np.ndarray, noise: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """(c,) variances of sums of noise (m, n) of n wheels, times weights (c, m, n).
+def _covariance(columns, noise: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """(c, c) covariance of sums of noise (m, n) of n wheels, times sparse columns (c, m n).
 
     A drive that is too fast for a while is so in many windows, as if a change had come earlier, the more the longer the
     drive takes for a change. Noise is taken to be alike throughout the run, and to belong together within a block
     (Newey and West, 1987).
     edges: (m + 1,) [s] of the windows.
     """
-    most = min(max(1, round(BLOCK_S / float(np.median(np.diff(edges))))), len(noise))
-    variances = np.zeros(len(weights))
-    for k in range(most):
-        together = noise[k:].T @ noise[: len(noise) - k] / len(noise)
-        of_pairs = np.einsum("cma,ab,cmb->c", weights[:, k:], together, weights[:, : len(noise) - k], optimize=True)
-        variances += (2.0 if k else 1.0) * (1.0 - k / most) * of_pairs
-    return np.maximum(variances, 0.0)
+    (m, n), sums = noise.shape, np.zeros((columns.shape[0],) * 2)
+    windows = min(max(1, round(BLOCK_S / float(np.median(np.diff(edges))))), m)
+    for k in range(windows):
+        together = (1.0 - k / windows) * (noise[k:].T @ noise[: m - k]) / m
+        of_later = columns[:, k * n :] @ kron(eye_array(m - k), together, "csr")
+        of_pairs = (of_later @ columns[:, : (m - k) * n].T).toarray()
+        sums += of_pairs + of_pairs.T if k else of_pairs
+    return sums
 
 
 def _answers(drive, samples) -> list[np.ndarray]:
