@@ -288,7 +288,8 @@ def _without_each_second(own, of) -> tuple[np.ndarray, np.ndarray]:
     begun = np.flatnonzero(np.diff(blocks, prepend=-1))
     parts = (np.add.reduceat(change * own.tested.marginalised(by), begun) for by in (own.w, change))
     product, length = (np.sum(part) - part for part in parts)
-    length[length <= np.finfo(float).eps * own.screen.length[of.number]] = np.nan
+    rounding = np.sqrt(np.finfo(float).eps)  # of what is left when nuisances are taken away, as a share
+    length[length <= rounding * own.screen.length[of.number]] = np.nan
     return of.step * product / length, of.step**2 * own.screen.overdispersion[of.number] / length
 
 
