@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from drake_ispace.blocks.rates import TICK_S
-from drake_ispace.explain.fit.free_run import errors, measured
+from drake_ispace.explain.fit.free_run import Sizes, errors_from_nearest, measured
 
 
 def test_a_fall_begins_where_it_comes_nearest_however_fast_it_grows():
@@ -23,8 +23,8 @@ def test_a_fall_begins_where_it_comes_nearest_however_fast_it_grows():
     track = SimpleNamespace(ticks=200, unscored_ticks=1, command=np.zeros((200, 1)))
     track.measured = count * np.round(simulated(track, {}, None, (2e-4, 1e-3)) / count)
     assert 1.0 < track.measured[-1] < 6.0
-    errs = errors(SimpleNamespace(logged="angle", simulated=simulated), track, {})
-    assert np.sqrt(np.mean(errs**2)) < count
+    errors = errors_from_nearest(SimpleNamespace(logged="angle", simulated=simulated), track, Sizes({}, {}))
+    assert np.sqrt(np.mean(errors**2)) < count
 
 
 def test_a_part_that_begins_in_motion_is_compared_from_its_begin():

@@ -7,6 +7,7 @@ whole runs best; `fitted` finds the latter.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -108,27 +109,49 @@ def _stds(solution, ends):
 def errors(replay: OwnReplay, track: Track, values: Values, plant: Mapping[str, float] | None = None) -> np.ndarray:
     """(rows, n) simulated less measured wheel angles [rad] or speeds [rad/s], whichever the robot logged.
 
-    A run that begins in motion is simulated from the angles and rates with which it comes nearest to the measurement.
+    A run that begins in motion is simulated from the angles and rates with which it comes nearest to the measurement,
+    to first order in these, so that a fit finds slopes.
     plant: other values of the plant's own parameters, by name.
     """
-    def difference_from(start):
-        difference = _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
-        return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
-
+    difference_from = partial(_difference_from, replay, track, values, plant)
     if not track.unscored_ticks:
         return difference_from(None)
-    start = np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
+    start = _start_of(track)
+    difference = difference_from(start)
+    steps = np.diag(_STEP * np.maximum(np.abs(start), 1.0))
+    slopes = np.stack([difference_from(start + step) - difference for step in steps], axis=-1)
+    share = np.linalg.lstsq(slopes.reshape(-1, len(start)), difference.ravel(), rcond=None)[0]
+    return np.clip(difference - slopes @ share, -_FAR, _FAR)
+
+
+def errors_from_nearest(replay: OwnReplay, track: Track, sizes: Sizes) -> np.ndarray:
+    """(rows, n) as of `errors`, of a part of a run from where it comes nearest, however far that is from linear.
+
+    What grows fast, as a fall, is so within a second.
+    """
+    difference_from = partial(_difference_from, replay, track, merged(sizes.point), sizes.plant)
+    start = _start_of(track)
     units = np.maximum(np.abs(start), 1.0)
 
     def moved(by):
         return start + (by - 1.0) * units
 
-    # step by step: what grows fast, as a fall, is far from linear in the start
     nearest = least_squares(
         lambda by: difference_from(moved(by)).ravel(), np.ones(len(start)), diff_step=_STEP, ftol=_STEP,
         max_nfev=_MOST_STEPS,
     )
     return difference_from(moved(nearest.x))
+
+
+def _difference_from(replay, track, values, plant, start) -> np.ndarray:
+    """(rows, n) simulated from a start less measured; None: from rest."""
+    difference = _logged(replay, track, replay.simulated(track, values, plant, start)) - measured(replay, track)
+    return np.clip(np.nan_to_num(difference, nan=_FAR), -_FAR, _FAR)
+
+
+def _start_of(track) -> np.ndarray:
+    """(2 n,) angles and rates at the begin, as the log shows them."""
+    return np.concatenate([track.measured[0], wheel_speeds(track.measured[: track.ticks])[0]])
 
 
 def errors_of(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> np.ndarray:

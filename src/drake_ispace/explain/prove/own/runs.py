@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.decide.proposals.detect import FALSE_ALARM_RATE
-from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, measured, unit_of
+from drake_ispace.explain.fit.free_run import Sizes, channel_of, errors, errors_from_nearest, measured, unit_of
 from drake_ispace.explain.fit.likelihood import merged
 from drake_ispace.explain.predict.own_replay import OwnReplay
 from drake_ispace.explain.predict.stretches import equal_parts
@@ -30,7 +30,7 @@ def errors_of_runs(replay: OwnReplay, tracks: Sequence[Track], sizes: Sizes) -> 
     found = []
     for track in tracks:
         run = {
-            _measure(replay, horizon): np.vstack([_errors(replay, part, sizes) for part in parts])
+            _measure(replay, horizon): np.vstack([_errors(replay, part, sizes, horizon) for part in parts])
             for horizon, parts in _parts(replay, track).items()
         }
         found.append({**run, _relative(replay): run[_measure(replay, RUN)] / size})
@@ -62,11 +62,12 @@ def noise_of_runs(
 def _by_chance(replay, tracks, sizes, horizon, seed, draws) -> tuple[float, float]:
     """Root mean square of what unknown torques do over a horizon, and what they hardly ever exceed."""
     parts = [part for track in tracks for part in _parts(replay, track).get(horizon, [])]
-    as_given = each(lambda part: _errors(replay, part, sizes), parts)
+    as_given = each(lambda part: _errors(replay, part, sizes, horizon), parts)
 
     def drawn(draw):
         """Mean squares (parts,)."""
-        moved = [_errors(replay, replay.disturbed(part, [seed, 4, i, draw]), sizes) for i, part in enumerate(parts)]
+        pushed = [replay.disturbed(part, [seed, 4, i, draw]) for i, part in enumerate(parts)]
+        moved = [_errors(replay, part, sizes, horizon) for part in pushed]
         return [np.mean((after - before) ** 2) for after, before in zip(moved, as_given, strict=True)]
 
     draws = draws if horizon == RUN else -(-draws * len(tracks) // len(parts))
@@ -77,9 +78,11 @@ def _by_chance(replay, tracks, sizes, horizon, seed, draws) -> tuple[float, floa
     return np.sqrt(chance), np.sqrt(chance * chi2.isf(FALSE_ALARM_RATE, freedom) / freedom) if chance else 0.0
 
 
-def _errors(replay, track, sizes):
+def _errors(replay, track, sizes, horizon):
     """(k, 1) errors of a run or of a part of it."""
-    return errors(replay, track, merged(sizes.point), sizes.plant).reshape(-1, 1)
+    if horizon == RUN:
+        return errors(replay, track, merged(sizes.point), sizes.plant).reshape(-1, 1)
+    return errors_from_nearest(replay, track, sizes).reshape(-1, 1)
 
 
 def _parts(replay, track) -> dict[str, list[Track]]:
