@@ -23,12 +23,14 @@ def all_makes_sense(monkeypatch):
     monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: {})
 
 
-def decided(names, in_doubt=False):
-    """A Decision that names these effects, and can name others or none."""
+def decided(names, in_doubt=False, total_gain=1.0):
+    """A Decision that names these effects, each of which gains 1, and can name others or none."""
     point = {Named(name): [1.0] for name in names}
     return SimpleNamespace(
         named=SimpleNamespace(point=point), detection=SimpleNamespace(in_doubt=in_doubt), kept={}, rivals={},
-        with_effects=lambda kept: decided([c.name for c in kept]), without_effects=lambda: decided([]),
+        gains=dict.fromkeys(point, 1.0), total_gain=total_gain,
+        with_effects=lambda kept: decided([c.name for c in kept], total_gain=total_gain),
+        without_effects=lambda: decided([]),
     )
 
 
@@ -128,13 +130,14 @@ def test_what_unseen_runs_do_not_confirm_is_not_named_even_where_the_rest_does_n
     assert len(best.answer.warnings) == 2 - len(left) and all("no nearer" in said for said in best.answer.warnings)
 
 
-@pytest.mark.parametrize(("unconfirmed", "left", "verdict"), [
-    ({}, ["slip", "lag"], "named"),
-    ({"slip lag": ["lag"]}, ["slip"], "incomplete"),
-    ({"slip lag": ["lag"], "slip": ["slip"]}, [], "unknown"),
+@pytest.mark.parametrize(("unconfirmed", "total_gain", "left", "verdict"), [
+    ({}, 2.0, ["slip", "lag"], "named"),
+    ({"slip lag": ["lag"]}, 2.0, ["slip"], "incomplete"),
+    ({"slip lag": ["lag"]}, 200.0, ["slip"], "named"),
+    ({"slip lag": ["lag"], "slip": ["slip"]}, 2.0, [], "unknown"),
 ])
-def test_what_is_left_of_an_answer_on_a_plant_of_ones_own_is_none(unconfirmed, left, verdict):
-    """The effect that unseen runs rule out stood for something that is missing."""
+def test_what_is_left_of_an_answer_on_a_plant_of_ones_own_is_none(unconfirmed, total_gain, left, verdict):
+    """The effect that unseen runs rule out stood for something that is missing, unless it explained next to nothing."""
     def answered(decision):
         names = [candidate.name for candidate in decision.named.point]
         effects = [SimpleNamespace(name=name, parameters={}) for name in names]
@@ -142,7 +145,8 @@ def test_what_is_left_of_an_answer_on_a_plant_of_ones_own_is_none(unconfirmed, l
         return proved(decision, answer, unconfirmed=unconfirmed.get(" ".join(names), []))
 
     own = SimpleNamespace(scenario=None, is_filtered=True, replay=CASE.replay)
-    best = best_answered(own, answered(decided(["slip", "lag"])), answered, none_without)
+    first = answered(decided(["slip", "lag"], total_gain=total_gain))
+    best = best_answered(own, first, answered, none_without)
     assert [effect.name for effect in best.answer.effects] == left and best.answer.verdict == verdict
     assert len(best.answer.warnings) == 2 - len(left) and all("likelier without" in w for w in best.answer.warnings)
 

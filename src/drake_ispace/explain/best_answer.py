@@ -14,7 +14,7 @@ from drake_ispace.explain.answer.verdict import (
     nonsense,
 )
 from drake_ispace.explain.decide.decide import MOST_EFFECTS
-from drake_ispace.explain.decide.decision import Decision
+from drake_ispace.explain.decide.decision import NEXT_TO_NOTHING, Decision
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.proof import Proof
 from drake_ispace.robots.robot import COMMAND
@@ -78,13 +78,20 @@ def _preferred(case, first, answered, decided_without) -> Answered:
     if needed is not best.decision and (without := answered(needed)).suffices:
         add_trace(without.answer, best.answer)
         return replace(without, dropped=best.dropped)
-    best = _without_small(case, best, answered)
+    best, lacks_more = _without_small(case, best, answered), False
     while best.proof.unconfirmed:  # without the worst of them the others may be confirmed
-        why = UNCONFIRMED if case.scenario is not None else RULED_OUT
-        best = _without(best, {best.proof.unconfirmed[0]}, f"is not confirmed: {why}", answered)
-        if case.scenario is None:  # the rest is no answer then: what it stood for is missing
+        worst, why = best.proof.unconfirmed[0], UNCONFIRMED if case.scenario is not None else RULED_OUT
+        lacks_more |= case.scenario is None and not _is_trace(best.decision, worst)
+        best = _without(best, {worst}, f"is not confirmed: {why}", answered)
+        if lacks_more:  # the rest is no answer then: what the effect stood for is missing
             best.answer.verdict = "incomplete" if best.answer.effects else "unknown"
     return best
+
+
+def _is_trace(decision, name) -> bool:
+    """Whether a named effect explains next to nothing beside what all of them do."""
+    (gain,) = (gain for effect, gain in decision.gains.items() if effect.name == name)
+    return gain < NEXT_TO_NOTHING * decision.total_gain
 
 
 def _with_preferred(first, answered) -> Answered:
