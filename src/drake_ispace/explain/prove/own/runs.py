@@ -44,7 +44,8 @@ def noise_of_runs(
 
     Both are root mean squares; a third one is exceeded by these torques as rarely as a false alarm may be.
 
-    after: errors of each run. draws: of each run; as many of all its seconds together.
+    after: errors of each run. draws: how often torques are drawn for each whole run. For each second they are drawn so
+        many times less as a run has seconds, so that both take about as long.
     """
     std = replay.angle_std * (1.0 if replay.logged == "angle" else np.sqrt(2.0) / (2.0 * TICK_S))
     sensors, chance, most = {}, {}, {}

@@ -69,7 +69,10 @@ def _by_chance(replay, tracks, filtered, seed) -> list[float]:
     told_by = [np.linalg.pinv(np.hstack([by_size[j] for j in those])) for those in others]
 
     def share(draw):
-        """Of one draw; a run has the sizes that the others tell, and an only one those that it tells itself."""
+        """Squared errors of all runs by least squares over those by the filter, in one draw of unknown torques.
+
+        Each run has sizes that were fitted to the others; a single run has its own.
+        """
         changes = [
             errors_of(replay, [replay.disturbed(track, [seed, 5, draw, i])], filtered) - at[i]
             for i, track in enumerate(tracks)

@@ -6,8 +6,8 @@ out a rival.
 """
 
 from drake_ispace.explain.decide.decision import MARGIN
-from drake_ispace.explain.decide.survey.survey import survey
-from drake_ispace.explain.fit.likelihood import Point, deviance_at
+from drake_ispace.explain.decide.survey.view import view_from
+from drake_ispace.explain.fit.likelihood import Point, deviance_at, merged
 from drake_ispace.explain.predict.prediction import Prediction
 
 
@@ -16,7 +16,9 @@ def ruled_out(unseen: Prediction, point: Point) -> list[str]:
 
     unseen: model and runs. point: effects of the answer.
     """
-    likelihood = survey(unseen, point, list(point), generics=lambda *view: []).likelihood
+    residuals = unseen.residuals(merged(point))
+    view = view_from(unseen, point, list(point), residuals, generics=lambda *view: [])
+    likelihood = view.likelihood(point, residuals, near=False)
     rests = {effect: {other: z for other, z in point.items() if other is not effect} for effect in point}
     with_all = deviance_at(likelihood, point)
     further = {effect.name: with_all - deviance_at(likelihood, rest) for effect, rest in rests.items()}
