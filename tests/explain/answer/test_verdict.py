@@ -9,7 +9,7 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, left_out, nonsense
+from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, led_away, left_out, nonsense
 from drake_ispace.explain.decide.proposals import detect
 from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
@@ -245,3 +245,19 @@ def proved(case, one, size, ci90, least_squares=None):
     answer.effects = [replace(effect, name=one.card.name, parameters={name: estimate})]
     add_proof(answer, case, Proof("held-out runs", answers.GAP, [], None, {one: [size]}, None))
     return answer
+
+
+def whole_runs(runs, before, after, least_squares):
+    """A row of simulations of whole runs."""
+    row = replace(answers.GAP[1], runs=runs, unit="rad", before=before)
+    return replace(row, after=after, least_squares=least_squares)
+
+
+@pytest.mark.parametrize(("rows", "away"), [
+    ([whole_runs("held_out", 6.0, 12.0, 12.0), whole_runs("training", 8.5, 27.5, 27.5)], True),
+    ([whole_runs("held_out", 6.0, 12.0, 12.0), whole_runs("training", 8.5, 7.5, 27.5)], False),
+    ([whole_runs("held_out", 6.0, 12.0, 5.0), whole_runs("training", 8.5, 27.5, 27.5)], False),
+    ([whole_runs("held_out", 6.0, 12.0, 12.0)], False),
+], ids=["all", "seen ones nearer", "by least squares nearer", "no others"])
+def test_an_own_plant_is_led_away_if_no_whole_run_comes_nearer(rows, away):
+    assert ("12 rad instead of 6 rad" in led_away(rows)) == away

@@ -11,8 +11,8 @@ from drake_ispace.explain.decide.each_part import OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
-from drake_ispace.explain.prove.errors.free_run import ATE, RPE, WHEELS
-from drake_ispace.explain.prove.errors.gap import HELD_OUT, GapRow
+from drake_ispace.explain.prove.errors.free_run import ATE, RPE, RUN, WHEELS
+from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.explain.prove.proof import Proof
@@ -37,12 +37,31 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     moved, moves_as_told = (_moves_as_told(proof.rows, attrgetter(which)) for which in ("before", "after"))
     if answer.verdict == "incomplete" and moves_as_told and not moved:  # beside the effects something is detectable
         answer.verdict = named_or_set(answer.effects)
-    why = doubtful(answer, case, proof).values() if proof.sizes else ()
+    why = list(doubtful(answer, case, proof).values()) if proof.sizes else []
+    if proof.sizes and case.scenario is None and (away := led_away(proof.rows)):
+        why.append(away)
     _judge(answer, [f"{text}: what was detected is something else" for text in why])
     if answer.unknown is not None and moves_as_told and not answer.remainders:
         what = f"a {answer.unknown.link} that goes with {answer.unknown.driver} is detectable"
         answer.warnings.append(f"{what}, but on unseen runs the model without it is as good as the sensors")
         answer.verdict, answer.unknown = "none", None
+
+
+def led_away(rows: Sequence[GapRow]) -> str:
+    """In words, whether all whole runs of a user's own plant, seen and unseen, are off by more; empty if not.
+
+    However far unknown torques may lead by chance: no sizes of the effects were found with which a run comes nearer.
+    """
+    whole = [row for row in rows if (row.metric, row.horizon) == (ATE, RUN) and row.unit != "1"]
+    if {row.runs for row in whole} != {HELD_OUT, TRAINING}:
+        return ""
+    if any(min(row.after, row.least_squares) <= row.before for row in whole):
+        return ""
+    unseen = next(row for row in whole if row.runs == HELD_OUT)
+    return (
+        f"whole runs come no nearer with it, unseen ones are off by {amount(unseen.after, unseen.unit)} instead of "
+        f"{amount(unseen.before, unseen.unit)}"
+    )
 
 
 def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> bool:
@@ -62,19 +81,19 @@ def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> 
 def doubtful(answer: Explanation, case: Case, proof: Proof) -> dict[str, str]:
     """Named effects that may be something else -> why.
 
-    They have sizes that a sound robot may have, or that may be none, or the proof does not confirm them.
+    They have sizes that a sound robot may have, or that may be none, or the proof does not confirm them. Of a user's
+    own plant the second alone is asked here: what unseen runs rule out takes other answers along.
     """
-    if case.scenario is None:
-        return {}
+    is_own = case.scenario is None
     scales, why = scales_of(case.prediction), {}
     for effect in answer.effects:
         of_library, known = case.replay.effects[effect.name], case.replay.known.get(effect.name, {})
         parameters = of_library.parameters_of(case.replay.body)
-        if _is_trifle(effect, parameters, scales):
+        if not is_own and _is_trifle(effect, parameters, scales):
             why[effect.name] = f"{effect.name} is no larger than in a sound robot"
-        elif _may_be_none(effect, parameters, known, of_library.kinematic):
+        elif _may_be_none(effect, parameters, known, is_own or of_library.kinematic):
             why[effect.name] = f"the size of {effect.name} may be none"
-        elif effect.name in proof.unconfirmed:
+        elif not is_own and effect.name in proof.unconfirmed:
             why[effect.name] = f"{effect.name}: {UNCONFIRMED}"
     return why
 
