@@ -63,6 +63,7 @@ def drive(
     camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
     in_step: bool = False, speeds_m_s: tuple[float, float] = (0.1, 0.5),
     rates_rad_s: tuple[float, float] = (-1.0, 1.0), ramp_s: float = 0.0, seized_s: tuple[float, ...] = (),
+    moves: float = 1.0,
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
@@ -72,7 +73,7 @@ def drive(
         others: further things that are hidden, by their names in OTHERS. in_step: whether the command changes only when
             it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how
             long each change of a command takes [s]. seized_s: between which the left wheel turns a fifth as fast as
-            it is told.
+            it is told. moves: probability that the robot moves in each two seconds; it rests in the others.
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
@@ -80,6 +81,9 @@ def drive(
     t = _STEP_S * np.arange(n)
     step_s = 1.0 / encoder_hz if in_step else _STEP_S
     v, w = wandering(random, t, *speeds_m_s, step_s), wandering(random, t, *rates_rad_s, step_s)
+    if moves < 1.0:
+        moves_then = np.random.default_rng([seed, 79]).random(round(seconds)) < moves
+        v, w = (rates * moves_then[(t / 2.0).astype(int)] for rates in (v, w))
     if ramp_s > 0.0:
         ramp = np.full(round(ramp_s / _STEP_S), _STEP_S / ramp_s)
         last = np.arange(n) if not in_step else np.arange(n) // round(step_s / _STEP_S) * round(step_s / _STEP_S)

@@ -16,6 +16,12 @@ FAULTS = (
         harmless=True,
     ),
     Fault(
+        "command_overridden", "a command that is not the one in force",
+        "the wheels follow another command than the logged one", "an emergency stop, a joystick, or a lost topic",
+        "the wheels do something else than told for a while, and not a share of it", "cut the stretch out",
+        same=("channel_frozen", "rows_missing"), harmless=True,
+    ),
+    Fault(
         "channel_of_another_run", "a channel of another run",
         "one channel tells of another motion than the others", "files were mixed up",
         "the channel goes with the others in no reading", "leave the channel out, or find its own",

@@ -19,6 +19,7 @@ from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks.clocks import clocks, encoder_clock, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
 from drake_ispace.explain.check.compare.command.drive import drive_of
+from drake_ispace.explain.check.compare.command.followed import followed_findings
 from drake_ispace.explain.check.compare.command.moments import moment_findings
 from drake_ispace.explain.check.compare.command.setpoints import setpoint_findings
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
@@ -129,6 +130,8 @@ class _Search:
         self.findings[earlier:] = with_rivals(self.findings[earlier:], of_encoders)
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
+        bases = self._bases()
+        self._add(_joined(followed_findings({i: (drive, bases[i]) for i, drive in self._drives().items()})))
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, inside
+from drake_ispace.explain.check.compare.links import FEWEST, Base, Link, in_motion, inside
 from drake_ispace.explain.check.compare.regression import PHYSICS, Slack, most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.levels import CHANCE
@@ -263,6 +263,7 @@ def compared(
     related: (matrices, 1, 1 or d) factor on what the wheels predict, 0 where there is no relation.
     """
     kept = inside(base, link.since_s, link.until_s)
+    kept &= in_motion(link.predicted(link.since_s, link.until_s), link.measured, link.noise)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept], link.until_s[kept]

@@ -379,6 +379,12 @@ def moves(link: Link) -> bool:
     )
 
 
+def in_motion(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(n,) in which of n windows one of two motions (n, d) is more than noise (d,) makes: rest says nothing of either.
+    """
+    return (np.maximum(np.abs(x), np.abs(y)) > CERTAIN * noise).any(axis=1)
+
+
 def moving(motion: np.ndarray, noise: np.ndarray) -> bool:
     """Whether a motion (n, d) is more than its noise (d,) makes."""
     return bool(np.sqrt((motion**2).sum(axis=1).mean()) > CERTAIN * noise.max())

@@ -15,7 +15,8 @@ _FREEDOM = 4.0  # of Student's distribution
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
 _AT_ONCE = 150_000  # numbers of all hypotheses that are compared together, so that they stay in the processor's cache
-_FREE = np.sqrt(np.finfo(float).eps)  # precision of the prior of f beside that of the data: motions may be the same
+_TINY = np.sqrt(np.finfo(float).eps)  # a share that rounding hides, of what a sum of squares can tell
+_FREE = _TINY  # precision of the prior of f beside that of the data: motions may be the same
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,8 @@ def _fitted(x, y, z, slack):
     prior[..., range(d, d + k), range(d, d + k)] = certain
     steady = np.diag([0.0] * d + [_FREE] * k)
     apart = residual = y - x
-    least = SLACK * np.sqrt((y**2).mean(axis=(1, 2)))[:, None] + 1e-12
+    of_x, of_y = (np.sqrt((motion**2).mean(axis=(1, 2)))[:, None] for motion in (x, y))
+    least = np.maximum(SLACK * of_y, _TINY * of_x) + 1e-12
     scale = None
     for _ in range(_ROUNDS):
         scale = scale_of(residual, scale)

@@ -27,6 +27,7 @@ from drake_ispace.explain.check.compare.links import (
     PLACES_AND_TURNS,
     Base,
     camera_link,
+    in_motion,
     inside,
     integral,
     link_of,
@@ -190,7 +191,8 @@ def _compare(run: Recording, base: Base | None, given: Sequence[Reading]) -> _Co
     kinect = run.channels["kinect"]
     stretches = windows(kinect)
     since, until, camera = stretches.since_s, stretches.until_s, Camera(kinect, stretches)
-    kept = inside(base, since, until)
+    noise = base.noise_beside(camera.noise())
+    kept = inside(base, since, until) & in_motion(base.moved(since, until), camera.motion(), noise)
     if kept.sum() < FEWEST:
         return None
     since, until, unit = since[kept], until[kept], np.array([1.0, 1.0, arm(base.geometry)])

@@ -15,6 +15,7 @@ from drake_ispace.explain.levels import CHANCE
 from drake_ispace.faults.repair import Clock, CutOut, Evened
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si
+from drake_ispace.robots.robot import COMMAND
 
 #: Recorded unit of time -> seconds.
 TIMES = {unit: in_si(unit) for unit in ("s", "ms", "us", "ns")}
@@ -38,16 +39,17 @@ def stamp_findings(run: Recording) -> Iterator[Finding]:
 def _units(channels: dict[str, Channel]) -> Iterator[Finding]:
     """Channels whose steps are those of another unit of time: too long to tell a motion by, as windows tell it.
 
-    Where other channels have steps that are not, the unit is that in which a channel lasts as long as these.
+    Where other channels have steps that are not, the unit is that in which a channel lasts as long as these. A command
+    may be logged as seldom as it changes: beside others alone its steps are looked at.
     """
     measured = {
         name: channel for name, channel in channels.items()
-        if name not in ("truth", "reference", "command") and len(channel.t) > 2
+        if name not in ("truth", "reference") and len(channel.t) > 2
     }
     steps = {name: float(np.median(np.diff(channel.t))) for name, channel in measured.items()}
-    lasts = [float(np.ptp(measured[name].t)) for name, step in steps.items() if step <= WINDOW_S]
+    lasts = [float(np.ptp(measured[name].t)) for name, step in steps.items() if step <= WINDOW_S and name != COMMAND]
     for name, step in steps.items():
-        if step <= WINDOW_S:
+        if step <= WINDOW_S or (name == COMMAND and not lasts):
             continue
         possible = [unit for unit, seconds in TIMES.items() if step * seconds <= WINDOW_S]
         if lasts:
