@@ -76,6 +76,8 @@ class Effect:
     needs: tuple[str, ...] = ()
     #: Whether measured wheel angles and a camera show it, without any torque.
     kinematic = False
+    #: Whether some motion shows it. What only sets the axes of the room, or is counted, shows in none.
+    in_motion = True
     #: Whether the replay of a run has it. What happens at random is counted instead.
     replayed = True
     #: Whether it means the same in units of any kind, so that a plant whose "torque" is a voltage can have it.

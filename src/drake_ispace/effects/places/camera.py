@@ -224,6 +224,7 @@ class CameraKeystone(PoseEffect):
 class CameraRotation(PoseEffect):
     """x, y turned about the room's middle, and the heading with them."""
 
+    in_motion = False
     card = Card(
         name="camera_rotation", title="Camera rotation", home="camera", equation="p' = R(angle) p, phi' = phi + angle",
         source="the room's axes marked askew, or a camera that was touched",
@@ -240,6 +241,7 @@ class CameraRotation(PoseEffect):
 class CameraOffset(PoseEffect):
     """A constant added to the reported place."""
 
+    in_motion = False
     card = Card(
         name="camera_offset", title="Camera offset", home="camera", equation="p' = p + (x, y)",
         source="the room's middle marked wrongly, or a camera that was touched",
@@ -261,8 +263,7 @@ class CameraDropouts(PoseEffect):
     The random stream is `{robot}.camera_dropouts` under the seed of the body.
     """
 
-    replayed = False
-
+    in_motion = replayed = False
     card = Card(
         name="camera_dropouts", title="Camera dropouts and lost packets", home="camera",
         equation="not seen at a vision instant with the probability share",

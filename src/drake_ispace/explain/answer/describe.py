@@ -11,10 +11,11 @@ from scipy.stats import t as student_t
 
 from drake_ispace.explain.answer.cancel import cancelling
 from drake_ispace.explain.answer.drift import drift
-from drake_ispace.explain.answer.explanation import Estimate, Explanation, NamedEffect, Unknown, Untestable, Validated
+from drake_ispace.explain.answer.explanation import Estimate, Explanation, NamedEffect, Unknown, Validated
 from drake_ispace.explain.answer.localize import localize, onset
-from drake_ispace.explain.answer.next_experiment import needs, next_experiment
+from drake_ispace.explain.answer.next_experiment import next_experiment
 from drake_ispace.explain.answer.sentences import p_in_words
+from drake_ispace.explain.answer.untestable import cannot_show, in_motion
 from drake_ispace.explain.decide.decision import Decision, LeftOver, Rival
 from drake_ispace.explain.decide.survey.generic import Generic, motion_of
 from drake_ispace.explain.decide.survey.view import FORM_SHARE
@@ -24,7 +25,6 @@ from drake_ispace.explain.fit.changes import without
 from drake_ispace.explain.fit.free_run import Sizes, unit_of
 from drake_ispace.explain.fit.likelihood import Fit, Point
 from drake_ispace.explain.fit.profile import profile_intervals
-from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.predict.prediction import Residuals
 from drake_ispace.explain.prove.errors.repeats import are_one_motion
@@ -48,7 +48,7 @@ def _described(case, decision: Decision) -> Explanation:
     elif effects:
         verdict = named_or_set(effects)
         verdict = "incomplete" if decision.left_over is not None and decision.left_over.is_more else verdict
-    untestable = _untestable(case, decision)
+    untestable = cannot_show(case, decision.start.screen, effects)
     warnings = _missing(case)
     if decision.left_over is not None:
         warnings.append(_besides(decision.left_over, decision.total_gain))
@@ -65,7 +65,7 @@ def _described(case, decision: Decision) -> Explanation:
         verdict, effects,
         detection, places, untestable, unknown=unknown, warnings=warnings,
         drifts=[] if named is None else drift(decision) + cancelling(decision),
-        next_experiment=next_experiment(effects, unknown, untestable if verdict == "none" else []),
+        next_experiment=next_experiment(effects, unknown, in_motion(case, untestable) if verdict == "none" else []),
     )
 
 
@@ -273,17 +273,3 @@ def _course(start, generic):
     candidate = next(candidate for candidate in start.screen.candidates if candidate.effect is generic)
     covariance = start.screen.covariance_of(candidate)
     return generic.course(amounts, covariance) if len(amounts) == generic.columns else ()
-
-
-def _untestable(case, decision) -> list[Untestable]:
-    """Effects that chance would hide in these runs even at the largest size that a search begins with."""
-    screen, longest, driven = decision.start.screen, {}, case.replay.body.robot.driven
-    named = {candidate.name for candidate in decision.named.point} if decision.named else ()
-    for signature, length in zip(screen.signatures, screen.length, strict=True):
-        if not isinstance(signature.candidate.effect, Generic):
-            name = signature.candidate.name
-            longest[name] = max(longest.get(name, 0.0), float(np.sqrt(max(length, 0.0))))
-    return [
-        Untestable(name, needs(case.replay.effects[name], driven)) for name in case.replay.effects
-        if name not in named and longest.get(name, 0.0) < CERTAIN
-    ]

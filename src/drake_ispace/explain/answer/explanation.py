@@ -118,12 +118,19 @@ class Untestable:
     """An effect that these runs cannot show.
 
     Attributes:
-        effect: name. needs: the channels and the motion that would show it.
+        effect: name. needs: the channels and the motion that would show it. parameters: those that these runs cannot
+            show, where they show the others; else empty.
     """
 
     effect: str
     needs: str
 
+    parameters: list[str] = field(default_factory=list)
+
+    @property
+    def said(self) -> str:
+        """The effect, and the parameters where it is some of them."""
+        return f"{self.effect} ({', '.join(self.parameters)})" if self.parameters else self.effect
 
 @dataclass(frozen=True)
 class ControllerCheck:
@@ -302,7 +309,7 @@ class Explanation:
         for row in self.validated:
             lines.append(f"  cross-validated, {' + '.join(row.effects) or 'no effect'}: {row.error:.4g} {row.unit}")
         if self.untestable:
-            names = [entry.effect for entry in self.untestable]
+            names = [entry.said for entry in self.untestable]
             more = f" and {len(names) - 6} more" if len(names) > 6 else ""
             lines.append(f"  these runs cannot show: {', '.join(names[:6])}{more}")
         if self.next_experiment:

@@ -36,8 +36,8 @@ def next_experiment(effects: list[NamedEffect], unknown: Unknown | None, untesta
         return f"{drive}, and log the same channels{nearest}"
     if untestable:
         first, *others = untestable
-        listed = [entry.effect for entry in others[:_MOST_LISTED]]
+        listed = [entry.said for entry in others[:_MOST_LISTED]]
         listed += [f"{len(others) - len(listed)} more"] if len(others) > len(listed) else []
         more = f" (nor {', '.join(listed)})" if others else ""
-        return f"these runs cannot show {first.effect}{more}: {first.needs}"
+        return f"these runs cannot show {first.said}{more}: {first.needs}"
     return ""
