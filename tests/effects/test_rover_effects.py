@@ -9,6 +9,7 @@ from drake_ispace.effects.effect import Body, body_of
 from drake_ispace.effects.library import library
 from drake_ispace.plants.rover import WHEELS, RoverPlantParameters
 from drake_ispace.plants.slip import Slip
+from drake_ispace.plants.wheels import mecanum
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
 from drake_ispace.scenario import Scenario, load_scenario
@@ -30,6 +31,17 @@ EXACT = ["rover.encoder.counts_per_turn=0", "space.localizer.whole_pixels=false"
 def changed(name, plant=None, **values):
     effect, plant = library()[name], plant or RoverPlantParameters(wheels="mecanum")
     return effect.change(BODY.robot, plant, effect.neutral(Body(BODY.robot, plant, 4)) | values)
+
+
+@pytest.mark.parametrize("wheels, said", [("mecanum", "of length and width together"), ("omni3", "")])
+def test_of_wheels_with_askew_rollers_the_track_is_length_and_width_together(wheels, said):
+    body = Body(BODY.robot, RoverPlantParameters(wheels=wheels), 4)
+    assert library()["track_error"].called(body) == said and library()["wheel_radius_error"].called(body) == ""
+
+
+def test_of_length_and_width_only_the_sum_shows_with_mecanum_wheels():
+    longer, wider = (mecanum(0.05, *sizes).inverse for sizes in ((0.17, 0.14), (0.15, 0.16)))
+    assert np.allclose(longer, wider)
 
 
 def test_every_effect_but_those_of_forces_and_imu_applies():

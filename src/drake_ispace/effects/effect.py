@@ -109,6 +109,10 @@ class Effect:
         """
         return angles
 
+    def called(self, body: Body) -> str:
+        """What its size is of, where this body's kind has another word for it than its name."""
+        return ""
+
     def applies_to(self, body: Body) -> bool:
         """Whether the robot offers all that it needs, and has wheels enough."""
         fits = self.general or body.robot.in_si

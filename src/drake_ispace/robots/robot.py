@@ -235,6 +235,10 @@ class Robot(abc.ABC):
 
     # ---- numbers that effects change ----
 
+    def called(self, plant, number: str) -> str:
+        """What one of `numbers` is of these wheels, where its own name does not say so; else empty."""
+        return ""
+
     def scaled(self, plant, number: str, share: float):
         """A copy of `plant` with one of `numbers` times (1 + share)."""
         fields = self.numbers[number].fields

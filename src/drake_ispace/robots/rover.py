@@ -70,6 +70,11 @@ class Rover(Robot):
     def odometry(self, settings, start):
         return OmniOdometry(settings.plant.nominal_geometry, start)
 
+    def called(self, plant, number):
+        """A wheel with askew rollers turns as much by its distance ahead of the middle as by that aside."""
+        askew = any(wheel.roller_rad for wheel in plant.geometry.wheels)
+        return "of length and width together" if number == "track" and askew else ""
+
     def scaled(self, plant, number: str, share: float):
         """Its drive believes in the numbers of the scenario, so that errors stand beside them."""
         if number == "radius":

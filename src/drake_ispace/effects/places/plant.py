@@ -18,6 +18,9 @@ class NumberError(PlantEffect):
         sizes = {"tolerance": number.tolerance, "sensible": self.sensible}
         return (Parameter("share", "1", 0.0, self.low, self.high, number.probes, **sizes),)
 
+    def called(self, body):
+        return body.robot.called(body.plant, self.needs[0])
+
     def change(self, robot, plant, values):
         return robot.scaled(plant, self.needs[0], values["share"])
 

@@ -221,7 +221,9 @@ def _estimate(case, best: Fit | Sizes, candidate, i, ends) -> Estimate:
     """The Estimate of a coordinate of `best` whose interval ends at `ends`."""
     lower, upper = sorted(_size(case.replay, candidate, i, end) for end in ends)
     at = _size(case.replay, candidate, i, best.point[candidate][i])
-    return Estimate(at, (lower, upper), candidate.parameters[i].unit, _on_bound(case, best.point, candidate, i))
+    called = candidate.effect.called(case.replay.body)
+    on_bound = _on_bound(case, best.point, candidate, i)
+    return Estimate(at, (lower, upper), candidate.parameters[i].unit, on_bound, called=called)
 
 
 def _on_bound(case, point: Point, candidate, i) -> bool:

@@ -24,7 +24,8 @@ class Estimate:
         estimate, ci90, unit: value, 90 % interval (low, high), and their unit. on_bound: whether the value sits on the
             bound of what is physically possible, or beyond what a robot that drives about may have. least_squares: the
             value with which free-run simulations come nearest to the training runs; None: not computed, or they cannot
-            show it. called: the name of a chosen wheel, "" where it has only its number.
+            show it. called: the name of a chosen wheel, "" where it has only its number; of a size what it is of, ""
+            where its effect's name says so.
     """
 
     estimate: float
@@ -297,7 +298,8 @@ class Explanation:
                     lines.append(f"    {name} = {p.estimate:g}{f' ({p.called})' if p.called else ''}")
                     continue
                 plain = "" if p.least_squares is None else f", by free-run least squares {p.least_squares:.4g}"
-                lines.append(f"    {name} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{plain}")
+                called = f"{name} ({p.called})" if p.called else name
+                lines.append(f"    {called} = {p.estimate:.4g} [{low:.4g}, {high:.4g}] {p.unit}{plain}")
         if self.unknown is not None:
             unknown = self.unknown
             lines.append(f"  a {unknown.link} that goes with {unknown.driver}; nearest: {unknown.nearest}")
