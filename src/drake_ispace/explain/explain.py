@@ -37,6 +37,7 @@ from drake_ispace.explain.answer.contradiction import add_findings, contradictio
 from drake_ispace.explain.answer.controller import check_controllers
 from drake_ispace.explain.answer.describe import describe, rule_out_rivals
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.answer.missing_motion import advise_missing_motion
 from drake_ispace.explain.answer.new_model import add_effects
 from drake_ispace.explain.answer.verdict import add_chance, add_parts, add_proof, left_out
 from drake_ispace.explain.best_answer import Answered, best_answered
@@ -107,6 +108,7 @@ def explain(
             if again.verdict in ("named", "set") and SHOWS in names:
                 case, answer = moved, again
     add_chance(answer)
+    advise_missing_motion(answer, case)
     answer.warnings += [said for said in (*examined.warnings, case.warning) if said]
     add_findings(answer, examined)
     if case.scenario is not None:

@@ -65,7 +65,12 @@ def sentence_of(remainder: Remainder) -> str:
 
 def most_in(remainder: Remainder) -> str:
     """The runs in which it is largest, each by its file and folder."""
-    return ", ".join("/".join(Path(run).parts[-2:]) for run in remainder.runs)
+    return ", ".join(run_name(run) for run in remainder.runs)
+
+
+def run_name(run: str) -> str:
+    """A run by its file and folder."""
+    return "/".join(Path(run).parts[-2:])
 
 
 def over(horizon: str) -> str:

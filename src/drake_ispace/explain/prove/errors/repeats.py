@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student_t
 
-_ALIKE = 0.1  # share of the squared speed by which the same motion may differ, as where it begins a little later
+SAME_MOTION = 0.1  # share of the squared speed by which the same motion may differ, as where it begins a little later
 BLOCKS = 10  # of a run, in which errors are independent of each other
 
 
@@ -46,4 +46,4 @@ def are_one_motion(speeds: Sequence[np.ndarray]) -> bool:
 def _same(one, other):
     n = min(len(one), len(other))
     apart, size = np.sum((one[:n] - other[:n]) ** 2), 0.5 * (np.sum(one[:n] ** 2) + np.sum(other[:n] ** 2))
-    return n > 0 and apart < _ALIKE * size
+    return n > 0 and apart < SAME_MOTION * size
