@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 import answers
+from drake_ispace.explain.answer.explanation import Estimate
 from drake_ispace.explain.answer.sentences import gap_sentence, p_in_words, sentence_of, short
 from drake_ispace.explain.prove.left.remainder import amount
 from drake_ispace.scenario import load_scenario
@@ -41,6 +42,30 @@ def test_a_model_that_lacks_nothing_has_one_error():
 ])
 def test_without_a_headline_it_says_why(proof, has_effects, said):
     assert gap_sentence(None, proof, has_effects) == said
+
+
+def test_noise_in_which_something_is_unexplained_is_no_excuse_and_no_share_is_told():
+    assert gap_sentence(replace(ROW, closed=None), "held-out runs", True, holds_unexplained=True).endswith(
+        "was off by 300 mm, is off by 40 mm, of which noise may be 33.5 mm, with what is still unexplained in it"
+    )
+
+
+@pytest.mark.parametrize("verdict, is_fitted, is_small", [
+    ("incomplete", True, False), ("named", True, True), ("incomplete", False, True),
+])
+def test_a_gap_is_not_small_beside_noise_that_the_unexplained_made_large(verdict, is_fitted, is_small):
+    rows = [replace(ROW, chance=0.4, closed=None)]
+    answer = answers.named(load_scenario("omni_multirate"), verdict=verdict, gap=rows, noise_is_fitted=is_fitted)
+    (said,) = answer.headlines_in_words()
+    assert ("is small beside" in said) == is_small and ("was off by 300 mm, is off by 40 mm" in said) != is_small
+    assert answer.headline is None and answer.closed is None
+
+
+def test_an_estimate_says_what_it_is_of():
+    size = Estimate(0.05, (0.04, 0.06), "1", called="of length and width together")
+    answer = answers.named(load_scenario("omni_multirate"))
+    answer.effects = [replace(answer.effects[0], parameters={"share": size})]
+    assert "    share (of length and width together) = 0.05 [0.04, 0.06] 1" in str(answer)
 
 
 def test_a_simulated_channel_is_not_called_simulated_twice():

@@ -49,6 +49,21 @@ def test_there_is_a_headline_for_each_of_what_drives_the_model_the_clearest_firs
     assert headlines([ROW, command, replace(command, horizon="1s")]) == [command, ROW]
 
 
+@pytest.mark.parametrize("change, told", [
+    ({}, True), ({"sensors": 0.11}, False), ({"sensors": None}, False), ({"anywhere": True}, False),
+])
+def test_a_gap_that_is_clear_beside_sensors_alone_is_told_where_that_is_asked_for(change, told):
+    hidden = replace(ROW, chance=0.4, closed=None, **change)
+    assert headlines([hidden]) == [] and headlines([hidden], by_sensors=True) == [hidden] * told
+
+
+def test_a_gap_that_is_clear_beside_all_noise_goes_before_one_that_sensors_alone_show():
+    hidden = replace(ROW, metric="ATE", horizon="run", chance=0.4, closed=None)
+    assert headlines([hidden, ROW], by_sensors=True) == [ROW]
+    other = replace(hidden, driven_by="wheels")
+    assert headlines([ROW, other], by_sensors=True) == [other, ROW]
+
+
 @pytest.mark.parametrize("other", [
     {"runs": "training"}, {"channel": "heading", "unit": "rad"}, {"metric": "prediction", "channel": "imu: wy"},
 ])
@@ -66,5 +81,6 @@ def test_a_channel_is_made_worse_only_beyond_what_noise_leaves(after, is_worse):
 def test_a_simulation_that_may_be_anywhere_proves_nothing():
     errors = [[{POSITION: np.full((20, 2), size)} for _ in range(6)] for size in (9.0, 1.5)]
     noise = {POSITION: 0.1}, {POSITION: 2.5}
-    assert rows_of(Columns(*errors, None, *noise, size_m=0.6), "held_out", "", 0)[0].closed is None
+    (row,) = rows_of(Columns(*errors, None, *noise, size_m=0.6), "held_out", "", 0)
+    assert row.closed is None and row.anywhere
     assert rows_of(Columns(*errors, None, *noise, size_m=6.0), "held_out", "", 0)[0].closed == 1.0

@@ -125,13 +125,13 @@ class Untestable:
 
     effect: str
     needs: str
-
     parameters: list[str] = field(default_factory=list)
 
     @property
     def said(self) -> str:
         """The effect, and the parameters where it is some of them."""
         return f"{self.effect} ({', '.join(self.parameters)})" if self.parameters else self.effect
+
 
 @dataclass(frozen=True)
 class ControllerCheck:
@@ -158,8 +158,9 @@ class Explanation:
         detection: None where effects were chosen by cross-validation. localization: channels, the largest share first.
         untestable: effects that these runs cannot show. unknown: None unless the verdict is "unknown".
         gap: a row for every measure on unseen runs and on the training runs. proof: how the unseen runs came about,
-            "held-out runs", "leave-one-run-out" or "blocks of the run". remainders: what is left on unseen runs and is
-            not noise of a sound robot, the worst first.
+            "held-out runs", "leave-one-run-out" or "blocks of the run". noise_is_fitted: whether the process noise in
+            the gap is as strong as these runs need. remainders: what is left on unseen runs and is not noise of a sound
+            robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
         drifts: a sentence for each parameter of a named effect that differs by more than chance from run to run or
             between the halves of runs, for each further effect that a run, or one half of all, shows and the rest
@@ -182,6 +183,7 @@ class Explanation:
     data: list[Finding] = field(default_factory=list)
     gap: list[GapRow] = field(default_factory=list)
     proof: str = ""
+    noise_is_fitted: bool = False
     remainders: list[Remainder] = field(default_factory=list)
     validated: list[Validated] = field(default_factory=list)
     plant: list[PlantParameter] = field(default_factory=list)
@@ -207,6 +209,16 @@ class Explanation:
         Empty where the gap in metres is small beside what noise may leave.
         """
         return headlines(self.gap)
+
+    @property
+    def _noise_holds_unexplained(self) -> bool:
+        """Whether what is still unexplained is part of what passes as noise in the gap."""
+        return self.noise_is_fitted and self.verdict in ("incomplete", "unknown")
+
+    @property
+    def _told(self) -> list[GapRow]:
+        """The headlines, and such rows as noise hides that may be something else."""
+        return headlines(self.gap, by_sensors=self._noise_holds_unexplained)
 
     @property
     def headline(self) -> GapRow | None:
@@ -261,14 +273,15 @@ class Explanation:
 
     def headlines_in_words(self) -> list[str]:
         """A sentence for each of the headlines; where there is none, why, unless nothing is named either."""
-        said = [gap_sentence(row, self.proof, bool(self.effects)) for row in self.headlines or [None]]
+        how = self.proof, bool(self.effects), self._noise_holds_unexplained
+        said = [gap_sentence(row, *how) for row in self._told or [None]]
         return [sentence for sentence in said if sentence]
 
     def gap_in_words(self) -> list[str]:
         """The headlines, and the places on unseen runs over each horizon; on the training runs if no other is left."""
         unseen = [other for other in self.gap if other.runs == HELD_OUT]
         shown, where = (unseen, "") if unseen else (self.gap, "training runs, ")
-        others = [where + short(other) for other in shown if is_place(other) and other not in self.headlines]
+        others = [where + short(other) for other in shown if is_place(other) and other not in self._told]
         return self.headlines_in_words() + others
 
     def save(self, path: str | Path) -> None:

@@ -13,10 +13,12 @@ _BY = {"wheels": "dead-reckoned", "torque": "simulated on the recorded torque", 
        "reference": "in closed loop along the reference"}
 
 
-def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
-    """The headline: errors before and after on unseen runs, and the share closed; empty where there is nothing to say.
+def gap_sentence(row: GapRow | None, proof: str, has_effects: bool, holds_unexplained: bool = False) -> str:
+    """The headline: errors before and after on unseen runs, and the share closed if it is known; empty where there is
+    nothing to say.
 
-    row: None where the gap is small beside what noise may leave.
+    row: None where the gap is small beside what noise may leave. holds_unexplained: whether the noise is as strong as
+    the runs need, while something is still unexplained.
     """
     if row is None:
         small = "the gap in metres is small beside what noise may leave"
@@ -27,8 +29,9 @@ def gap_sentence(row: GapRow | None, proof: str, has_effects: bool) -> str:
     if not has_effects:
         return f"{where}: {what} is off by {amount(row.before, row.unit)}"
     before, after, noise = (amount(x, row.unit) for x in (row.before, row.after, math.hypot(row.sensors, row.chance)))
-    share = f"{100.0 * row.closed + 0.0:.0f} % of the gap closed".replace("-0 %", "0 %")
-    return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}: {share}"
+    noise += ", with what is still unexplained in it" if holds_unexplained else ""
+    share = "" if row.closed is None else f": {100.0 * row.closed + 0.0:.0f} % of the gap closed".replace("-0 %", "0 %")
+    return f"{where}: {what} was off by {before}, is off by {after}, of which noise may be {noise}{share}"
 
 
 def p_in_words(p_value: float) -> str:

@@ -28,6 +28,7 @@ _SEVERAL = 3.0  # times what sensors leave
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     """Add the gap and what is left of it to the answer, and correct the verdict by them."""
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
+    answer.noise_is_fitted = proof.noise is not None
     if proof.least_squares is not None:
         answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares, proof.without)
     if proof.alone:

@@ -46,6 +46,7 @@ class GapRow:
         least_squares: error with the same effects at the sizes that free-run least squares finds; None: no effects.
         closed: see the head of this file; None where the gap is too small. ci90: its 90 % bootstrap interval; None
             where too little was measured. worse: whether the squared error clearly grew, by more than noise leaves.
+        anywhere: whether noise leaves as much of a place as the path is large.
     """
 
     runs: str
@@ -63,6 +64,7 @@ class GapRow:
     ci90: tuple[float, float] | None
     kind: str = ""
     worse: bool = False
+    anywhere: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,19 +90,23 @@ def rows_of(columns: Columns, runs: str, kind: str, seed: int) -> list[GapRow]:
     return [_row(columns, m, runs, kind, np.random.default_rng([seed, k])) for k, m in enumerate(measures)]
 
 
-def headlines(rows: Sequence[GapRow]) -> list[GapRow]:
+def headlines(rows: Sequence[GapRow], by_sensors: bool = False) -> list[GapRow]:
     """The rows of unseen runs that tell of the gap, the longest horizon first: one for each of what drives the model.
 
-    Each is of the place, over the longest horizon at which the gap is clear.
+    Each is of the place, over the longest horizon at which the gap is clear. by_sensors: where it is so at none, it is
+    enough that it is clear beside what sensors leave.
     """
     def clearness(row):
         return seconds_of(row.horizon), row.before / _floor(row.sensors, row.chance)
 
     places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading" and row.unit != "1"]
-    clear, found = [row for row in places if row.runs == HELD_OUT and row.closed is not None], {}
-    for row in sorted(clear, key=clearness, reverse=True):
+    known = [row for row in places if row.runs == HELD_OUT and None not in (row.sensors, row.chance)]
+    known, found = sorted(known, key=clearness, reverse=True), {}
+    clear = [row for row in known if row.closed is not None]
+    beyond = [row for row in known if row.before >= CERTAIN * row.sensors and not row.anywhere]
+    for row in [*clear, *(beyond if by_sensors else ())]:
         found.setdefault(row.driven_by, row)
-    return list(found.values())
+    return sorted(found.values(), key=clearness, reverse=True)
 
 
 def _order(m):
@@ -112,19 +118,19 @@ def _row(columns, m, runs, kind, generator):
     before, after = ([run[m] for run in column if m in run] for column in (columns.before, columns.after))
     plain = None if columns.least_squares is None else rms([run[m] for run in columns.least_squares if m in run])
     sensors, chance = columns.sensors.get(m), columns.chance.get(m)
-    closed, interval, worse = None, None, False
+    closed, interval, worse, anywhere = None, None, False, False
     if sensors is not None and chance is not None:
         floor = _floor(sensors, chance)
         draws = _draws(before, after, generator)
         worse = draws is not None and bool(np.quantile(draws[1] - draws[0], CHANCE) > floor**2)
-        is_known = m.channel != "position" or floor < columns.size_m
-        if rms(before) >= CERTAIN * max(sensors, chance) and is_known:
+        anywhere = m.channel == "position" and floor >= columns.size_m
+        if rms(before) >= CERTAIN * max(sensors, chance) and not anywhere:
             closed = float(_closed(rms(before) ** 2, rms(after) ** 2, floor**2))
             if draws is not None:
                 interval = tuple(float(end) for end in np.quantile(_closed(*draws, floor**2), [0.05, 0.95]))
     return GapRow(
         runs, m.metric, m.horizon, m.channel, m.unit, m.driven_by, rms(before), rms(after), sensors, chance, plain,
-        closed, interval, kind, worse,
+        closed, interval, kind, worse, anywhere,
     )
 
 
