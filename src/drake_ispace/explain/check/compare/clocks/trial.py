@@ -18,7 +18,7 @@ from drake_ispace.explain.check.compare.clocks.paths import (
     rates_of,
     times_along,
 )
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, inside
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, in_motion, inside
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock, time_text
@@ -198,7 +198,7 @@ class Trial:
         return Likeliest(path, gain, tuple(name for name in dict.fromkeys(near) if name != path.fault))
 
     def _is_followed(self, path):
-        """Whether the wheels are followed before and after a jump, wherever the clock is off there.
+        """Whether something moves before and after a jump, and the wheels are followed wherever the clock is off there.
 
         Of an offset that only moves windows out of the run, so that nothing contradicts it any longer, nothing speaks.
         """
@@ -207,6 +207,8 @@ class Trial:
         inner, later = inside(self.base, since, until), link.since_s >= path.jump_s
         for part, lag_s in ((~later, path.lag_s), (later, path.lag_s + path.later_s)):
             kept = part & inner
+            if (kept & in_motion(link.predicted(since, until), link.measured, link.noise)).sum() < FEWEST // 2:
+                return False
             if link.is_usual(lag_s):
                 continue
             if kept.sum() < FEWEST:
