@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.decide import decide
-from drake_ispace.explain.decide.decision import LEAST_FURTHER, Decision
+from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN, Decision, margin
 from drake_ispace.explain.decide.left_over import left_over
 from drake_ispace.explain.decide.prune import pruned
 from drake_ispace.explain.decide.rivals import with_rivals
@@ -24,6 +24,7 @@ from drake_ispace.explain.fit.likelihood import fit
 from stand_ins.linear import ROWS, RUNS, Linear, generics_of, made, no_generics, noise, pattern, streams, wave
 
 module = importlib.import_module("drake_ispace.explain.decide.decide")
+rivals_module = importlib.import_module("drake_ispace.explain.decide.rivals")
 SHAPES = {"tilt": pattern(3), "drag": pattern(5), "lag": pattern(8), "slip": pattern(13)}
 
 
@@ -159,6 +160,23 @@ def test_a_look_alike_that_is_clearly_worse_is_ruled_out():
     like = SHAPES["tilt"] + 0.4 * pattern(7)
     decision = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": like})
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == []
+
+
+@pytest.mark.parametrize("own, names", [(-10.9, ["scale"]), (10.9, []), (None, [])])
+def test_a_look_alike_just_ruled_out_counts_under_the_noise_that_it_leaves_itself_too(monkeypatch, own, names):
+    """It is 10.9 behind under the noise that was learned with the named effect; own: under its own, None: as it is."""
+    if own is not None:
+        monkeypatch.setattr(rivals_module, "_behind_under_its_noise", lambda decision, rival: own)
+    decision = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": SHAPES["tilt"] + 0.16 * pattern(7)})
+    assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == names
+
+
+def test_look_alikes_share_the_level_at_which_they_are_ruled_out():
+    """Of noise alone the best of ten look-alikes gains the margin of ten as rarely as one gains that of one."""
+    assert margin(1) == MARGIN
+    gains = np.random.default_rng(0).standard_normal((40_000, 10)) ** 2
+    assert np.mean(gains.max(axis=1) > margin(10)) == pytest.approx(0.01, abs=0.002)
+    assert np.mean(gains[:, 0] > margin(1)) == pytest.approx(0.01, abs=0.002)
 
 
 def test_a_look_alike_that_one_of_two_runs_prefers_is_not_ruled_out():

@@ -11,9 +11,17 @@ from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point
 
-MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance from which a rival is ruled out
+MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance that noise gives one of two effects so rarely
 LEAST_FURTHER = gain_at(CLEAR_MINUS_LOG10_P)  # drop in deviance that a further effect of one number must reach
 NEXT_TO_NOTHING = 0.01  # share of what effects explain: no model is as good as that
+
+
+def margin(compared: int) -> float:
+    """The lead in deviance from which an effect is ruled out that is compared with the best of so many look-alikes.
+
+    Each of them has its chance to gain by noise what the true effect does not: they share the level of `MARGIN`.
+    """
+    return gain_at(math.log10(max(compared, 1) / FALSE_ALARM_RATE))
 
 
 def least_further(candidate: Candidate) -> float:

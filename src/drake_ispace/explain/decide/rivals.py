@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from drake_ispace.explain.decide.agreement import scatter
-from drake_ispace.explain.decide.decision import MARGIN, NEXT_TO_NOTHING, Decision, Rival
+from drake_ispace.explain.decide.decision import MARGIN, NEXT_TO_NOTHING, Decision, Rival, margin
 from drake_ispace.explain.decide.proposals.propose import clearest_effects, fits_beside, penalty
+from drake_ispace.explain.decide.survey.survey import fit_with_noise
 from drake_ispace.explain.fit.candidates import Candidate
-from drake_ispace.explain.fit.likelihood import Fit
+from drake_ispace.explain.fit.likelihood import Fit, fit
 
 _LEAST_LIKENESS = 0.6  # |cosine| of signatures, below which an effect is no look-alike
 
@@ -16,10 +17,13 @@ def with_rivals(decision: Decision) -> Decision:
 
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs, or as a share of what the named effect explains
-    beside the others. One whose best size makes no sense counts at the nearest size that does, unless the named
-    effect's size makes none either. A rival whose best size makes sense takes the place of a named effect whose size
-    makes none, of one that does no better with more parameters, and of one that becomes the rival at some value of its
-    shape. An effect that was asked for stays, and has the rivals of what asked for it.
+    beside the others. All look-alikes share the level, for the named effect is the best of them. The noise of the end
+    was learned with the named effect and favours it: one that it rules out by less than as much again is compared under
+    the noise that it leaves itself, too, and the mean counts. One whose best size makes no sense counts at the nearest
+    size that does, unless the named effect's size makes none either. A rival whose best size makes sense takes the
+    place of a named effect whose size makes none, of one that does no better with more parameters, and of one that
+    becomes the rival at some value of its shape. An effect that was asked for stays, and has the rivals of what asked
+    for it.
 
     How alike two effects are is known under noise that was learned while all were missing, which may hide it. Of a
     plant of the user's own, which few effects suit, all others are fitted: one that is no further behind than noise
@@ -67,16 +71,25 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
     ]
     tried = alike if start.view.prediction.replay.body.robot.in_room else others
     likelihood, rivals, makes_sense = decision.end.likelihood, [], effect.makes_sense(named.point[effect])
+    least = margin(len(alike))
     for other, best in zip(tried, fits_beside(rest, tried, start, likelihood, iterations=6), strict=True):
         fitted = _sensible(likelihood, other, best) if makes_sense else best
-        behind = fitted.deviance - named.deviance + penalty(other) - penalty(effect)
-        limit = MARGIN
+        simpler = penalty(effect) - penalty(other)
+        behind, limit = fitted.deviance - named.deviance - simpler, MARGIN
         if other in alike:
-            limit = max(MARGIN * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
+            limit = max(least * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
+            if fitted is best and limit <= behind < 2.0 * limit:
+                behind = (behind + _behind_under_its_noise(decision, fitted) - simpler) / 2.0
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
             rivals.append((Rival(other, behind, fitted.point), best))
     return rivals
+
+
+def _behind_under_its_noise(decision, rival) -> float:
+    """By how much the deviance is larger with a rival, a Fit, than with the named effects under the noise it leaves."""
+    likelihood, own = fit_with_noise(decision.end.view, rival.point)
+    return own.deviance - fit(likelihood, decision.named.point).deviance
 
 
 def _changes_shape(effect, other) -> bool:
