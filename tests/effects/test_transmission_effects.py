@@ -8,7 +8,11 @@ from passing import passed
 from rail import rail
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.effect import body_of
 from drake_ispace.effects.places.transmission import EFFECTS, lead, motor_angle, remember_bent, rubbed
+from drake_ispace.plants.friction import friction_parameters, friction_torque
+from drake_ispace.robots.library import robots
+from drake_ispace.scenario import load_scenario
 
 BY_NAME = {effect.card.name: effect for effect in EFFECTS}
 RAIL = rail(3)
@@ -27,6 +31,18 @@ def test_coulomb_friction_is_of_one_size_and_smooth_at_standstill():
     assert given("coulomb_friction", [1, 1, 1], [0, 9, -9], torque_n_m=0.2) == pytest.approx([1.0, 0.8, 1.2])
     (slow, *_) = given("coulomb_friction", [0, 0, 0], [0.05, 0, 0], torque_n_m=0.2)
     assert slow == pytest.approx(-0.2 * math.tanh(1.0))
+
+
+@pytest.mark.parametrize("torque_n_m, rubbing", [(-0.0061, 0.0), (-0.004, 0.0021)])
+def test_coulomb_friction_takes_the_plants_own_away_at_every_speed(torque_n_m, rubbing):
+    """Both together are the friction of a plant that has less, of the same width."""
+    robot = body_of(load_scenario("pendulum_multirate"), robots()["pendulum"])
+    own = friction_parameters(robot.plant.friction, robot.robot.mobility(robot.plant), "plant.friction")
+    numbers = np.array([*(own | {"viscous": 0.0}).values()])
+    for rate in (-3.0, -0.2, -0.02, 0.0, 0.05, 0.5):
+        (left, _) = passed("coulomb_friction", robot, [0, 0], {"wheel_rate": [rate, rate]}, torque_n_m=torque_n_m)
+        whole = friction_torque(rate, 0.0, numbers) - left
+        assert whole == pytest.approx(rubbing * math.tanh(rate / own["speed_scale"]), abs=1e-12)
 
 
 def test_one_wheel_alone_has_friction_of_its_own():

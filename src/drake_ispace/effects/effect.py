@@ -44,6 +44,11 @@ class Body:
         """As of `Robot.friction_slopes`."""
         return self.robot.friction_slopes(self.plant)
 
+    @cached_property
+    def friction_width(self) -> float:
+        """As of `Robot.friction_width`."""
+        return self.robot.friction_width(self.plant)
+
 
 def body_of(scenario, robot: Robot) -> Body:
     """The Body of a robot of the scenario."""

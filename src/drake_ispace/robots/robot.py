@@ -339,11 +339,26 @@ class Robot(abc.ABC):
         try:
             with np.errstate(all="ignore"):
                 mobility = self.mobility(plant)
-                own = friction_parameters(self.friction(plant), mobility, f"{self.name}.plant.friction")
+                own = self._friction_numbers(plant, mobility)
                 most = stable_slope(float(np.linalg.eigvalsh(mobility)[-1]))
         except (InputError, ValueError):  # the plant refuses such numbers itself, and says why
             return math.inf, math.inf
         return most - dry_slope(own) - own["viscous"], most
+
+    def friction_width(self, plant) -> float:
+        """The width w_s [rad/s] around standstill over which the plant's own dry friction grows; 0 if it has none, or
+        bristles."""
+        own = self.friction(plant)
+        if own.coulomb_n_m == 0.0 or own.model != "smooth":
+            return 0.0
+        try:
+            with np.errstate(all="ignore"):
+                return self._friction_numbers(plant, self.mobility(plant))["speed_scale"]
+        except (InputError, ValueError):
+            return 0.0
+
+    def _friction_numbers(self, plant, mobility) -> dict[str, float]:
+        return friction_parameters(self.friction(plant), mobility, f"{self.name}.plant.friction")
 
     def error_system(self, plant, imu_height_m: float = 0.0) -> ErrorSystem:
         """Small differences between a robot and its model, x = [pose (3), its rates (3)] in B."""

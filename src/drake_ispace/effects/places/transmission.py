@@ -46,7 +46,10 @@ def coulomb(torque, wheel_rate, torque_n_m, speed_scale_rad_s, out):
 
 
 class CoulombFriction(TorqueEffect):
-    """-C tanh(w / w_s) on every wheel, beyond what the plant has."""
+    """-C tanh(w / w_s) on every wheel, beyond what the plant has.
+
+    Where C takes friction of the plant away, w_s is the plant's own: wider, it would leave some of it at low speeds.
+    """
 
     card = Card(
         name="coulomb_friction", title="Coulomb friction", home="transmission", equation="tau' = tau - C sign(w)",
@@ -66,7 +69,8 @@ class CoulombFriction(TorqueEffect):
 
     def block_parameters(self, body, values):
         torque = values["torque_n_m"]
-        return {"torque_n_m": torque, "speed_scale_rad_s": speed_scale(body, torque)}
+        own = body.friction_width if torque < 0.0 else 0.0
+        return {"torque_n_m": torque, "speed_scale_rad_s": own or speed_scale(body, torque)}
 
 
 @kernel
