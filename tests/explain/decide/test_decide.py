@@ -162,12 +162,17 @@ def test_a_look_alike_that_is_clearly_worse_is_ruled_out():
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == []
 
 
-@pytest.mark.parametrize("own, names", [(-10.9, ["scale"]), (10.9, []), (None, [])])
-def test_a_look_alike_just_ruled_out_counts_under_the_noise_that_it_leaves_itself_too(monkeypatch, own, names):
-    """It is 10.9 behind under the noise that was learned with the named effect; own: under its own, None: as it is."""
+@pytest.mark.parametrize("apart, own, names", [
+    (0.16, -10.9, ["scale"]), (0.16, 10.9, []), (0.16, None, []), (0.18, -100.0, []),
+])
+def test_a_look_alike_just_ruled_out_counts_under_the_noise_that_it_leaves_itself_too(monkeypatch, apart, own, names):
+    """It is 10.9 behind under the noise that was learned with the named effect, or 13.9, more than twice the margin.
+
+    own: how far behind under its own noise, None: as it is.
+    """
     if own is not None:
         monkeypatch.setattr(rivals_module, "_behind_under_its_noise", lambda decision, rival: own)
-    decision = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": SHAPES["tilt"] + 0.16 * pattern(7)})
+    decision = decided(noise() + 0.8 * SHAPES["tilt"], SHAPES | {"scale": SHAPES["tilt"] + apart * pattern(7)})
     assert list(sizes(decision)) == ["tilt"] and rivals(decision, "tilt") == names
 
 

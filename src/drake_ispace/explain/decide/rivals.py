@@ -18,12 +18,12 @@ def with_rivals(decision: Decision) -> Decision:
     Each look-alike is fitted in the place of a named effect, with the others, under the noise of the end. How far it is
     behind counts in units of how its lead scatters over the runs, or as a share of what the named effect explains
     beside the others. All look-alikes share the level, for the named effect is the best of them. The noise of the end
-    was learned with the named effect and favours it: one that it rules out by less than as much again is compared under
-    the noise that it leaves itself, too, and the mean counts. One whose best size makes no sense counts at the nearest
-    size that does, unless the named effect's size makes none either. A rival whose best size makes sense takes the
-    place of a named effect whose size makes none, of one that does no better with more parameters, and of one that
-    becomes the rival at some value of its shape. An effect that was asked for stays, and has the rivals of what asked
-    for it.
+    was learned with the named effect and favours it: one that is less than twice as far behind as this level is
+    compared under the noise that it leaves itself, too, and the mean counts. One whose best size makes no sense counts
+    at the nearest size that does, unless the named effect's size makes none either. A rival whose best size makes sense
+    takes the place of a named effect whose size makes none, of one that does no better with more parameters, and of one
+    that becomes the rival at some value of its shape. An effect that was asked for stays, and has the rivals of what
+    asked for it.
 
     How alike two effects are is known under noise that was learned while all were missing, which may hide it. Of a
     plant of the user's own, which few effects suit, all others are fitted: one that is no further behind than noise
@@ -78,7 +78,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         behind, limit = fitted.deviance - named.deviance - simpler, MARGIN
         if other in alike:
             limit = max(least * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
-            if fitted is best and limit <= behind < 2.0 * limit:
+            if fitted is best and limit <= behind < 2.0 * least:
                 behind = (behind + _behind_under_its_noise(decision, fitted) - simpler) / 2.0
         told = [rival.candidate.name for rival, _ in rivals]
         if behind < limit and other.name not in told:
