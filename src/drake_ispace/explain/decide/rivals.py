@@ -57,7 +57,7 @@ def with_rival_named(decision: Decision, effect: Candidate, rival: Candidate, fi
 
 
 def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
-    """The rivals of a named effect, each with its best fit."""
+    """The rivals of a named effect, each with its best fit, the nearest first."""
     start, named, screen = decision.start, decision.named, decision.start.screen
     rest = {c: z for c, z in named.point.items() if c is not effect}
     taken = {c.name for c in named.point}
@@ -80,10 +80,12 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
             limit = max(least * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
             if fitted is best and limit <= behind < 2.0 * least:
                 behind = (behind + _behind_under_its_noise(decision, fitted) - simpler) / 2.0
-        told = [rival.candidate.name for rival, _ in rivals]
-        if behind < limit and other.name not in told:
+        if behind < limit:
             rivals.append((Rival(other, behind, fitted.point), best))
-    return rivals
+    nearest: dict[str, tuple[Rival, Fit]] = {}  # of one effect on several wheels the best
+    for one in sorted(rivals, key=lambda one: one[0].behind):
+        nearest.setdefault(one[0].candidate.name, one)
+    return list(nearest.values())
 
 
 def _behind_under_its_noise(decision, rival) -> float:
