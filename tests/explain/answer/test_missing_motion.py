@@ -31,6 +31,7 @@ def predicted(**runs):
 def advice(held_out, training=(0.3, 0.0, 0.01), verdict="unknown", most=("c",)):
     left = [replace(answers.LEFT, runs=list(most))]
     answer = answers.named(MODEL, verdict=verdict, remainders=left, next_experiment="another")
+    answer.effects = [] if verdict == "unknown" else answer.effects
     case = SimpleNamespace(scenario=MODEL, prediction=predicted(a=training), held_out=predicted(c=held_out))
     advise_missing_motion(answer, case)
     return answer.next_experiment
@@ -59,3 +60,7 @@ def test_without_held_out_runs_the_advice_stays():
     answer = answers.named(MODEL, verdict="unknown", remainders=[answers.LEFT], next_experiment="another")
     advise_missing_motion(answer, SimpleNamespace(scenario=MODEL, held_out=None))
     assert answer.next_experiment == "another"
+
+
+def test_what_tells_look_alikes_of_a_named_effect_apart_is_still_said():
+    assert advice((0.2, 0.2, 0.0), verdict="incomplete").endswith("which does; another")

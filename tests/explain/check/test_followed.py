@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
@@ -53,7 +54,7 @@ def always(column, value):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("change", "fault"), [
-    (frozen, "channel_frozen"), (none, "command_overridden"), (lost, "rows_missing"),
+    (frozen, "command_overridden"), (none, "command_overridden"), (lost, "rows_missing"),
 ])
 def test_wheels_that_do_otherwise_for_a_while_show_where_the_command_is_wrong(change, fault):
     (finding,) = findings(change)
@@ -77,7 +78,31 @@ def test_a_command_in_another_unit_of_time_is_told(unit):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("others", [
-    {}, {"gain_share": -0.4}, {"ramp_s2_m": 4.0}, {"dead_rad_s": 2.0}, {"swing_s2": 0.02}, {"delay_s": 0.2},
+    {"brake_s2_m": 2.0}, {"gain_share": -0.4}, {"ramp_s2_m": 4.0}, {"dead_rad_s": 2.0}, {"swing_s2": 0.02},
+    {"delay_s": 0.2},
 ])
 def test_a_drive_that_does_less_or_later_than_told_is_no_fault(others):
-    assert not [finding for finding in findings(others=others) if finding.channel == COMMAND]
+    assert not [finding for finding in findings(others=others, moves=0.5) if finding.channel == COMMAND]
+
+
+def test_a_wheel_that_turns_slower_than_told_for_a_while_is_no_other_command():
+    assert not [finding for finding in findings(seized_s=(6.0, 10.0)) if finding.channel == COMMAND]
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("does", [0.15, 0.25])
+def test_a_command_of_one_value_that_a_weak_drive_obeys_is_not_dead(does):
+    steady = changed(two_wheels.drive(4, 20.0, **ROBOT), lambda t, values: (t, np.tile([0.3, 0.0, 0.0], (len(t), 1))))
+    t, wheel = steady.channels["encoder"].t, does * 0.3 / two_wheels.RADIUS_M
+    encoder = replace(steady.channels["encoder"], values=np.column_stack([wheel * t, wheel * t]))
+    steady = replace(steady, channels={COMMAND: steady.channels[COMMAND], "encoder": encoder})
+    others = [two_wheels.drive(seed, 20.0, **ROBOT) for seed in (5, 6)]
+    found = check(two_wheels.model(), [steady, *others]).findings
+    assert "channel_dead" not in [finding.fault for finding in found]
+
+
+def test_a_command_that_is_logged_long_before_and_after_the_run_is_in_seconds():
+    def longer(t, values):
+        far = np.arange(-590.0, 600.0)
+        return far, values[np.clip(np.searchsorted(t, far), 0, len(t) - 1)]
+    assert "time_unit" not in [finding.fault for finding in findings(longer)]

@@ -217,7 +217,7 @@ class Explanation:
 
     @property
     def _told(self) -> list[GapRow]:
-        """The headlines, and such rows as noise hides that may be something else."""
+        """The headlines, and where noise holds what is unexplained those that are clear beside sensors alone."""
         return headlines(self.gap, by_sensors=self._noise_holds_unexplained)
 
     @property

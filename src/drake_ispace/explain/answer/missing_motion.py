@@ -19,14 +19,16 @@ def advise_missing_motion(answer: Explanation, case: Case) -> None:
     """Say what to train on, where most of what is left is in a held-out run that moves as training runs hardly do."""
     if case.held_out is None or case.scenario is None or answer.verdict not in ("incomplete", "unknown"):
         return
-    most = {name for remainder in answer.remainders for name in remainder.runs[:1]}
+    most = dict.fromkeys(name for remainder in answer.remainders for name in remainder.runs[:1])
+    tracks = {track.name: track for track in case.held_out.tracks}
     trained = shares_of_motion(case.prediction, case.prediction.tracks)
-    for track in (track for track in case.held_out.tracks if track.name in most):
+    for track in (tracks[name] for name in most if name in tracks):
         unseen = shares_of_motion(case.held_out, [track])
         if axes := [_AXES[i] for i in np.flatnonzero((unseen >= SAME_MOTION) & (trained < SAME_MOTION * unseen))]:
+            besides = f"; {answer.next_experiment}" if answer.effects and answer.next_experiment else ""
             answer.next_experiment = (
                 f"train on {' and on '.join(axes)} as well: training runs hardly do so, and most is left in "
-                f"{run_name(track.name)}, which does"
+                f"{run_name(track.name)}, which does{besides}"
             )
             return
 

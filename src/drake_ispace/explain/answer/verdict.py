@@ -56,13 +56,12 @@ def led_away(rows: Sequence[GapRow]) -> str:
     whole = [row for row in rows if (row.metric, row.horizon) == (ATE, RUN) and row.unit != "1"]
     if {row.runs for row in whole} != {HELD_OUT, TRAINING}:
         return ""
-    if any(min(row.after, row.least_squares) <= row.before for row in whole):
+    said = [[amount(error, row.unit) for error in (row.before, min(row.after, row.least_squares))] for row in whole]
+    nearer = any(min(row.after, row.least_squares) <= row.before for row in whole)
+    if nearer or any(before == after for before, after in said):
         return ""
-    unseen = next(row for row in whole if row.runs == HELD_OUT)
-    return (
-        f"whole runs come no nearer with it, unseen ones are off by {amount(unseen.after, unseen.unit)} instead of "
-        f"{amount(unseen.before, unseen.unit)}"
-    )
+    before, after = next(both for row, both in zip(whole, said, strict=True) if row.runs == HELD_OUT)
+    return f"whole runs come no nearer with it, unseen ones are off by {after} instead of {before}"
 
 
 def _moves_as_told(rows: Sequence[GapRow], error: Callable[[GapRow], float]) -> bool:

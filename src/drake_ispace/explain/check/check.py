@@ -130,8 +130,9 @@ class _Search:
         self.findings[earlier:] = with_rivals(self.findings[earlier:], of_encoders)
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
-        bases = self._bases()
-        self._add(_joined(followed_findings({i: (drive, bases[i]) for i, drive in self._drives().items()})))
+        if not follows:
+            bases = self._bases()
+            self._add(_joined(followed_findings({i: (drive, bases[i]) for i, drive in self._drives().items()})))
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))

@@ -11,7 +11,7 @@ from drake_ispace.explain.decide.survey.survey import Survey
 from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.fit.likelihood import Fit, Point
 
-MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance that noise gives one of two effects so rarely
+MARGIN = gain_at(-math.log10(FALSE_ALARM_RATE))  # lead in deviance of one of two that noise makes as rarely as that
 LEAST_FURTHER = gain_at(CLEAR_MINUS_LOG10_P)  # drop in deviance that a further effect of one number must reach
 NEXT_TO_NOTHING = 0.01  # share of what effects explain: no model is as good as that
 

@@ -79,7 +79,7 @@ def _rivals(decision, effect) -> list[tuple[Rival, Fit]]:
         if other in alike:
             limit = max(least * scatter(decision.end, named, fitted), NEXT_TO_NOTHING * decision.gains[effect])
             if fitted is best and limit <= behind < 2.0 * least:
-                behind = (behind + _behind_under_its_noise(decision, fitted) - simpler) / 2.0
+                limit += (behind - _behind_under_its_noise(decision, fitted) + simpler) / 2.0
         if behind < limit:
             rivals.append((Rival(other, behind, fitted.point), best))
     nearest: dict[str, tuple[Rival, Fit]] = {}  # of one effect on several wheels the best

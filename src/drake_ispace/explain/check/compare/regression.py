@@ -15,8 +15,7 @@ _FREEDOM = 4.0  # of Student's distribution
 MOST_ROWS = 40.0  # that count as independent
 _ROUNDS = 8
 _AT_ONCE = 150_000  # numbers of all hypotheses that are compared together, so that they stay in the processor's cache
-_TINY = np.sqrt(np.finfo(float).eps)  # a share that rounding hides, of what a sum of squares can tell
-_FREE = _TINY  # precision of the prior of f beside that of the data: motions may be the same
+_TINY = np.sqrt(np.finfo(float).eps)  # share that rounding hides; precision of the prior of f beside that of the data
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def _fitted(x, y, z, slack):
     prior = np.zeros((*certain.shape[:-1], d + k, d + k))
     prior[..., range(d), range(d)] = 1.0 / slack.stds(d) ** 2
     prior[..., range(d, d + k), range(d, d + k)] = certain
-    steady = np.diag([0.0] * d + [_FREE] * k)
+    steady = np.diag([0.0] * d + [_TINY] * k)
     apart = residual = y - x
     of_x, of_y = (np.sqrt((motion**2).mean(axis=(1, 2)))[:, None] for motion in (x, y))
     least = np.maximum(SLACK * of_y, _TINY * of_x) + 1e-12

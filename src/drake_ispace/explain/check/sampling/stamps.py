@@ -40,7 +40,8 @@ def _units(channels: dict[str, Channel]) -> Iterator[Finding]:
     """Channels whose steps are those of another unit of time: too long to tell a motion by, as windows tell it.
 
     Where other channels have steps that are not, the unit is that in which a channel lasts as long as these. A command
-    may be logged as seldom as it changes: beside others alone its steps are looked at.
+    may be logged as seldom as it changes: its unit is another one if it then lasts as long as the others, to
+    a factor of two.
     """
     measured = {
         name: channel for name, channel in channels.items()
@@ -54,7 +55,8 @@ def _units(channels: dict[str, Channel]) -> Iterator[Finding]:
         possible = [unit for unit, seconds in TIMES.items() if step * seconds <= WINDOW_S]
         if lasts:
             off = np.abs(np.log(np.outer(list(TIMES.values()), np.ptp(measured[name].t) / np.array(lasts)))).min(axis=1)
-            possible = [list(TIMES)[int(np.argmin(off))]]
+            fits = name != COMMAND or off.min() < np.log(2.0)
+            possible = [list(TIMES)[int(np.argmin(off))]] if fits else []
         if possible and possible[0] != "s":
             repairs = (Clock(name, TIMES[possible[0]], 0.0),)
             yield Finding("time_unit", f"stamps in {possible[0]}", name, repairs=repairs)

@@ -1,7 +1,7 @@
 """Do the wheels do as commanded? Columns that command nothing, and stretches in which the wheels do otherwise.
 
-Wheels that do a share of what they are told obey a drive that is weak or limited. Wheels that do something else follow
-another command than the one that was logged.
+Wheels that each do a share of what they are told, or come ever nearer to it, obey a drive that is weak or limited. If
+all stand, or turn otherwise, another command is in force than the one that was logged.
 """
 
 from collections.abc import Mapping
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.explain.check.compare.command.drive import Drive, Following, best_following
-from drake_ispace.explain.check.compare.links import FEWEST, PLACES_AND_TURNS, Base, inside
+from drake_ispace.explain.check.compare.links import FEWEST, PLACES_AND_TURNS, RATE_S, Base, inside
 from drake_ispace.explain.check.compare.motion import WINDOW_S, arm
 from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK, residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
+from drake_ispace.explain.check.sampling.samples import STUCK_S, stretches
 from drake_ispace.explain.check.sampling.stamps import are_gaps
 from drake_ispace.explain.check.steps import SHOWS_M
 from drake_ispace.explain.levels import largest_by_chance
@@ -43,7 +43,8 @@ class _Motions:
     """Motions (k, 3) of the body in overlapping windows [m]; turns as lengths.
 
     told: as the drive would carry them out. made: by the wheels. left: of `made`, what `told` does not explain, physics
-    of plausible size included. noise: (3,) of `made`. apart: windows from one to the next that does not overlap it.
+    of plausible size included. noise: (3,) of `made`. turns: (2, k, n) [rad] of the wheels, told and made. apart:
+    windows from one to the next that does not overlap it.
     """
 
     since_s: np.ndarray
@@ -52,6 +53,7 @@ class _Motions:
     made: np.ndarray
     left: np.ndarray
     noise: np.ndarray
+    turns: np.ndarray
     apart: int
 
     def way_m(self, motions: np.ndarray) -> float:
@@ -70,16 +72,22 @@ def _motions(drive: Drive, base: Base, follows: Following) -> _Motions | None:
     if kept.sum() < FEWEST * apart:
         return None
     total = (np.vstack([np.zeros(turns.shape[1]), np.cumsum(turns, axis=0)]) for turns in (told, drive.turned))
-    told, made = (((of[edges + apart] - of[edges]) @ base.geometry.forward.T * unit)[kept] for of in total)
-    return _Motions(since[kept], until[kept], told, made, residuals(told, made), base.noise * unit, apart)
+    turns = np.stack([(of[edges + apart] - of[edges])[kept] for of in total])
+    told, made = turns @ base.geometry.forward.T * unit
+    return _Motions(since[kept], until[kept], told, made, residuals(told, made), base.noise * unit, turns, apart)
 
 
 def _dead(command, motions):
-    """Columns with one value only, while the robot moves along that axis farther than physics makes of the others."""
+    """Columns with one value only, while the robot moves along that axis farther than physics makes of the others.
+
+    What is between rest and what is told does not count: a weak drive obeys.
+    """
     least = SHOWS_M + SLACK * motions.way_m(np.linalg.norm(motions.told, axis=1))
+    nearest = np.clip(motions.made, np.minimum(motions.told, 0.0), np.maximum(motions.told, 0.0))
+    otherwise = np.where(motions.made == nearest, 0.0, motions.left)
     still = [
         name for axis, name in enumerate(command.columns)
-        if np.ptp(command.column(name)) == 0.0 and motions.way_m(motions.left[:, axis]) > least
+        if np.ptp(command.column(name)) == 0.0 and motions.way_m(otherwise[:, axis]) > least
     ]
     if not still:
         return []
@@ -91,28 +99,29 @@ def _dead(command, motions):
 
 
 def _otherwise(command, motions):
-    """Stretches in which wheels do more otherwise than as told, for longer than a drive is late."""
+    """Stretches in which wheels do more otherwise than as told, for longer than two windows and a drive's lateness."""
     unusual, far = (np.zeros((len(PLACES_AND_TURNS), len(motions.left)), bool) for _ in range(2))
     for k, group in enumerate(map(list, PLACES_AND_TURNS)):
         left, told, made = (np.linalg.norm(of[:, group], axis=1) for of in (motions.left, motions.told, motions.made))
         usual = largest_by_chance(len(left) // motions.apart, len(group)) * max(
             np.median(left), motions.noise[group].max()
         )
-        unusual[k] = left > usual
-        far[k] = unusual[k] & (left > MOST_SLACK * np.sqrt(np.mean(told**2))) & (left > np.maximum(told, made) - left)
+        size = float(np.sqrt(np.mean(told**2)))
+        unusual[k] = left > max(usual, SLACK * size)
+        far[k] = (left > max(usual, MOST_SLACK * size)) & (left > np.maximum(told, made) - left)
     found, reached = [], -1
     for first, end in stretches(far.any(axis=0)):
         if first <= reached or motions.until_s[end - 1] - motions.since_s[first] <= 2.0 * WINDOW_S:
             continue
-        groups = [list(group) for group, of in zip(PLACES_AND_TURNS, far, strict=True) if of[first:end].any()]
-        if all(_is_a_share(motions.told[first:end, group], motions.made[first:end, group]) for group in groups):
+        if _obeys(motions, slice(first, end)):
             continue
         while first > 0 and unusual[:, first - 1].any():
             first -= 1
         while end < len(far[0]) and unusual[:, end].any():
             end += 1
         reached = end
-        if motions.way_m(np.linalg.norm(motions.left[first:end], axis=1)) >= SHOWS_M:
+        has_hole = np.diff(motions.since_s[first:end]).max(initial=0.0) > WINDOW_S
+        if not has_hole and motions.way_m(np.linalg.norm(motions.left[first:end], axis=1)) >= SHOWS_M:
             found.append((float(motions.since_s[first]), float(motions.until_s[end - 1])))
     lasts_s = float(motions.until_s[-1] - motions.since_s[0])
     if sum(until - since for since, until in found) > 0.5 * lasts_s:  # the rest is no more of the run than these
@@ -120,21 +129,29 @@ def _otherwise(command, motions):
     return [_stretch(command, since, until) for since, until in found]
 
 
-def _is_a_share(told, made) -> bool:
-    """Whether wheels do a part of what they are told, in the same sense: most of their motion is a share of it."""
-    share = float(np.sum(told * made) / max(np.sum(told**2), 1e-300))
-    return share > 0.0 and np.sum((made - share * told) ** 2) < 0.5 * np.sum(made**2)
+def _obeys(motions, those) -> bool:
+    """Whether a weak or limited drive obeys: each wheel does a share of what it is told, or all come ever nearer to it.
+
+    Nearer as evenly as behind a limit of braking, or faster at first. Wheels that all stand do no share.
+    """
+    told, made = motions.turns[:, those]
+    squares = np.sum(told**2, axis=0)
+    shares = np.clip(np.sum(told * made, axis=0) / np.maximum(squares, 1e-300), 0.0, 1.0)
+    otherwise = np.sum((made - shares * told) ** 2, axis=0)
+    if np.all(otherwise < MOST_SLACK**2 * np.maximum(np.sum(made**2, axis=0), squares)) and np.any(shares > SLACK):
+        return True
+    left = np.linalg.norm(motions.left[those], axis=1)
+    nearer = left[left.argmax() :]
+    evenly = np.linspace(nearer[0], nearer[-1], len(nearer))
+    goes_on = 2 * len(nearer) >= len(left) and nearer[0] - nearer[-1] > MOST_SLACK * nearer[0]
+    return goes_on and bool(np.all(nearer <= evenly + SLACK * nearer[0]))
 
 
 def _stretch(command, since_s, until_s):
-    """The finding of a stretch, by what the samples of the command are there."""
+    """The finding of a stretch: rows that are missing in a log of steady steps, or another command."""
     found = {"channel": COMMAND, "from_s": since_s, "to_s": until_s, "repairs": (CutOut(since_s, until_s),)}
-    inside_s = np.clip(command.t, since_s, until_s)
-    gap_s = float(np.where(are_gaps(np.diff(command.t)), np.diff(inside_s), 0.0).max())
-    if gap_s > STUCK_S:
+    steps, inside_s = np.diff(command.t), np.diff(np.clip(command.t, since_s, until_s))
+    gap_s = float(np.where(are_gaps(steps), inside_s, 0.0).max())
+    if gap_s > STUCK_S and np.median(steps) <= RATE_S:
         return found | {"fault": "rows_missing", "what": f"no samples for {gap_s:.3g} s"}
-    held = np.array(stretches(repeats(command.values)) or [(0, 0)])
-    first, last = held[np.diff(inside_s[held]).argmax()]
-    if command.values[first].any() and 2.0 * (inside_s[last] - inside_s[first]) > until_s - since_s:
-        return found | {"fault": "channel_frozen", "what": "rows repeat, and the wheels do something else"}
     return found | {"fault": "command_overridden", "what": "the wheels do something else"}
