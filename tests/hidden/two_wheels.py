@@ -63,7 +63,7 @@ def drive(
     camera_hz: float = 30.0, encoder_hz: float = 50.0, others: Mapping[str, float] | None = None,
     in_step: bool = False, speeds_m_s: tuple[float, float] = (0.1, 0.5),
     rates_rad_s: tuple[float, float] = (-1.0, 1.0), ramp_s: float = 0.0, seized_s: tuple[float, ...] = (),
-    moves: float = 1.0,
+    moves: float = 1.0, stopped_s: tuple[float, ...] = (),
 ) -> Recording:
     """A run: two seconds at rest, then speeds and turning rates that change every few seconds.
 
@@ -74,6 +74,7 @@ def drive(
             it is logged, not at any moment. speeds_m_s, rates_rad_s: between which the commands are drawn. ramp_s: how
             long each change of a command takes [s]. seized_s: between which the left wheel turns a fifth as fast as
             it is told. moves: probability that the robot moves in each two seconds; it rests in the others.
+        stopped_s: between which both wheels stand, whatever they are told.
     """
     o = OTHERS | dict(others or {})
     random = np.random.default_rng([seed, 77])
@@ -102,6 +103,8 @@ def drive(
         sent = o["steps_rad_s"] * np.round(sent / o["steps_rad_s"])
     if seized_s:
         sent[(t >= seized_s[0]) & (t < seized_s[1]), 1] *= 0.2
+    if stopped_s:
+        sent[(t >= stopped_s[0]) & (t < stopped_s[1])] = 0.0
     if o["swing_s2"] > 0.0:
         sent = _swung(sent, 1.0 / np.sqrt(o["swing_s2"]))
     keep = np.exp(-_STEP_S / lag_s) if lag_s > 0.0 else 0.0

@@ -85,6 +85,13 @@ def test_a_drive_that_does_less_or_later_than_told_is_no_fault(others):
     assert not [finding for finding in findings(others=others, moves=0.5) if finding.channel == COMMAND]
 
 
+def test_a_robot_that_is_stopped_shows_that_its_command_is_not_in_force():
+    stopped = [two_wheels.drive(seed, 20.0, **ROBOT, stopped_s=(6.0, 9.0)) for seed in (4, 5, 6)]
+    found = check(two_wheels.model(), stopped).findings
+    assert {finding.fault for finding in found} == {"command_overridden"}
+    assert {i for finding in found for i in finding.runs} == {0, 1, 2}
+
+
 def test_a_wheel_that_turns_slower_than_told_for_a_while_is_no_other_command():
     assert not [finding for finding in findings(seized_s=(6.0, 10.0)) if finding.channel == COMMAND]
 

@@ -132,13 +132,17 @@ def _otherwise(command, motions):
 def _obeys(motions, those) -> bool:
     """Whether a weak or limited drive obeys: each wheel does a share of what it is told, or all come ever nearer to it.
 
-    Nearer as evenly as behind a limit of braking, or faster at first. Wheels that all stand do no share.
+    Nearer as evenly as behind a limit of braking, or faster at first. Wheels that all stand obey nothing.
     """
-    told, made = motions.turns[:, those]
+    lasts = those.stop - those.start
+    inner = slice(those.start + lasts // 4, those.stop - lasts // 4)  # not where it begins and ends
+    told, made = motions.turns[:, inner]
     squares = np.sum(told**2, axis=0)
+    if np.sum(made**2) < SLACK**2 * np.sum(squares):
+        return False
     shares = np.clip(np.sum(told * made, axis=0) / np.maximum(squares, 1e-300), 0.0, 1.0)
     otherwise = np.sum((made - shares * told) ** 2, axis=0)
-    if np.all(otherwise < MOST_SLACK**2 * np.maximum(np.sum(made**2, axis=0), squares)) and np.any(shares > SLACK):
+    if np.all(otherwise < MOST_SLACK**2 * np.maximum(np.sum(made**2, axis=0), squares)):
         return True
     left = np.linalg.norm(motions.left[those], axis=1)
     nearer = left[left.argmax() :]
