@@ -99,7 +99,7 @@ def _dead(command, motions):
 
 
 def _otherwise(command, motions):
-    """Stretches in which wheels do more otherwise than as told, for longer than two windows and a drive's lateness."""
+    """Stretches of more than two windows in which wheels do more otherwise than as told."""
     unusual, far = (np.zeros((len(PLACES_AND_TURNS), len(motions.left)), bool) for _ in range(2))
     for k, group in enumerate(map(list, PLACES_AND_TURNS)):
         left, told, made = (np.linalg.norm(of[:, group], axis=1) for of in (motions.left, motions.told, motions.made))
