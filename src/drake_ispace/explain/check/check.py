@@ -131,8 +131,7 @@ class _Search:
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         if not follows:
-            bases = self._bases()
-            self._add(_joined(followed_findings({i: (drive, bases[i]) for i, drive in self._drives().items()})))
+            self._add(_joined(followed_findings(self._drives(), self._bases())))
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))

@@ -205,9 +205,10 @@ class Trial:
         link = self.link
         since, until = path.at(link.since_s), path.at(link.until_s)
         inner, later = inside(self.base, since, until), link.since_s >= path.jump_s
+        moves = in_motion(link.predicted(since, until), link.measured, link.noise)
         for part, lag_s in ((~later, path.lag_s), (later, path.lag_s + path.later_s)):
             kept = part & inner
-            if (kept & in_motion(link.predicted(since, until), link.measured, link.noise)).sum() < FEWEST // 2:
+            if (kept & moves).sum() < FEWEST // 2:
                 return False
             if link.is_usual(lag_s):
                 continue

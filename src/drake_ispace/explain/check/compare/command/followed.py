@@ -4,8 +4,8 @@ Wheels that each do a share of what they are told, or come ever nearer to it, ob
 all stand, or turn otherwise, another command is in force than the one that was logged.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,19 +22,22 @@ from drake_ispace.faults.repair import CutOut, Without
 from drake_ispace.robots.robot import COMMAND
 
 
-def followed_findings(drives: Mapping[int, tuple[Drive, Base]]) -> list[Finding]:
-    """What the wheels do not do as commanded; drives: number of a run -> its command, and its wheels."""
+def followed_findings(drives: Mapping[int, Drive], bases: Sequence[Base | None]) -> list[Finding]:
+    """What the wheels do not do as commanded.
+
+    drives: number of a run -> its command and wheels. bases: of every run.
+    """
     if not drives:
         return []
-    step_s = float(np.median([drive.step_s for drive, _ in drives.values()]))
-    follows = best_following([(drive, drive.held()) for drive, _ in drives.values()], step_s, -1.0)
+    step_s = float(np.median([drive.step_s for drive in drives.values()]))
+    rates = {i: drive.held() for i, drive in drives.items()}
+    follows = best_following([(drive, rates[i]) for i, drive in drives.items()], step_s, -1.0)
     found = []
-    for i, (drive, base) in drives.items():
-        motions = _motions(drive, base, follows)
-        if motions is None:
-            continue
-        dead = _dead(drive.command, motions)
-        found += [Finding(runs=(i,), **one) for one in (dead or _otherwise(drive.command, motions))]
+    for i, drive in drives.items():
+        motions = _motions(drive, rates[i], bases[i], follows)
+        if motions is not None:
+            of_run = _dead(drive.command, motions) or _otherwise(drive.command, motions)
+            found += [replace(finding, runs=(i,)) for finding in of_run]
     return found
 
 
@@ -61,10 +64,10 @@ class _Motions:
         return float(np.abs(motions).sum() / self.apart)
 
 
-def _motions(drive: Drive, base: Base, follows: Following) -> _Motions | None:
-    """The motions of a run; None where too few windows are sound."""
+def _motions(drive: Drive, rates: np.ndarray, base: Base, follows: Following) -> _Motions | None:
+    """The motions of a run; None where too few windows are sound. rates: as of `Drive.held`."""
     unit = np.array([1.0, 1.0, arm(base.geometry)])
-    told = follows.gain * drive.predicted(drive.held(), follows.late_s, follows.lag_s)
+    told = follows.gain * drive.predicted(rates, follows.late_s, follows.lag_s)
     apart = max(1, round(WINDOW_S / float(np.median(np.diff(drive.edges)))))
     edges = np.arange(len(drive.edges) - apart)
     since, until = drive.edges[edges], drive.edges[edges + apart]
@@ -92,10 +95,8 @@ def _dead(command, motions):
     if not still:
         return []
     values = ", ".join(f"{name} is always {command.column(name)[0]:.4g}" for name in still)
-    return [{
-        "fault": "channel_dead", "what": f"{values}, and the wheels do otherwise", "channel": COMMAND,
-        "repairs": (Without(COMMAND),),
-    }]
+    what = f"{values}, and the wheels do otherwise"
+    return [Finding("channel_dead", what, COMMAND, repairs=(Without(COMMAND),))]
 
 
 def _otherwise(command, motions):
@@ -153,9 +154,9 @@ def _obeys(motions, those) -> bool:
 
 def _stretch(command, since_s, until_s):
     """The finding of a stretch: rows that are missing in a log of steady steps, or another command."""
-    found = {"channel": COMMAND, "from_s": since_s, "to_s": until_s, "repairs": (CutOut(since_s, until_s),)}
     steps, inside_s = np.diff(command.t), np.diff(np.clip(command.t, since_s, until_s))
     gap_s = float(np.where(are_gaps(steps), inside_s, 0.0).max())
+    fault, what = "command_overridden", "the wheels do something else"
     if gap_s > STUCK_S and np.median(steps) <= RATE_S:
-        return found | {"fault": "rows_missing", "what": f"no samples for {gap_s:.3g} s"}
-    return found | {"fault": "command_overridden", "what": "the wheels do something else"}
+        fault, what = "rows_missing", f"no samples for {gap_s:.3g} s"
+    return Finding(fault, what, COMMAND, since_s, until_s, repairs=(CutOut(since_s, until_s),))
