@@ -15,7 +15,9 @@ from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
 from drake_ispace.explain.predict.case import prepare
+from drake_ispace.explain.prove.noise.noise import ProcessNoise
 from drake_ispace.explain.prove.proof import Proof
+from drake_ispace.robots.library import robots
 from drake_ispace.scenario import load_scenario
 from hidden.generator import generate
 
@@ -80,6 +82,18 @@ def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, s
     answer = judged(answers.nothing(), [row])
     add_chance(answer)
     assert ["passes as chance" in warning for warning in answer.warnings] == [True] * said
+
+
+@pytest.mark.parametrize("strengths, said", [
+    ({"force 1": 3.0, "jolt 1": 4.0, "force 3": 2.0}, "0.75 N and 0.04 N m pass as noise, where 0.15 N and 0.02 N m"),
+    ({"force 1": 1.0, "slip": 5.0}, ""),
+])
+def test_forces_that_pass_as_noise_are_told_where_they_are_stronger_than_assumed(strengths, said):
+    case = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(robot=robots()["omni"])))
+    answer = answers.nothing()
+    add_proof(answer, case, Proof("held-out runs", [], [], ProcessNoise(strengths, {}), {}, None))
+    add_chance(answer)
+    assert [said in warning for warning in answer.warnings] == [True] * bool(said)
 
 
 def test_a_title_does_not_say_that_nothing_shows_where_a_trace_is_detectable():

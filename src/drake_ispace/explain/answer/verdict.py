@@ -1,5 +1,6 @@
 """The verdict: whether the named effects suffice."""
 
+import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
@@ -15,8 +16,9 @@ from drake_ispace.explain.prove.errors.free_run import ATE, RPE, RUN, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
 from drake_ispace.explain.prove.left.adequacy import TOO_LARGE
 from drake_ispace.explain.prove.left.remainder import amount
+from drake_ispace.explain.prove.noise.noise import FORCES, JOLTS, ProcessNoise
 from drake_ispace.explain.prove.proof import Proof
-from drake_ispace.robots.robot import COMMAND
+from drake_ispace.robots.robot import COMMAND, Robot
 
 #: Why effects make no sense.
 UNCONFIRMED = "with it free runs of unseen data come no nearer"
@@ -29,6 +31,8 @@ def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
     """Add the gap and what is left of it to the answer, and correct the verdict by them."""
     answer.gap, answer.proof, answer.remainders, answer.plant = proof.rows, proof.by, proof.remainders, proof.plant
     answer.noise_is_fitted = proof.noise is not None
+    if proof.noise is not None:
+        answer.forces = _forces(case.replay.body.robot, proof.noise)
     if proof.least_squares is not None:
         answer.effects = with_sizes(answer.effects, case, proof.sizes, proof.least_squares, proof.without)
     if proof.alone:
@@ -168,8 +172,25 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
     return not (on_bound or answer.remainders or answer.drifts or made_worse(answer.gap))
 
 
+def _forces(robot: Robot, noise: ProcessNoise) -> str:
+    """In words: forces from outside that pass as noise, of a robot that torque drives; empty where none needs to be
+    stronger than assumed."""
+    if robot.driven == COMMAND or robot.unknown_forces is None:
+        return ""
+    found = []
+    for slow, quick, size, unit in zip(FORCES, JOLTS, robot.unknown_forces, robot.ground.units, strict=True):
+        strength = math.hypot(noise.needed.get(slow, 0.0), noise.needed.get(quick, 0.0))
+        if strength > 1.0:
+            found.append((amount(strength * size, unit), amount(size, unit)))
+    if not found:
+        return ""
+    needed, assumed = (" and ".join(amounts) for amounts in zip(*found, strict=True))
+    return f"forces from outside of {needed} pass as noise, where {assumed} are assumed"
+
+
 def add_chance(answer: Explanation) -> None:
-    """Say of a model that lacks nothing where dead-reckoned places are off by several times what sensors leave."""
+    """Say of a model that lacks nothing where dead-reckoned places are off by several times what sensors leave, and how
+    strong the forces are that pass as noise."""
     off = [
         row for row in answer.gap if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by == WHEELS
         and row.sensors and row.before > _SEVERAL * row.sensors
@@ -180,6 +201,8 @@ def add_chance(answer: Explanation) -> None:
             f"{worst.channel} ({worst.driven_by}) is off by {amount(worst.before, worst.unit)} {over(worst.horizon)}, "
             f"and sensors leave {amount(worst.sensors, worst.unit)}: the rest passes as chance, such as slip at random"
         )
+    if answer.verdict == "none" and answer.forces:
+        answer.warnings.append(f"{answer.forces}: something that comes and goes may be among them")
 
 
 def add_trace(answer: Explanation, doubted: Explanation) -> None:
