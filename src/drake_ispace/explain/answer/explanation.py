@@ -159,9 +159,9 @@ class Explanation:
         untestable: effects that these runs cannot show. unknown: None unless the verdict is "unknown".
         gap: a row for every measure on unseen runs and on the training runs. proof: how the unseen runs came about,
             "held-out runs", "leave-one-run-out" or "blocks of the run". noise_is_fitted: whether the process noise in
-            the gap is as strong as these runs need. forces: in words, those from outside that pass as noise, empty where
-            none is stronger than assumed. remainders: what is left on unseen runs and is not noise of a sound robot,
-            the worst first.
+            the gap is as strong as these runs need. forces: in words, those from outside that pass as noise, empty
+            where none is stronger than assumed. remainders: what is left on unseen runs and is not noise of a sound
+            robot, the worst first.
         validated: every set of effects that was tried by cross-validation. plant: free parameters of the user's plant.
         drifts: a sentence for each parameter of a named effect that differs by more than chance from run to run or
             between the halves of runs, for each further effect that a run, or one half of all, shows and the rest
@@ -210,7 +210,7 @@ class Explanation:
 
         Empty where the gap in metres is small beside what noise may leave.
         """
-        return headlines(self.gap)
+        return [row for row in self._told if row.closed is not None]
 
     @property
     def _noise_holds_unexplained(self) -> bool:

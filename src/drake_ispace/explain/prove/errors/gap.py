@@ -94,7 +94,8 @@ def headlines(rows: Sequence[GapRow], by_sensors: bool = False) -> list[GapRow]:
     """The rows of unseen runs that tell of the gap, the longest horizon first: one for each of what drives the model.
 
     Each is of the place, over the longest horizon at which the gap is clear. by_sensors: where it is so at none, it is
-    enough that it is clear beside what sensors leave.
+    enough that it is clear beside what sensors leave; so it is where over the longest such horizon the error grew,
+    beside which a shorter one would mislead.
     """
     def clearness(row):
         return seconds_of(row.horizon), row.before / _floor(row.sensors, row.chance)
@@ -102,10 +103,16 @@ def headlines(rows: Sequence[GapRow], by_sensors: bool = False) -> list[GapRow]:
     places = [row for row in rows if row.metric != PREDICTION and row.channel != "heading" and row.unit != "1"]
     known = [row for row in places if row.runs == HELD_OUT and None not in (row.sensors, row.chance)]
     known, found = sorted(known, key=clearness, reverse=True), {}
-    clear = [row for row in known if row.closed is not None]
-    beyond = [row for row in known if row.before >= CERTAIN * row.sensors and not row.anywhere]
-    for row in [*clear, *(beyond if by_sensors else ())]:
-        found.setdefault(row.driven_by, row)
+    for row in known:
+        if row.closed is not None:
+            found.setdefault(row.driven_by, row)
+    longest = {}
+    for row in known if by_sensors else ():
+        if row.before >= CERTAIN * row.sensors and not row.anywhere:
+            longest.setdefault(row.driven_by, row)
+    for driven_by, row in longest.items():
+        if driven_by not in found or row.after > row.before:
+            found[driven_by] = row
     return sorted(found.values(), key=clearness, reverse=True)
 
 
