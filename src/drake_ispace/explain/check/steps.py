@@ -24,6 +24,7 @@ from drake_ispace.explain.check.compare.motion import (
     camera_noise,
     has_motion,
     seen,
+    seen_at_ends,
     turned,
     windows,
     within,
@@ -86,9 +87,7 @@ def _dead_wheels(kinect, base, radius) -> list[str]:
     still = np.ptp(encoder.values, axis=0) == 0.0
     if not still.any() or not len(whole.first):
         return []
-    fixes = np.arange(len(kinect.t))  # ways add up along an arc, and not along its chord
-    path = np.vstack([np.zeros(3), np.cumsum(seen(kinect, between(kinect, fixes[:-1], fixes[1:])), axis=0)])
-    motion, own = path[whole.last] - path[whole.first], turned(encoder, whole.since_s, whole.until_s)
+    motion, own = seen(kinect, whole), turned(encoder, whole.since_s, whole.until_s)
     ways, of_marker = motion @ geometry.inverse.T, motion[:, 2, None, None] * geometry.inverse[:, :2]
     inner = within(encoder, whole)
 
@@ -214,8 +213,11 @@ def largest_step(encoder, since_s, until_s):
 
 
 def _unexplained(kinect, base, seen_of, pairs):
-    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them."""
-    ways = seen(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s) @ seen_of
+    """(k,) distance [m] between fixes, as the camera sees the ways, and as the wheels make them.
+
+    Fixes between them may be off.
+    """
+    ways = seen_at_ends(kinect, pairs) - base.moved(pairs.since_s, pairs.until_s) @ seen_of
     return np.linalg.norm(ways[:, :2], axis=1)
 
 
@@ -242,9 +244,8 @@ def _frozen(run, base, seen_of):
             first_fix, end = np.searchsorted(kinect.t, [since, until])
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
-            fixes = np.arange(first_fix, end)  # ways add up along an arc, and not along its chord
-            pairs = between(kinect, fixes[:-1], fixes[1:])
-            turned = base.geometry.inverse @ (seen(kinect, pairs) @ of_seen).sum(axis=0)
+            whole = between(kinect, np.array([first_fix]), np.array([end - 1]))
+            turned = base.geometry.inverse @ (seen(kinect, whole) @ of_seen)[0]
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
             if missed < SHOWS_M:

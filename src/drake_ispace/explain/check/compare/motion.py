@@ -79,10 +79,11 @@ class Camera:
         self._noise_of_heading = cache(lambda scale: noise_of(self._heading(scale), wide))
 
     def motion(self, view: View = AS_GIVEN) -> np.ndarray:
-        """(n, 3) motion [m, m, rad] in the body's axes at mid-heading."""
-        moved, phi = (self._places[self._last] - self._places[self._first]) @ view.matrix.T, self._heading(view.scale)
-        middle = 0.5 * (phi[self._last] + phi[self._first]) + view.offset_rad
-        return np.column_stack([rotated(moved, -middle), phi[self._last] - phi[self._first]])
+        """(n, 3) motion [m, m, rad] in the body's axes, which adds up from fix to fix along arcs, as that of wheels."""
+        phi = self._heading(view.scale)
+        steps = _along_arcs(np.diff(self._places, axis=0) @ view.matrix.T, phi[:-1] + view.offset_rad, np.diff(phi))
+        path = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+        return path[self._last] - path[self._first]
 
     def noise(self, view: View = AS_GIVEN) -> np.ndarray:
         """(3,) standard deviation of x, y [m], phi [rad], as of `camera_noise`."""
@@ -90,8 +91,21 @@ class Camera:
 
 
 def seen(kinect: Channel, stretches: Windows) -> np.ndarray:
-    """(n, 3) motion [m, m, rad] in the body's axes at mid-heading, as the camera saw it."""
+    """(n, 3) motion [m, m, rad] in the body's axes, as the camera saw it from fix to fix."""
     return Camera(kinect, stretches).motion()
+
+
+def seen_at_ends(kinect: Channel, stretches: Windows) -> np.ndarray:
+    """(n, 3) the same as the first and the last fix alone tell it, of a robot that turns evenly between them."""
+    places, phi = kinect.values[:, :2], np.unwrap(kinect.column("phi"))
+    moved, turn = (of[stretches.last] - of[stretches.first] for of in (places, phi))
+    return _along_arcs(moved, phi[stretches.first], turn)
+
+
+def _along_arcs(moved, phi, turn):
+    """(n, 3) motions in the body's axes, of places that move by `moved` (n, 2) along arcs, from a heading by a turn."""
+    shorter = np.sinc(0.5 * np.clip(turn, -np.pi, np.pi) / np.pi)  # chords than arcs, of half a circle at most
+    return np.column_stack([rotated(moved, -(phi + 0.5 * turn)) / shorter[:, None], turn])
 
 
 def turned(encoder: Channel, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
