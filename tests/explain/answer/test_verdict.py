@@ -76,12 +76,23 @@ def test_a_title_says_first_what_is_sure():
     assert answer.title == f"The model lacks {said}: these runs do not tell which"
 
 
-@pytest.mark.parametrize("before, said", [(0.03, True), (0.01, False)])
-def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(before, said):
-    row = replace(answers.GAP[1], before=before, after=before, chance=before)
-    answer = judged(answers.nothing(), [row])
+@pytest.mark.parametrize(("after", "driven_by", "said"), [
+    (0.03, "wheels", ["slip at random"]), (0.03, "command", ["a drive that errs at random"]), (0.01, "command", []),
+    (0.03, "torque", []),
+])
+@pytest.mark.parametrize("lacks", [answers.nothing, lambda: answers.named(MODEL)], ids=["none", "named"])
+def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(after, driven_by, said, lacks):
+    row = replace(answers.GAP[1], before=after, after=after, sensors=0.005, chance=after, driven_by=driven_by)
+    answer = judged(lacks(), [row])
     add_chance(answer)
-    assert ["passes as chance" in warning for warning in answer.warnings] == [True] * said
+    assert [warning.split("such as ")[1] for warning in answer.warnings] == said
+    assert all(("still" in warning) == bool(answer.effects) for warning in answer.warnings)
+
+
+def test_an_answer_that_does_not_suffice_leaves_more_than_chance():
+    answer = answers.named(MODEL, verdict="incomplete", gap=[replace(answers.GAP[1], after=0.3, sensors=0.005)])
+    add_chance(answer)
+    assert not answer.warnings
 
 
 @pytest.mark.parametrize("strengths, said", [

@@ -25,6 +25,8 @@ UNCONFIRMED = "with it free runs of unseen data come no nearer"
 RULED_OUT = "unseen runs are likelier without it"
 _ASTRAY = "unseen runs are led further away by it"
 _SEVERAL = 3.0  # times what sensors leave
+#: What drives a simulation -> what leads it astray by chance.
+_CHANCE = {WHEELS: "slip at random", COMMAND: "a drive that errs at random"}
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -189,17 +191,20 @@ def _forces(robot: Robot, noise: ProcessNoise) -> str:
 
 
 def add_chance(answer: Explanation) -> None:
-    """Say of a model that lacks nothing where dead-reckoned places are off by several times what sensors leave, and how
-    strong the forces are that pass as noise."""
+    """Say of an answer that suffices where places are off by several times what sensors leave.
+
+    Of a model that lacks nothing, say as well how strong the forces are that pass as noise.
+    """
     off = [
-        row for row in answer.gap if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by == WHEELS
-        and row.sensors and row.before > _SEVERAL * row.sensors
+        row for row in answer.gap if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by in _CHANCE
+        and row.sensors and row.after > _SEVERAL * row.sensors
     ]
-    if answer.verdict == "none" and off:
-        worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.before / row.sensors))
+    if answer.verdict in ("none", "named", "set") and off:
+        worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.after / row.sensors))
         answer.warnings.append(
-            f"{worst.channel} ({worst.driven_by}) is off by {amount(worst.before, worst.unit)} {over(worst.horizon)}, "
-            f"and sensors leave {amount(worst.sensors, worst.unit)}: the rest passes as chance, such as slip at random"
+            f"{worst.channel} ({worst.driven_by}) is {'still ' if answer.effects else ''}off by "
+            f"{amount(worst.after, worst.unit)} {over(worst.horizon)}, and sensors leave "
+            f"{amount(worst.sensors, worst.unit)}: the rest passes as chance, such as {_CHANCE[worst.driven_by]}"
         )
     if answer.verdict == "none" and answer.forces:
         answer.warnings.append(f"{answer.forces}: something that comes and goes may be among them")
