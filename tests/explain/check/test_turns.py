@@ -103,3 +103,10 @@ def test_one_quick_turn_before_a_late_camera_is_made_by_wheels(monkeypatch, rate
     monkeypatch.setattr(two_wheels, "wandering", wandering)
     sound = {"left_share": 0.0, "late_s": late_s, "lag_s": 0.04, "in_step": True}
     assert found(*(two_wheels.drive(670 + i, 20.0, **sound) for i in range(2))) == []
+
+
+@pytest.mark.parametrize(("camera_hz", "most_rad_s"), [(2.0, 3.0), (30.0, 6.0)])
+def test_nobody_carries_a_robot_that_spins(camera_hz, most_rad_s):
+    sound = {"left_share": 0.0, "late_s": 0.0, "in_step": True, "camera_hz": camera_hz}
+    runs = [two_wheels.drive(800 + k, 30.0, rates_rad_s=(-most_rad_s, most_rad_s), **sound) for k in range(2)]
+    assert check(two_wheels.model(), runs).findings == []
