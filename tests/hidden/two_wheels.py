@@ -150,9 +150,12 @@ def _erring(seed, n):
 
 def _way(forward, sideways, phi, belt_m_s, patch_share):
     """(n,) x and y [m] of a robot that moves with these velocities along its own axes, and slips where x > 1 m."""
+    c, s = np.cos(phi), np.sin(phi)
+    if patch_share == 0.0:
+        vx, vy = forward * c - sideways * s + belt_m_s, forward * s + sideways * c
+        return tuple(np.cumsum(np.append(at, _STEP_S * v[:-1])) for at, v in ((1.0, vx), (-0.5, vy)))
     x, y = np.empty(len(phi)), np.empty(len(phi))
     x[0], y[0] = 1.0, -0.5
-    c, s = np.cos(phi), np.sin(phi)
     for i in range(len(phi) - 1):
         share = 1.0 - patch_share if x[i] > 1.0 else 1.0
         x[i + 1] = x[i] + _STEP_S * (share * forward[i] * c[i] - sideways[i] * s[i] + belt_m_s)
