@@ -26,13 +26,13 @@ demo: setup
 	PYTHONPATH= $(VENV)/bin/drake-ispace demo $(ARGS)
 
 test: setup
-	PYTHONPATH= $(VENV)/bin/python -m pytest $(WORKERS) $(ARGS)
+	PYTHONPATH= PYTHONDONTWRITEBYTECODE= $(VENV)/bin/python -m pytest $(WORKERS) $(ARGS)
 
 test-slow: setup
-	PYTHONPATH= $(VENV)/bin/python -m pytest -m slow $(ARGS)
+	PYTHONPATH= PYTHONDONTWRITEBYTECODE= $(VENV)/bin/python -m pytest -m slow $(ARGS)
 
 hidden: setup
-	PYTHONPATH= $(VENV)/bin/python -m pytest -m hidden $(ARGS)
+	PYTHONPATH= PYTHONDONTWRITEBYTECODE= $(VENV)/bin/python -m pytest -m hidden $(ARGS)
 
 mutants: setup
 	@$(VENV)/bin/python -c 'import cosmic_ray' 2>/dev/null || $(VENV)/bin/python -m pip install --quiet -e '.[test,mutants]'
