@@ -7,7 +7,7 @@ tell these moments from each other; from a drive's own delay they are told by ly
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.sparse import eye_array, kron, lil_array
+from scipy.sparse import csr_array, lil_array
 from scipy.special import logsumexp, softmax
 from scipy.stats import norm, truncnorm
 
@@ -116,9 +116,11 @@ def _covariance(columns, noise: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """
     (m, n), sums = noise.shape, np.zeros((columns.shape[0],) * 2)
     windows = min(max(1, round(BLOCK_S / float(np.median(np.diff(edges))))), m)
+    places, ends = np.repeat(np.arange(m * n).reshape(m, n), n, axis=0).ravel(), n * np.arange(m * n + 1)
     for k in range(windows):
-        together = (1.0 - k / windows) * (noise[k:].T @ noise[: m - k]) / m
-        of_later = columns[:, k * n :] @ kron(eye_array(m - k), together, "csr")
+        together, rows = (1.0 - k / windows) * (noise[k:].T @ noise[: m - k]) / m, (m - k) * n
+        of_each = np.tile(together.ravel(), m - k), places[: rows * n], ends[: rows + 1]  # one block for each window
+        of_later = columns[:, k * n :] @ csr_array(of_each, shape=(rows, rows))
         of_pairs = (of_later @ columns[:, : (m - k) * n].T).toarray()
         sums += of_pairs + of_pairs.T if k else of_pairs
     return sums
