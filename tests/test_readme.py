@@ -10,12 +10,11 @@ from test_docs import COMMANDS, ROOT
 
 LINES = [line for page, line in COMMANDS if page == "README.md"]
 #: Commands that look at every effect of the library or draw a whole page.
-SLOW = ("explain", "demo")
+SLOW = ("explain", "demo", "vision")
 #: Command -> its options in the cheap form; others stay as they are.
 CHEAP = {
     "simulate": {"--seconds": "0.5"}, "compare": {"--seconds": "0.5"}, "parity": {"--seconds": "0.5"},
     "montecarlo": {"--seconds": "0.5", "--runs": "2"}, "hide": {"--seconds": "0.5", "--runs": "1"},
-    "vision": {"--seconds": "1"},
 }
 
 

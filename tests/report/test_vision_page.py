@@ -1,19 +1,22 @@
 """The page of what the room sees."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
 
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.cli.vision import vision
-from drake_ispace.report.vision_page import write_vision_page
 
 PICTURES = ("views", "thresholds", "depth", "configuration", "tracking")
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    return write_vision_page(tmp_path_factory.mktemp("vision"), seconds=0.5)
+    folder = tmp_path_factory.mktemp("vision")
+    vision(out=folder, seconds=1.0)
+    return folder / "index.html", json.loads((folder / "vision.json").read_text())
 
 
 @pytest.mark.parametrize("name", PICTURES)
