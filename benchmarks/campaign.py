@@ -117,7 +117,7 @@ def cluster_of_two(folder: Path):
 
 def main() -> None:
     chosen = options(__doc__)
-    runs, seconds = 1000 if chosen.quick else 10_000, TINY_S if chosen.tiny else SECONDS
+    runs, seconds = 1000 if chosen.quick or chosen.tiny else 10_000, TINY_S if chosen.tiny else SECONDS
     rounds = 1 if chosen.tiny else 3 if chosen.quick else 5
     of = measured if chosen.tiny else apart
     with tempfile.TemporaryDirectory() as temporary:
