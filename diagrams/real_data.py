@@ -53,7 +53,10 @@ def spread(runs: list, count: int | None) -> list:
 def optiodom_runs(options: argparse.Namespace, robot: str, *kinds: str) -> dict[str, list]:
     """Kind of motion -> runs of an OptiOdom robot."""
     folder = options.data / "optiodom" / robot
-    return {kind: spread(optiodom.load_folder(folder / kind), options.runs) for kind in kinds}
+    return {
+        kind: [optiodom.load_run(file) for file in spread(optiodom.runs_in(folder / kind), options.runs)]
+        for kind in kinds
+    }
 
 
 def show(options: argparse.Namespace, answer, **further) -> None:

@@ -98,11 +98,16 @@ def load_run(path: str | Path, metadata_path: str | Path | None = None) -> Recor
 
 def load_folder(folder: str | Path) -> list[Recording]:
     """All `run-*.csv` of a folder with its `metadata.csv`, in the order of their names; there is at least one."""
+    return [load_run(file) for file in runs_in(folder)]
+
+
+def runs_in(folder: str | Path) -> list[Path]:
+    """The files that `load_folder` loads."""
     folder = Path(folder)
     files = sorted(folder.glob("run-*.csv"))
     if not files:
         raise InputError(f"{folder}: expected a folder with files run-*.csv, there is none")
-    return [load_run(file) for file in files]
+    return files
 
 
 def _positive(entries: dict[str, list[str]], key: str, count: int, path: Path) -> tuple[float, ...]:

@@ -40,9 +40,11 @@ def parse_numbers(
         columns = columns or len(cells)
         if len(cells) != columns:
             raise InputError(f"{path}: line {number}: {len(cells)} cells, expected {columns}")
-        rows.append([
-            _finite(cell, f"{path}: line {number}: column {index}") for index, cell in enumerate(cells, start=1)
-        ])
+        rows.append(list(map(_number, cells)))
+        for index, value in enumerate(rows[-1]):
+            if not math.isfinite(value):
+                place = f"{path}: line {number}: column {index + 1}"
+                raise InputError(f"{place} holds {shown(cells[index].strip())}, expected a finite number")
     if not rows:
         raise InputError(f"{path}: no row of numbers, expected at least one")
     return np.array(rows)
@@ -54,11 +56,9 @@ def period_of(t: np.ndarray) -> float | None:
     return period if period > 0.0 else None
 
 
-def _finite(cell: str, place: str) -> float:
+def _number(cell: str) -> float:
+    """NaN where there is none."""
     try:
-        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
+        return float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{place} holds {shown(cell.strip())}, expected a finite number")
-    return value
+        return math.nan
