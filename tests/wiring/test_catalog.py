@@ -106,11 +106,18 @@ def test_an_unknown_diagram_is_refused_with_a_hint():
         build_diagram(dataclasses.replace(Scenario(), diagram="omni_multirat"))
 
 
-@pytest.mark.parametrize("name", ["omni_multirate", "pendulum_multirate"])
-def test_in_a_shared_room_each_robot_does_what_it_does_alone(name):
+@pytest.fixture(scope="module")
+def shared():
+    """Two robots in a room, and what they do there."""
     # without camera noise, whose stream knows the robots by their place in the room
-    shared = load_scenario("shared_space", ["space.localizer.noise_std_pixels=0", "seconds=3", "seed=3"])
-    together, alone = simulate(shared), simulate(dataclasses.replace(shared, diagram=name))
+    scenario = load_scenario("shared_space", ["space.localizer.noise_std_pixels=0", "seconds=3", "seed=3"])
+    return scenario, simulate(scenario)
+
+
+@pytest.mark.parametrize("name", ["omni_multirate", "pendulum_multirate"])
+def test_in_a_shared_room_each_robot_does_what_it_does_alone(shared, name):
+    scenario, together = shared
+    alone = simulate(dataclasses.replace(scenario, diagram=name))
     assert len(alone.signals) >= 8
     for signal, rows in alone.signals.items():
         assert np.array_equal(rows, together.signals[signal]), signal
