@@ -92,7 +92,7 @@ def remainders(
             usual *= max(1.0, _by_chance(pooled, [run.errors for _, run in own]))
             found += [r for r in (predicted(m, own, usual), _repeated(m, own, usual)) if r is not None]
     if prediction.replay.body.robot.driven == COMMAND:
-        found += by_command(prediction, windows, motion, sensors)
+        found += by_command(prediction, windows, after, motion, sensors)
     found += _unlike(motion, sensors, chance)
     return sorted(found, key=lambda remainder: -remainder.ratio)
 

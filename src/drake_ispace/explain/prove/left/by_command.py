@@ -1,8 +1,11 @@
-"""Do errors of a robot under commanded velocity come with changes of its command? No noise knows when these are.
+"""Do errors of a robot under commanded velocity follow from what it was told? No noise knows of that.
 
-A drive that answers otherwise than the model errs after every change, whatever the shape of its answer.
+A drive that answers otherwise than the model errs after every change, whatever the shape of its answer. What it does
+otherwise for good adds up: over some seconds its wheels err by what they were told all the while.
 """
 
+import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,26 +13,38 @@ import numpy as np
 from scipy.stats import rankdata
 
 from drake_ispace.blocks.rates import TICK_S
+from drake_ispace.effects.library import library
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.explain.predict.prediction import Prediction
-from drake_ispace.explain.prove.errors.free_run import HORIZONS_S, Measure, Windows, seconds_of
-from drake_ispace.explain.prove.left.drivers import NO_NOISE
-from drake_ispace.explain.prove.left.predicted import predicted
+from drake_ispace.explain.prove.errors.free_run import (
+    HORIZONS_S,
+    PREDICTION,
+    SPACING_S,
+    Errors,
+    Measure,
+    Windows,
+    measures_of,
+    rms,
+    seconds_of,
+)
+from drake_ispace.explain.prove.left.drivers import COMMANDED, NO_NOISE
+from drake_ispace.explain.prove.left.predicted import predicted, predicted_share
 from drake_ispace.explain.prove.left.remainder import Remainder, Series, going_with
 from drake_ispace.explain.prove.noise.command_times import angles_left_by_command_times
 
 _PAST = round(HORIZONS_S[0] / TICK_S)  # ticks, after which a change of the command is over
-_SHIFTS = 20  # of time, at which the changes say nothing of the errors
+_SHIFTS = 20  # of time, at which commands and their changes say nothing of the errors
+TOGETHER = "commands along several axes together"
 
 
 def by_command(
-    prediction: Prediction, windows: Sequence[Windows], motion: Sequence[Mapping[Measure, Series]],
-    sensors: Mapping[Measure, float],
+    prediction: Prediction, windows: Sequence[Windows], after: Sequence[Errors],
+    motion: Sequence[Mapping[Measure, Series]], sensors: Mapping[Measure, float],
 ) -> list[Remainder]:
     """Errors of wheels that follow from the commands, as noise does not, where they are larger than sensors leave.
 
-    windows, motion: of each run, and errors of its wheels over the shortest horizon. sensors: measure -> what sensors
-        leave.
+    windows, after, motion: of each run, its errors, and those of its wheels over the shortest horizon. sensors:
+        measure -> what sensors leave.
     """
     found, tracks, wheels = [], prediction.tracks, prediction.replay.body.plant.geometry.inverse
     measures = [m for m in (motion[0] if motion else ()) if m.channel.startswith("encoder")]
@@ -50,7 +65,78 @@ def by_command(
         if size > may_be:
             because = f"after changes of the command the error over {m.horizon} is larger than at other times"
             found.append(going_with(m, runs, "changes of the command", size, size / may_be, because))
+    longer = sorted(set(windows[0].lengths) - {windows[0].shortest}, key=windows[0].lengths.get)
+    return found + [r for horizon in longer for r in _of_what_adds_up(prediction, windows, after, sensors, horizon)]
+
+
+def _of_what_adds_up(prediction, windows, after, sensors, horizon) -> list[Remainder]:
+    """Errors of wheels over a longer horizon that follow from what they were told in the meantime.
+
+    The drive of a sound robot may be a little faster or slower than told.
+    """
+    tracks, found, columns = prediction.tracks, [], prediction.labels("motion")
+    gain = max(p.tolerance for p in library()["velocity_gain"].parameters_of(prediction.replay.body))
+    unlogged = angles_left_by_command_times(
+        tracks, prediction.replay.body.plant.geometry.inverse, seconds_of(horizon)
+    )
+    for m in measures_of(after):
+        if (m.metric, m.horizon) != (PREDICTION, horizon) or not m.channel.startswith("encoder"):
+            continue
+        runs = [
+            (track.name, _while_told(track, own.starts, own.lengths[horizon], errors[m]))
+            for track, own, errors in zip(tracks, windows, after, strict=True) if m in errors
+        ]
+        tolerated = gain * rms([
+            _change(track.turned, own.starts, own.lengths[horizon], track.ticks)[:, [columns.index(m.channel)]]
+            for track, own in zip(tracks, windows, strict=True)
+        ])
+        may_be = float(np.linalg.norm([sensors.get(m, np.inf), unlogged, tolerated]))
+        most = predicted(m, runs, may_be, (COMMANDED, TOGETHER))
+        apart = math.ceil(seconds_of(horizon) / SPACING_S)
+        if most is not None and not _is_chance([(run.drivers[most.driver], run.errors) for _, run in runs], apart):
+            found.append(replace(most, ratio=most.size / may_be))
     return found
+
+
+def _while_told(track, starts, ticks, errors) -> Series:
+    """Errors (k, d) at the ends of windows of so many ticks, beside means of the commands within each."""
+    drivers = {}
+    for name, columns in ((COMMANDED, track.command), (TOGETHER, _together(track.command))):
+        total = np.vstack([np.zeros(columns.shape[1]), np.cumsum(columns, axis=0)])
+        drivers[name] = _change(total, starts, ticks, track.ticks) / ticks
+    middle = starts[starts + ticks < track.ticks] + ticks // 2
+    return Series(middle * TICK_S, errors, drivers[COMMANDED], drivers)
+
+
+def _change(columns, starts, ticks, end) -> np.ndarray:
+    """(k, n) changes of columns (rows, n) over the windows of so many ticks that end before a tick."""
+    since = starts[starts + ticks < end]
+    return columns[since + ticks] - columns[since]
+
+
+def _together(command) -> np.ndarray:
+    """(rows, k) the commands (rows, n) that are not always the same, and products of every two, with and without signs.
+    """
+    used = command[:, np.ptp(command, axis=0) > 0.0]
+    pairs = itertools.combinations(used.T, 2)
+    products = [product for a, b in pairs for product in (a * b, np.abs(a) * b, a * np.abs(b))]
+    return np.column_stack([used, *products])
+
+
+def _is_chance(runs, apart: int) -> bool:
+    """Whether a variable predicts as much of errors at some other time, or that is not known.
+
+    runs: as of `predicted_share`. apart: rows that share nothing.
+    """
+    others = [
+        shifts for shifts in ([round(k / (_SHIFTS + 1) * len(x)) for x, _ in runs] for k in range(1, _SHIFTS + 1))
+        if all(apart <= shift <= len(x) - apart for shift, (x, _) in zip(shifts, runs, strict=True))
+    ]
+    shares = [
+        predicted_share([(np.roll(x, shift, axis=0), y) for shift, (x, y) in zip(shifts, runs, strict=True)])
+        for shifts in others
+    ]
+    return predicted_share(runs) <= max(shares, default=np.inf)
 
 
 def _changes(command, windows) -> np.ndarray:
