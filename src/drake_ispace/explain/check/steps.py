@@ -23,7 +23,7 @@ from drake_ispace.explain.check.compare.motion import (
     between,
     camera_noise,
     has_motion,
-    seen,
+    seen_along,
     seen_at_ends,
     turned,
     windows,
@@ -87,7 +87,7 @@ def _dead_wheels(kinect, base, radius) -> list[str]:
     still = np.ptp(encoder.values, axis=0) == 0.0
     if not still.any() or not len(whole.first):
         return []
-    motion, own = seen(kinect, whole), turned(encoder, whole.since_s, whole.until_s)
+    motion, own = seen_along(kinect, whole), turned(encoder, whole.since_s, whole.until_s)
     ways, of_marker = motion @ geometry.inverse.T, motion[:, 2, None, None] * geometry.inverse[:, :2]
     inner = within(encoder, whole)
 
@@ -148,7 +148,7 @@ def _camera_steps(run, base, seen_of):
     k = np.arange(len(kinect.t))
     each = between(kinect, k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    ways, wheels_ways = seen(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of
+    ways, wheels_ways = seen_along(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of
     difference = np.linalg.norm((ways - wheels_ways)[:, :2], axis=1)
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
@@ -245,7 +245,7 @@ def _frozen(run, base, seen_of):
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
             whole = between(kinect, np.array([first_fix]), np.array([end - 1]))
-            turned = base.geometry.inverse @ (seen(kinect, whole) @ of_seen)[0]
+            turned = base.geometry.inverse @ (seen_along(kinect, whole) @ of_seen)[0]
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
             missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
             if missed < SHOWS_M:
@@ -270,7 +270,7 @@ def _carried(run, base):
     They reach as far as the motions differ by more than chance: a robot that drives on has most in common with a push.
     A camera may be late.
     """
-    link = camera_link(run, base, SERIES)
+    link = camera_link(run, base, SERIES, way_of=seen_along)  # of a robot that spins a chord is no way
     lag_s = latency_of(run, base)
     kept = inside(base, link.since_s + lag_s, link.until_s + lag_s)
     if kept.sum() < FEWEST * SERIES:

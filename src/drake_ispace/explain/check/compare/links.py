@@ -199,14 +199,17 @@ def link_of(run: Recording, base: Base, channel: str) -> Link | None:
     return replace(link, t=run.channels[channel].t, finer=finer)
 
 
-def camera_link(run: Recording, base: Base, starts: int = 1, window_s: float = WINDOW_S) -> Link | None:
-    """The camera's motion, in body axes; turns as lengths. starts, window_s: as of `windows`."""
+def camera_link(
+    run: Recording, base: Base, starts: int = 1, window_s: float = WINDOW_S, way_of: Callable = seen
+) -> Link | None:
+    """The camera's motion, in body axes; turns as lengths. starts, window_s: as of `windows`. way_of: or `seen_along`.
+    """
     if not has_motion(run):
         return None
     kinect = run.channels["kinect"]
     stretches, unit = windows(kinect, starts, window_s), np.array([1.0, 1.0, arm(base.geometry)])
     return Link(
-        "kinect", stretches.since_s, stretches.until_s, seen(kinect, stretches) * unit,
+        "kinect", stretches.since_s, stretches.until_s, way_of(kinect, stretches) * unit,
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS,
         base.noise_beside(camera_noise(kinect)) * unit, slack=CAMERA,
     )

@@ -79,11 +79,10 @@ class Camera:
         self._noise_of_heading = cache(lambda scale: noise_of(self._heading(scale), wide))
 
     def motion(self, view: View = AS_GIVEN) -> np.ndarray:
-        """(n, 3) motion [m, m, rad] in the body's axes, which adds up from fix to fix along arcs, as that of wheels."""
-        phi = self._heading(view.scale)
-        steps = _along_arcs(np.diff(self._places, axis=0) @ view.matrix.T, phi[:-1] + view.offset_rad, np.diff(phi))
-        path = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
-        return path[self._last] - path[self._first]
+        """(n, 3) motion [m, m, rad] in the body's axes at mid-heading."""
+        moved, phi = (self._places[self._last] - self._places[self._first]) @ view.matrix.T, self._heading(view.scale)
+        middle = 0.5 * (phi[self._last] + phi[self._first]) + view.offset_rad
+        return np.column_stack([rotated(moved, -middle), phi[self._last] - phi[self._first]])
 
     def noise(self, view: View = AS_GIVEN) -> np.ndarray:
         """(3,) standard deviation of x, y [m], phi [rad], as of `camera_noise`."""
@@ -91,8 +90,16 @@ class Camera:
 
 
 def seen(kinect: Channel, stretches: Windows) -> np.ndarray:
-    """(n, 3) motion [m, m, rad] in the body's axes, as the camera saw it from fix to fix."""
+    """(n, 3) motion [m, m, rad] in the body's axes at mid-heading, as the camera saw it."""
     return Camera(kinect, stretches).motion()
+
+
+def seen_along(kinect: Channel, stretches: Windows) -> np.ndarray:
+    """(n, 3) the same as it adds up from fix to fix along arcs, as that of wheels does, and with it noise of fixes."""
+    phi = np.unwrap(kinect.column("phi"))
+    steps = _along_arcs(np.diff(kinect.values[:, :2], axis=0), phi[:-1], np.diff(phi))
+    path = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
+    return path[stretches.last] - path[stretches.first]
 
 
 def seen_at_ends(kinect: Channel, stretches: Windows) -> np.ndarray:
