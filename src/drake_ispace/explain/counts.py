@@ -1,8 +1,8 @@
 """Counts of an encoder: how far apart they are, and the straightest motion that agrees with them."""
 
-from collections import deque
-
 import numpy as np
+
+from drake_ispace.blocks.kernels import kernel
 
 _ALIKE = 0.01  # steps that differ by less, as a share of the smallest one, are alike
 _WHOLE = 0.1  # how far from a whole number of counts a step may be
@@ -52,31 +52,53 @@ def straightened(t: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def _taut(t, middle, half):
-    """(k,) the shortest path from the first of `middle` (k,) to the last that is nowhere farther from it than `half`.
-
-    Shortest paths from the last corner that is certain to either end of a gate, one along its upper and one along its
-    lower ends, are carried on from gate to gate. Where they meet, the corner is certain.
-    """
+    """(k,) the shortest path from the first of `middle` (k,) to the last, nowhere farther from it than `half`."""
     if half == 0.0 or len(t) < 3:
         return middle
-    start = (t[0], middle[0])
-    corners, upper, lower = [start], deque([start]), deque([start])
     reach = np.full(len(t), half)
     reach[-1] = 0.0
-    ends = {1.0: (middle + reach).tolist(), -1.0: (middle - reach).tolist()}
-    for i, when in enumerate(t.tolist()[1:], 1):
-        for side, own, other in ((1.0, upper, lower), (-1.0, lower, upper)):
-            end = (when, ends[side][i])
-            while len(own) > 1 and side * (_slope(own[-1], end) - _slope(own[-2], own[-1])) <= 0.0:
-                own.pop()
-            while len(own) == 1 < len(other) and side * (_slope(own[0], end) - _slope(other[0], other[1])) <= 0.0:
-                other.popleft()
-                own[0] = other[0]
-                corners.append(own[0])
-            own.append(end)
-    corners += list(upper)[1:]
-    return np.interp(t, *np.transpose(corners))
+    ends, corners = np.stack([middle + reach, middle - reach]), np.empty((len(t), 2))
+    ends[:, 0] = middle[0]
+    return np.interp(t, *corners[: _pull(np.asarray(t, dtype=float), ends, corners)].T)
 
 
+@kernel
 def _slope(one, other):
+    """Slope of the line from one point (2,) to another."""
     return (other[1] - one[1]) / (other[0] - one[0])
+
+
+@kernel(nogil=True)
+def _pull(t, ends, corners):
+    """Write times and angles of the corners of a string pulled taut into `corners` (k, 2); how many there are.
+
+    t (k,): of gates with upper and lower ends (2, k). Shortest paths from the last corner that is certain to either end
+    of a gate, one along its upper and one along its lower ends, are carried on from gate to gate. Where they meet, the
+    corner is certain.
+    """
+    path, first, last = np.empty((2, len(t), 2)), np.zeros(2, np.int64), np.zeros(2, np.int64)
+    end, count = np.empty(2), 1
+    corners[0, 0] = path[0, 0, 0] = path[1, 0, 0] = t[0]
+    corners[0, 1] = path[0, 0, 1] = path[1, 0, 1] = ends[0, 0]
+    for i in range(1, len(t)):
+        for own in range(2):
+            other, side = 1 - own, 1.0 - 2.0 * own
+            end[0], end[1] = t[i], ends[own, i]
+            while last[own] > first[own]:
+                before, here = path[own, last[own] - 1], path[own, last[own]]
+                if side * (_slope(here, end) - _slope(before, here)) > 0.0:
+                    break
+                last[own] -= 1
+            while last[own] == first[own] and last[other] > first[other]:
+                start, turn = path[own, first[own]], path[other, first[other] + 1]
+                if side * (_slope(start, end) - _slope(path[other, first[other]], turn)) > 0.0:
+                    break
+                first[other] += 1
+                start[0], start[1] = corners[count, 0], corners[count, 1] = turn[0], turn[1]
+                count += 1
+            last[own] += 1
+            path[own, last[own], 0], path[own, last[own], 1] = end[0], end[1]
+    for i in range(first[0] + 1, last[0] + 1):
+        corners[count, 0], corners[count, 1] = path[0, i, 0], path[0, i, 1]
+        count += 1
+    return count
