@@ -24,23 +24,23 @@ RATES_HZ = (5.0, 10.0, 30.0, 60.0)
 ROBOT = {"wheels": 2, "radius_m": two_wheels.RADIUS_M, "arm_m": two_wheels.HALF_TRACK_M}
 
 
-def answered(seed, seconds, rate_hz, has_command, library=None, **hidden):
+def answered(seed, seconds, rate_hz, has_command, library=None, training=3, unseen=2, **hidden):
     """What explain says of the robot at a rate of the camera, and what is left of it by plain arithmetic.
 
-    library: effects to choose from, default all. hidden: other sizes of what is hidden, as `two_wheels.drive`
-    takes them.
+    library: effects to choose from, default all. training, unseen: numbers of runs. hidden: other sizes of what is
+    hidden, as `two_wheels.drive` takes them.
     """
-    runs = [two_wheels.drive(10 * seed + i, seconds, camera_hz=rate_hz, **hidden) for i in range(5)]
+    runs = [two_wheels.drive(10 * seed + i, seconds, camera_hz=rate_hz, **hidden) for i in range(training + unseen)]
     if not has_command:
         runs = [
             replace(run, channels={name: c for name, c in run.channels.items() if name != "command"}) for run in runs
         ]
-    answer = di.explain(two_wheels.model(), runs[:3], runs[3:], library)
+    answer = di.explain(two_wheels.model(), runs[:training], runs[training:], library)
     effects = {e.name: {p: value.estimate for p, value in e.parameters.items()} for e in answer.effects}
     errors = []
     for sizes in ({}, effects):
         squares = []
-        for run in runs[3:]:
+        for run in runs[training:]:
             kinect = run.channels["kinect"]
             path = laid_on(reckoned(run, ROBOT, sizes), kinect.values, kinect.t)
             squares.append(np.sum((path - kinect.values)[:, :2] ** 2, axis=1))
@@ -55,9 +55,9 @@ def main():
     asked = options(__doc__)
     rates, seconds = (RATES_HZ[1:2], 6.0) if asked.tiny else (RATES_HZ[1:3] if asked.quick else RATES_HZ, 30.0)
     commands = (True,) if asked.tiny else (True, False)
-    hidden = {"late_s": 0.0, "lag_s": 0.0} if asked.tiny else {}
+    few = {"late_s": 0.0, "lag_s": 0.0, "training": 2, "unseen": 1} if asked.tiny else {}
     library = [di.effects()["single_wheel_radius_error"]] if asked.tiny else None
-    rows = [answered(asked.seed, seconds, rate, has, library, **hidden) for has in commands for rate in rates]
+    rows = [answered(asked.seed, seconds, rate, has, library, **few) for has in commands for rate in rates]
     if asked.json:
         print_json({"answers": rows})
         return

@@ -229,15 +229,15 @@ TWO_WHEELED = {
 }
 
 
-def two_wheeled_cases(seed, seconds, names=TWO_WHEELED, library=None):
+def two_wheeled_cases(seed, seconds, names=TWO_WHEELED, library=None, training=3, unseen=2):
     robot = {"name": "two", "wheels": 2, "radius_m": two_wheels.RADIUS_M, "arm_m": two_wheels.HALF_TRACK_M}
     truth = {"single_wheel_radius_error": {"wheel": 2, "share": 0.04}, "camera_latency": {"latency_s": 0.08}}
     for name in names:
         hidden = TWO_WHEELED[name]
-        runs = [two_wheels.drive(10 * seed + i, seconds, **hidden) for i in range(5)]
+        runs = [two_wheels.drive(10 * seed + i, seconds, **hidden) for i in range(training + unseen)]
         own = {key: value for key, value in truth.items()
                if hidden.get({"single_wheel_radius_error": "left_share", "camera_latency": "late_s"}[key], 1.0)}
-        yield judged(name, two_wheels.model(), robot, runs[:3], runs[3:], own, library)
+        yield judged(name, two_wheels.model(), robot, runs[:training], runs[training:], own, library)
 
 
 def real_cases(data):
@@ -281,7 +281,7 @@ def main():
     asked = options(__doc__, data={"type": Path, "help": "folder of the public measurements; left out: not used"})
     if asked.tiny:
         library = [di.effects()["single_wheel_radius_error"]]
-        cases = list(two_wheeled_cases(asked.seed, 6.0, ["radius alone"], library))
+        cases = list(two_wheeled_cases(asked.seed, 6.0, ["radius alone"], library, 2, 1))
     else:
         cases = [*omni_cases(asked.seed, 3 if asked.quick else None), *two_wheeled_cases(asked.seed, 30.0)]
     if asked.data is not None:

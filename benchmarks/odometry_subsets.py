@@ -132,13 +132,13 @@ def main():
             "rover.plant.wheels=differential", f"rover.plant.radius_m={two_wheels.RADIUS_M}",
             f"rover.plant.half_track_m={two_wheels.HALF_TRACK_M}",
         ])
-        seconds, hidden = (6.0, {"late_s": 0.0}) if asked.tiny else (30.0, {})
-        runs = [two_wheels.drive(10 * asked.seed + i, seconds, lag_s=0.0, **hidden) for i in range(5)]
-        groups, library = groups_of(_TWO), None
+        seconds, hidden, last = (6.0, {"late_s": 0.0}, 3) if asked.tiny else (30.0, {}, 5)
+        runs = [two_wheels.drive(10 * asked.seed + i, seconds, lag_s=0.0, **hidden) for i in range(last)]
+        groups, library, training = groups_of(_TWO), None, 3
         if asked.tiny:
-            groups = groups[:2]
+            groups, training = groups[:2], 2
             library = [di.effects()["single_wheel_radius_error"]]
-        rows = compared(model, _TWO, runs[:3], {"unseen": runs[3:]}, asked.seed, groups, library)
+        rows = compared(model, _TWO, runs[:training], {"unseen": runs[training:]}, asked.seed, groups, library)
     else:
         from drake_ispace.files.importers import optiodom
 
