@@ -16,8 +16,9 @@ from drake_ispace.explain.check.camera.odometry import odometry_findings
 from drake_ispace.explain.check.camera.smoothed import smoothed_fixes
 from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
-from drake_ispace.explain.check.compare.clocks.clocks import clocks, encoder_clock, late_since
+from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
+from drake_ispace.explain.check.compare.clocks.whose import encoder_clock, told_apart
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.followed import followed_findings
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -28,7 +29,7 @@ from drake_ispace.explain.check.compare.frames import frame_findings
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
-from drake_ispace.explain.check.finding import Finding, named
+from drake_ispace.explain.check.finding import Finding, joined, named
 from drake_ispace.explain.check.gyro import gyro_findings
 from drake_ispace.explain.check.runs import Runs, check_given, listed, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.sampling.held import held_samples
@@ -36,7 +37,7 @@ from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.sampling.undersampled import tick_findings
-from drake_ispace.explain.check.steps import dead_findings, frozen_camera, step_findings
+from drake_ispace.explain.check.steps import apart_in, dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.check.turns import turn_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
 from drake_ispace.explain.own_model import OwnModel
@@ -131,7 +132,7 @@ class _Search:
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
         if not follows:
-            self._add(_joined(followed_findings(self._drives(), self._bases())))
+            self._add(joined(followed_findings(self._drives(), self._bases())))
         drives = self._drives()
         self._add(setpoint_findings(drives))
         self._add(moment_findings(drives))
@@ -142,7 +143,7 @@ class _Search:
         coarse = {(i, f.channel) for f in self.findings if f.fault == "channel_quantised" for i in f.runs}
         steps = [list(step_findings(run, base)) for run, base in zip(self.runs, self._bases(), strict=True)]
         spoilt = [self._spoilt([i]) for i in range(len(self.runs))]
-        apart = [_apart(run, found) for run, found in zip(self.runs, steps, strict=True)]
+        apart = [apart_in(run, found) for run, found in zip(self.runs, steps, strict=True)]
         known = coarse | {(i, TORQUE) for i in unknown_arms}
         strangers = [
             finding for finding in foreign(self.runs, self._bases(), spoilt, apart)
@@ -175,7 +176,7 @@ class _Search:
         if sees or not {"imu", TORQUE} <= {name for run in self.runs for name in run.channels}:
             return ()
         found, faults = mistaken_wheels(self.runs, self._bases)
-        self._add(_joined(found))
+        self._add(joined(found))
         return faults
 
     def _cut(self, i):
@@ -199,7 +200,7 @@ class _Search:
 
     def _each(self, find: Callable[..., Iterable[Finding]], *besides: Sequence):
         """Add what is found in each run; besides: what `find` takes besides the run, for each run."""
-        self._add(_joined([
+        self._add(joined([
             replace(finding, runs=(i,)) for i, of_run in enumerate(zip(self.runs, *besides, strict=True))
             for finding in find(*of_run)
         ]))
@@ -220,7 +221,7 @@ class _Search:
             if not {(finding.fault, finding.runs) for finding in found} - known:
                 return
             known |= {(finding.fault, finding.runs) for finding in found}
-            self._add(found)
+            self._add(told_apart(found, self._witnesses) if found is times else found)
 
     def _late(self, channel, find):
         """The mistakes of a channel whose clock is off as well, by the same in all runs; empty: that explains nothing.
@@ -238,9 +239,18 @@ class _Search:
         return max(tried, key=lambda findings: findings[0].drop_in_deviance, default=[])
 
     def _encoder_clock(self):
-        """The wheels' own clock, where other channels are off against it by the same."""
-        found = [finding for channel in ("kinect", "imu", TORQUE, COMMAND) for finding in self._clocks(channel)]
-        self._add(list(encoder_clock(found, self._links)))
+        """The wheels' own clock, where other channels are off against it by the same; what is left, once it is set."""
+        known = set()
+        while True:
+            found = [finding for channel in ("kinect", "imu", TORQUE, COMMAND) for finding in self._clocks(channel)]
+            own = joined(encoder_clock(found, self._links))
+            if not {(finding.fault, finding.runs) for finding in own} - known:
+                return
+            known |= {(finding.fault, finding.runs) for finding in own}
+            for jump in (finding for finding in own if finding.limited):  # no rows are missing there
+                gap = "rows_missing", "encoder", jump.from_s
+                self._take_back(lambda one, gap=gap: (one.fault, one.channel, one.from_s) == gap, jump.runs)
+            self._add(own)
 
     def _lost_angles(self):
         """Wheels that leap because rows are lost there, or rows that come twice, and later stamps were moved.
@@ -288,7 +298,7 @@ class _Search:
             found = clocks(links)
             drifting = {i for finding in found if finding.fault == "clock_drift" for i in finding.runs}
             apart = {
-                i: _apart(self.runs[i], list(step_findings(self.runs[i], base)))
+                i: apart_in(self.runs[i], list(step_findings(self.runs[i], base)))
                 for i, _, base in links if i in drifting and channel == "kinect"
             }
             if any(apart.values()):
@@ -309,6 +319,12 @@ class _Search:
             if link is not None:
                 found.append((i, link, base))
         return found
+
+    def _witnesses(self, channel):
+        """As `_links`, without runs in which the channel's clock was set, as it says nothing of others then."""
+        clocks_set = [(f.runs, one.channel) for f in self.findings for one in f.repairs if isinstance(one, Clock)]
+        was_set = {i for runs, name in clocks_set if name == channel for i in runs}
+        return [one for one in self._links(channel) if one[0] not in was_set]
 
     def _of_another_robot(self, recorded, found):
         """Make one finding of three mistakes or more of wheels and model in one run, and take their repairs back.
@@ -366,13 +382,6 @@ class _Search:
         )
 
 
-def _apart(run, steps):
-    """Stretches [s] in which wheels and camera of a run tell of different motions; none if these are most of it."""
-    found = [stretch for finding in steps for stretch in finding.stretches]
-    lasts_s = np.ptp(run.channels["kinect"].t) if found else 0.0
-    return found if sum(until - since for since, until in found) < 0.5 * lasts_s else []
-
-
 def _not_compared(*runs) -> Agreement:
     """In place of a search for mistakes of columns that cannot be compared with the wheels."""
     return Agreement([])
@@ -387,13 +396,3 @@ def _complete(finding, names):
     alike = [name for name in fault.effects if sees or library()[name].card.home != "camera"]
     rivals = dict.fromkeys((*finding.rivals, *fault.same, *alike))
     return named(replace(finding, rivals=tuple(name for name in rivals if name != finding.fault)), names)
-
-
-def _joined(findings: list[Finding]) -> list[Finding]:
-    """Findings of different runs that are the same, as one."""
-    joined: dict[tuple, Finding] = {}
-    for finding in findings:
-        key = (finding.fault, finding.channel, finding.what, finding.from_s, finding.repairs)
-        same = joined.get(key)
-        joined[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
-    return list(joined.values())

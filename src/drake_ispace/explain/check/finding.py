@@ -16,7 +16,8 @@ class Finding:
             from_s, to_s: stretch of time [s], on the recorded clock; None: the whole run.
         drop_in_deviance: how much better the data agree with each other under this fault than as given, physics of
             plausible size included, -2 log likelihood ratio; None: it shows without comparing readings.
-        rivals: faults that explain the same about as well. interval: of the number in `what`, 90 %; None: no number.
+        rivals: faults that explain the same about as well, those of another channel with its name ("clock_drift of
+            encoder"). interval: of the number in `what`, 90 %; None: no number.
         repairs: what undoes it, in this order; empty: nothing can. for_now: what undoes it well enough to go on with
             the comparisons, and no more. advice: what to do instead, in words, where not the data should be changed.
             runs: numbers of the runs that have it, empty where no check found it. run: their names; all: every run has
@@ -83,6 +84,16 @@ def named(finding: Finding, names: list[str]) -> Finding:
     """The finding with `run` from its `runs` and the names of all runs."""
     whole = len(finding.runs) == len(names) > 1
     return replace(finding, run="all" if whole else ", ".join(names[i] for i in finding.runs))
+
+
+def joined(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings of different runs that are the same, as one."""
+    found: dict[tuple, Finding] = {}
+    for finding in findings:
+        key = (finding.fault, finding.channel, finding.what, finding.from_s, finding.repairs)
+        same = found.get(key)
+        found[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
+    return list(found.values())
 
 
 def serious(findings: Iterable[Finding]) -> list[Finding]:

@@ -1,6 +1,6 @@
 """What camera and wheels show of each other over short times: jumps, a channel that stops, hands."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -317,3 +317,9 @@ def _part(run, since_s, until_s):
     t = run.channels["kinect"].t
     return until_s - since_s <= (t[-1] - t[0]) - (until_s - since_s)
 
+
+def apart_in(run: Recording, steps: Sequence[Finding]) -> list[tuple[float, float]]:
+    """Stretches [s] in which wheels and camera of a run tell of different motions; none if these are most of it."""
+    found = [stretch for finding in steps for stretch in finding.stretches]
+    lasts_s = np.ptp(run.channels["kinect"].t) if found else 0.0
+    return found if sum(until - since for since, until in found) < 0.5 * lasts_s else []

@@ -1,6 +1,5 @@
 """The mistakes of a channel's clock, over all runs together."""
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,18 +7,14 @@ import numpy as np
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, least, rates_of
-from drake_ispace.explain.check.compare.clocks.trial import Trial
-from drake_ispace.explain.check.compare.links import LATENCY_S, RATE_S, Base, Link, moves
+from drake_ispace.explain.check.compare.clocks.trial import Links, trials_of
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.faults.repair import Clock
-from drake_ispace.robots.robot import COMMAND, TORQUE
-
-Links = Sequence[tuple[int, Link, Base]]  # number of the run, link and base of every run that has a channel
+from drake_ispace.robots.robot import COMMAND
 
 
 def clocks(links: Links) -> list[Finding]:
     """The mistakes of one channel's clock: the same in all runs if that explains as much as one of each run's own."""
-    trials = _trials(links)
+    trials = trials_of(links)
     own = [(trial, best) for trial, best in ((trial, trial.best()) for trial in trials) if best.gain >= SAID]
     apart = sum(best.gain - SAID for _, best in own)  # each of them must be worth what is said of a fault
     common = _common(trials, [best.path for _, best in own]) if len(trials) > 1 else None
@@ -49,62 +44,22 @@ def clocks(links: Links) -> list[Finding]:
     return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
 
 
-def encoder_clock(found: Sequence[Finding], links_of: Callable[[str], Links]) -> Iterator[Finding]:
-    """The wheels' own clock, where two sensors or more are off against it by the same in the same runs.
-
-    Where only one sensor tells the time, the command counts as another one, which a drive follows later and never
-    earlier: by as much as the sensor is early, or it is late itself.
-
-    found: mistakes of clocks of the other channels. links_of: gives those of a channel.
-    """
-    channels = [finding.channel for finding in found]
-    off = [f for f in found if f.fault == OFFSET and channels.count(f.channel) == 1]
-    sensors = [finding for finding in off if finding.channel != COMMAND]
-    offsets = [finding.repairs[0].offset_s for finding in sensors]
-    if not sensors or len({finding.runs for finding in sensors}) != 1 or not max(offsets) - min(offsets) < LATENCY_S:
-        return
-    offset_s, against = sum(offsets) / len(offsets), "all others"
-    if len(sensors) == 1:
-        runs, against = sensors[0].runs, f"{sensors[0].channel} and command"
-        telling = [name for name in ("kinect", "imu", TORQUE) if any(moves(link) for _, link, _ in links_of(name))]
-        is_late = any(finding.channel == COMMAND and finding.runs == runs for finding in off)
-        if len(telling) > 1 or (offset_s < 0.0 and not is_late):
-            return
-        driven = _trials([one for one in links_of(COMMAND) if one[0] in runs])
-        if not driven:
-            return
-        followed_s = float(LAGS_S[np.argmin(np.sum([trial.total for trial in driven], axis=0))])
-        if not offset_s - RATE_S <= followed_s < offset_s + LATENCY_S:
-            return
-    what = f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against {against}"
-    drop = sum(finding.drop_in_deviance for finding in sensors)
-    yield Finding(
-        OFFSET, what, "encoder", runs=sensors[0].runs, drop_in_deviance=drop,
-        repairs=(Clock("encoder", 1.0, -offset_s),),
-    )
-
-
 def late_since(links: Links, at_s: float) -> tuple[float, float]:
     """By how much [s] all channels of a run are late against its wheels from a moment on, and the drop in deviance.
 
     Zeros: they are not, or were so before. links: of one run.
     """
-    later = _trials([(i, link.only(link.since_s >= at_s), base) for i, link, base in links])
+    later = trials_of([(i, link.only(link.since_s >= at_s), base) for i, link, base in links])
     common = _common(later, []) if later else None
     if common is None:
         return 0.0, 0.0
     gains = [trial.gain(common) for trial in later]
     if sum(gains) < SAID or min(gains) <= -SAID:
         return 0.0, 0.0
-    earlier = _trials([(i, link.only(link.until_s < at_s), base) for i, link, base in links])
+    earlier = trials_of([(i, link.only(link.until_s < at_s), base) for i, link, base in links])
     if sum(trial.gain(common) for trial in earlier) > 0.0:
         return 0.0, 0.0
     return -common.lag_s, 2.0 * sum(gains)
-
-
-def _trials(links):
-    """A Trial of every link that moves enough to tell the time; links: as of `clocks`."""
-    return [Trial(*one) for one in links if moves(one[1])]
 
 
 def _common_drift(trials):

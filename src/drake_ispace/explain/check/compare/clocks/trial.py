@@ -18,10 +18,21 @@ from drake_ispace.explain.check.compare.clocks.paths import (
     rates_of,
     times_along,
 )
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCIES_S, LATENCY_S, Base, Link, in_motion, inside
+from drake_ispace.explain.check.compare.links import (
+    FEWEST,
+    LATENCIES_S,
+    LATENCY_S,
+    Base,
+    Link,
+    in_motion,
+    inside,
+    moves,
+)
 from drake_ispace.explain.check.compare.regression import most, scores
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.faults.repair import Clock, time_text
+
+Links = Sequence[tuple[int, Link, Base]]  # number of the run, link and base of every run that has a channel
 
 _INTERVAL = 1.35  # loss of log likelihood at the ends of a 90 % interval
 
@@ -322,3 +333,8 @@ class Trial:
         """Whether along a path the channel is never later or earlier than a sound one may be."""
         t = np.array([self.link.since_s[0], self.link.until_s[-1]])
         return bool(np.all(self.link.is_usual(path.at(t) - t)))
+
+
+def trials_of(links: Links) -> list[Trial]:
+    """A Trial of every link that moves enough to tell the time."""
+    return [Trial(*one) for one in links if moves(one[1])]
