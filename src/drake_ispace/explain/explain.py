@@ -155,7 +155,8 @@ def _with_parts(case, best, tried, seed, tell) -> Answered:
             add_parts(answer, _runs_apart(case, decision, tried, seed, sound_others=True))
             return best
         none = decision.without_effects()  # of an effect of one run all runs have some of it
-        if not (apart := _runs_apart(case, none, tried, seed, sound_others=True)):
+        shown = _runs_apart(case, none, tried, seed, sound_others=True)
+        if not (apart := [one for one in shown if not one.sizes]):
             return best
         sound = _answered(case, none, seed, tell)
         sound.answer.warnings += [*best.dropped, left_out(sound.answer, answer, "comes of what single runs show")]

@@ -9,11 +9,21 @@ import pytest
 import answers
 from drake_ispace.effects.library import library
 from drake_ispace.explain.answer.explanation import Estimate, Explanation, Unknown
-from drake_ispace.explain.answer.verdict import add_chance, add_proof, lacks_little, led_away, left_out, nonsense
+from drake_ispace.explain.answer.verdict import (
+    add_chance,
+    add_parts,
+    add_proof,
+    lacks_little,
+    led_away,
+    left_out,
+    nonsense,
+)
+from drake_ispace.explain.decide.each_part import OfAPart, SizeIn
 from drake_ispace.explain.decide.proposals import detect
 from drake_ispace.explain.decide.proposals.detect import Detection
 from drake_ispace.explain.decide.survey.view import scales_of
 from drake_ispace.explain.explain import explain
+from drake_ispace.explain.fit.candidates import Candidate
 from drake_ispace.explain.predict.case import prepare
 from drake_ispace.explain.prove.noise.noise import ProcessNoise
 from drake_ispace.explain.prove.proof import Proof
@@ -202,6 +212,26 @@ def test_nothing_detected_and_noise_left_is_none():
 def test_an_answer_has_the_rows_of_its_proof():
     answer = judged(answers.named(MODEL), remainders=[answers.LEFT])
     assert (answer.gap, answer.proof, answer.remainders) == (answers.GAP, "held-out runs", [answers.LEFT])
+
+
+def test_an_effect_of_one_run_is_told_with_the_run_and_one_of_several_with_each_ones_size():
+    effect = library()["camera_latency"]
+    late = Candidate(effect, (), effect.parameters)
+    (parameter,) = late.parameters
+    sizes = tuple(SizeIn(f"run {i + 1}", parameter, 0.13 - 0.05 * i, i < 2) for i in range(3))
+    one, same = (OfAPart(run, late, [0.12], 1e-9, [], sizes) for run in ("run 2", "run 1"))
+    alone, several = answers.nothing(), answers.nothing()
+    add_parts(alone, [replace(one, sizes=())])
+    add_parts(several, [one, same])
+    assert alone.drifts == [
+        "run 2 by itself is explained best by camera_latency (latency_s 0.12 s; p = 1e-09), and other runs "
+        "contradict it: explain it by itself"
+    ]
+    assert several.drifts == [
+        "camera_latency shows in run 1 (latency_s 0.13 s) and run 2 (latency_s 0.08 s; p = 1e-09), not for "
+        "certain in run 3 (latency_s 0.03 s): its size differs from run to run, something else goes with it"
+    ]
+    assert alone.verdict == several.verdict == "unknown"
 
 
 @pytest.mark.slow

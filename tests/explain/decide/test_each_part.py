@@ -17,6 +17,7 @@ from hidden.generator import generate
 
 LATE = {"late_s": 0.05}
 MARKER = {"others": {"marker_x_m": 0.03}}
+RUNS = [f"run {i + 1}" for i in range(4)]
 
 
 def runs(hidden, where, count=4):
@@ -232,3 +233,19 @@ def test_a_drive_that_lags_alike_in_both_halves_does_so_although_a_lag_is_not_li
     tried = candidates(case.effects_to_try, case.replay.body)
     labelled = {one.label: one for one in tried}
     assert not shown_by_half(case.prediction, {labelled[label]: z for label, z in named.items()}, tried, 0)
+
+
+@pytest.mark.parametrize("largest", [pytest.param(0, marks=pytest.mark.slow), 3])
+def test_an_effect_that_another_run_shows_at_another_size_is_no_matter_of_one_run(largest):
+    """The marker is 6 cm aside in one run and 3 cm in another."""
+    recordings = runs(MARKER, (1, 2))
+    recordings[largest] = runs({"others": {"marker_x_m": 0.06}}, (largest,))[largest]
+    first = next(one for one in found_in(recordings) if one.part == f"run {largest + 1}")
+    assert first.candidate.name == "marker_offset" and [size.part for size in first.sizes] == RUNS
+    assert {size.part for size in first.sizes if size.is_clear} == {"run 2", "run 3", f"run {largest + 1}"}
+    assert first.sizes[1].value == pytest.approx(0.03, abs=0.005)
+
+
+def test_a_run_that_others_do_not_resemble_has_no_sizes_elsewhere():
+    (one,) = found_in(runs(MARKER, [3]))
+    assert one.sizes == ()

@@ -344,7 +344,7 @@ _TITLES = {
 }
 _MOST_SAID = 2  # look-alikes of an effect in the verdict
 _ONLY_TRACES = "Something is detectable, but {} the model is as good without it"
-_PARTS_APART = "A part of the runs shows an effect that the rest contradicts: no one model is right for all"
+_PARTS_APART = "A part of the runs shows an effect that the rest shows otherwise or not: no one model is right for all"
 _ONLY_LEFT = "No effect shows, but these runs leave more than noise of a sound robot"
 
 

@@ -234,8 +234,13 @@ def _sizes_beside(answer, other) -> str:
 
 
 def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
-    """Say which parts of the runs show an effect that the rest contradicts; an answer for all does not suffice then."""
-    for one in found:
+    """Say which parts of the runs show an effect that the rest contradicts, or at another size.
+
+    An answer for all does not suffice then.
+    """
+    several = {one.candidate: one for one in reversed(found) if one.sizes and not one.is_half}
+    answer.drifts += [_at_different_sizes(one) for one in reversed(several.values())]
+    for one in (one for one in found if one.candidate not in several):
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
@@ -248,6 +253,20 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
         )
     if found:
         answer.verdict = "incomplete" if answer.effects else "unknown"
+
+
+def _at_different_sizes(one) -> str:
+    """A sentence on an effect that several runs show at different sizes."""
+    def in_part(size):
+        p_value = f"; {p_in_words(one.p_value)}" if size.part == one.part else ""
+        return f"{size.part} ({_size(size.parameter.name, size.value, size.parameter.unit)}{p_value})"
+
+    clear = [size for size in one.sizes if size.is_clear or size.part == one.part]
+    alike = "".join(f" or {other.label}" for other in one.alike)
+    said = f"{one.candidate.label}{alike} shows in {' and '.join(map(in_part, clear))}"
+    if others := [size for size in one.sizes if size not in clear]:
+        said += f", not for certain in {' and '.join(map(in_part, others))}"
+    return f"{said}: its size differs from run to run, something else goes with it"
 
 
 def _size(name, value, unit):

@@ -7,13 +7,14 @@ runs: what begins on the way, such as the friction of a bearing that seizes, is 
 it does in one half passes there for noise that is larger at times.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from scipy.stats import t as student_t
 
+from drake_ispace.effects.card import Parameter
 from drake_ispace.explain.decide.decision import LEAST_FURTHER, MARGIN
 from drake_ispace.explain.decide.proposals.detect import CLEAR_MINUS_LOG10_P, FALSE_ALARM_RATE, Detection, trials
 from drake_ispace.explain.decide.proposals.propose import Proposal, clearest_effects, proposals_of
@@ -41,6 +42,7 @@ class OfAPart:
     Attributes:
         part: its name. candidate, z: the effect and its coordinates, fitted to the part alone. p_value: probability
             that noise of the part shows as much. alike: other effects, which explain about as much of the part.
+            sizes: of all parts, if another one shows the effect as well, only smaller or larger; empty: none does.
             is_half: whether the part is a half of all runs and not a run.
     """
 
@@ -49,7 +51,22 @@ class OfAPart:
     z: list[float]
     p_value: float
     alike: list[Candidate]
+    sizes: tuple["SizeIn", ...] = ()
     is_half: bool = False
+
+
+@dataclass(frozen=True)
+class SizeIn:
+    """The size of an effect in a part, by its score there.
+
+    Attributes:
+        part: its name. parameter, value: the size. is_clear: whether the part shows the effect by itself.
+    """
+
+    part: str
+    parameter: Parameter
+    value: float
+    is_clear: bool
 
 
 def shown_by_run(
@@ -62,6 +79,8 @@ def shown_by_run(
     another than in the others by more than chance, both whichever second of the run is left out: what a single second
     shows may be chance, however improbable. As chance counts, too, that any sound robot may be off a little. Effects in
     a part of the room do not count: another run need not go there. A run in which nothing is scored shows nothing.
+    Where another run clearly shows the effect, too, of the same sign, they contradict its size alone: that of each is
+    given.
 
     Args:
         prediction: model and runs. candidates: effects to try. seed: of the bootstraps. known: the View of the first
@@ -156,11 +175,10 @@ def _shown(survey_by_itself, names, seed, sound_others=False) -> tuple[list[OfAP
     clear = sum(leader is not None for leader in leaders)
     if sound_others and 2 * clear >= len(leaders):
         return [], surveys
-    shown = [
-        leader.in_part(name, p_value)
-        for i, (name, leader, p_value) in enumerate(zip(names, leaders, p_values, strict=True))
-        if p_value is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :])
-    ]
+    shown = []
+    for i, (name, leader, p_value) in enumerate(zip(names, leaders, p_values, strict=True)):
+        if p_value is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
+            shown.append(leader.in_part(name, p_value, dict(zip(names, surveys, strict=True))))
     return [] if sound_others and clear > len(shown) else shown, surveys
 
 
@@ -195,16 +213,32 @@ class _Leader:
     variances: np.ndarray
     tolerance: float
 
-    def in_part(self, name: str, p_value: float) -> OfAPart:
-        """The effect as that of the part of this name, with this probability."""
+    def in_part(self, name: str, p_value: float, surveys: Mapping[str, Survey]) -> OfAPart:
+        """The effect as that of the part of this name, with this probability; surveys: of all parts, by name."""
+        sizes = tuple(self._size_in(part, size) for part, own in surveys.items() for size in self._there([own]))
+        is_elsewhere = any(one.is_clear and one.part != name for one in sizes)
         candidate = self.fitted.candidate
-        return OfAPart(name, candidate, self.fitted.fit.point[candidate], p_value, self.alike)
+        point = self.fitted.fit.point[candidate]
+        return OfAPart(name, candidate, point, p_value, self.alike, sizes if is_elsewhere else ())
 
-    def is_contradicted_by(self, others: Sequence[Survey]) -> bool:
-        """Whether the size of the effect is another in these parts, by its score in each, by more than chance."""
+    def _size_in(self, part, size) -> SizeIn:
+        """A size in a part: clear if it is more than chance and a sound robot make, and of the sign of the effect."""
+        candidate, z = self.fitted.candidate, self.fitted.candidate.neutral
+        z[size.at] += size.size
+        by_chance = student_t.isf(CHANCE, size.freedom) * np.hypot(np.sqrt(size.variance), self.tolerance)
+        is_clear = bool(size.size * np.sign(self.best.size) > by_chance)
+        parameter = candidate.parameters[size.at]
+        return SizeIn(part, parameter, candidate.values(z)[parameter.name], is_clear)
+
+    def _there(self, others) -> list["_Size"]:
+        """The size in each of these parts that shows it, by its score there."""
         mine, candidate = self.best, self.fitted.candidate
         alike = [[one for one in _sizes(other, candidate) if one.at == mine.at] for other in others]
-        theirs = [min(sizes, key=lambda one: abs(one.step - mine.step)) for sizes in alike if sizes]
+        return [min(sizes, key=lambda one: abs(one.step - mine.step)) for sizes in alike if sizes]
+
+    def is_contradicted_by(self, others: Iterable[Survey]) -> bool:
+        """Whether the size of the effect is another in these parts, by its score in each, by more than chance."""
+        mine, theirs = self.best, self._there(others)
         if not theirs:
             return False
         weights = np.array([1.0 / one.variance for one in theirs])
