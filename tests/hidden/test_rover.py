@@ -25,7 +25,7 @@ def test_a_robot_that_does_as_it_is_told_lacks_nothing():
 
 def test_neither_does_one_that_turns_on_the_spot_and_whose_drive_errs_by_itself():
     still = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.0, "in_step": True, "speeds_m_s": (0.0, 0.0)}
-    runs = [two_wheels.drive(700 + i, 6.0, others={"errs_m_s": 0.002}, **still) for i in range(2)]
+    runs = [two_wheels.drive(700 + i, 10.0, others={"errs_m_s": 0.002}, **still) for i in range(2)]
     assert di.explain(two_wheels.model(), runs, effects=[di.effects()["track_error"]]).verdict == "none"
 
 

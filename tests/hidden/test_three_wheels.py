@@ -8,8 +8,8 @@ from hidden import three_wheels
 ALIKE = ("constant_slip", "camera_scale", "camera_distortion", "wheel_radius_errors", "encoder_eccentricity")
 
 
-def told(effects=None, seconds=10.0, **hidden):
-    runs = [three_wheels.drive(20 + i, seconds, **hidden) for i in range(4)]
+def told(effects=None, **hidden):
+    runs = [three_wheels.drive(20 + i, 10.0, **hidden) for i in range(4)]
     return di.explain(three_wheels.model(), runs[:3], runs[3:], effects and [di.effects()[name] for name in effects])
 
 
@@ -19,7 +19,7 @@ def test_a_sound_robot_lacks_nothing():
 
 
 def test_a_wheel_that_is_turned_is_no_slip():
-    found = told(("wheel_toe", "constant_slip", "camera_scale"), 6.0, toe_rad=(0.0, 0.04, 0.0))
+    found = told(("wheel_toe", "constant_slip", "camera_scale"), toe_rad=(0.0, 0.04, 0.0))
     (effect,) = found.effects
     assert found.verdict == "named" and effect.name == "wheel_toe" and effect.parameters["wheel"].estimate == 2
     assert effect.parameters["angle_rad"].estimate == pytest.approx(0.04, abs=2e-3)

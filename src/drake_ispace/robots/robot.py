@@ -63,11 +63,11 @@ class GroundForce:
     """The coordinates of the plant's input `ground_force`. turn: which of them is the moment about the vertical."""
 
     turn: int
-    units: tuple[str, str, str] = ("N", "N", "N m")
+    units: tuple[str, str, str]
 
 
 #: F_x, F_y [N] along the axes of the body, M [N m].
-PLANAR = GroundForce(turn=2)
+PLANAR = GroundForce(turn=2, units=("N", "N", "N m"))
 #: Generalised forces of s [N], phi and theta [N m].
 BALANCING = GroundForce(turn=1, units=("N", "N m", "N m"))
 

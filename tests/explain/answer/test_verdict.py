@@ -92,11 +92,19 @@ def test_a_title_says_first_what_is_sure():
 ])
 @pytest.mark.parametrize("lacks", [answers.nothing, lambda: answers.named(MODEL)], ids=["none", "named"])
 def test_errors_that_pass_as_chance_are_told_beside_what_sensors_leave(after, driven_by, said, lacks):
-    row = replace(answers.GAP[1], before=after, after=after, sensors=0.005, chance=after, driven_by=driven_by)
+    of = {"metric": "RPE", "horizon": "5s", "driven_by": driven_by}
+    row = replace(answers.GAP[1], before=after, after=after, sensors=0.005, chance=after, **of)
     answer = judged(lacks(), [row])
     add_chance(answer)
     assert [warning.split("such as ")[1] for warning in answer.warnings] == said
     assert all(("still" in warning) == bool(answer.effects) for warning in answer.warnings)
+
+
+def test_whole_runs_on_the_command_are_led_astray_by_any_drive():
+    row = replace(answers.GAP[1], metric="ATE", horizon="run", driven_by="command", after=0.3, sensors=0.005)
+    answer = judged(answers.nothing(), [row])
+    add_chance(answer)
+    assert not answer.warnings
 
 
 def test_an_answer_that_does_not_suffice_leaves_more_than_chance():
@@ -219,7 +227,7 @@ def test_an_effect_of_one_run_is_told_with_the_run_and_one_of_several_with_each_
     late = Candidate(effect, (), effect.parameters)
     (parameter,) = late.parameters
     sizes = tuple(SizeIn(f"run {i + 1}", parameter, 0.13 - 0.05 * i, i < 2) for i in range(3))
-    one, same = (OfAPart(run, late, [0.12], 1e-9, [], sizes) for run in ("run 2", "run 1"))
+    one, same = (OfAPart(run, late, [0.12], p, [], sizes) for run, p in (("run 2", 1e-9), ("run 1", 1e-7)))
     alone, several = answers.nothing(), answers.nothing()
     add_parts(alone, [replace(one, sizes=())])
     add_parts(several, [one, same])
@@ -228,7 +236,7 @@ def test_an_effect_of_one_run_is_told_with_the_run_and_one_of_several_with_each_
         "contradict it: explain it by itself"
     ]
     assert several.drifts == [
-        "camera_latency shows in run 1 (latency_s 0.13 s) and run 2 (latency_s 0.08 s; p = 1e-09), not for "
+        "camera_latency shows in run 1 (latency_s 0.13 s; p = 1e-07) and run 2 (latency_s 0.08 s; p = 1e-09), not for "
         "certain in run 3 (latency_s 0.03 s): its size differs from run to run, something else goes with it"
     ]
     assert alone.verdict == several.verdict == "unknown"

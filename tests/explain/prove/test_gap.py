@@ -64,7 +64,7 @@ def test_a_gap_that_is_clear_beside_all_noise_goes_before_one_that_sensors_alone
     assert headlines([ROW, other], by_sensors=True) == [other, ROW]
 
 
-@pytest.mark.parametrize("after, told", [(0.5, "run"), (0.05, "5s")])
+@pytest.mark.parametrize("after, told", [(0.5, "run"), (0.3001, "5s"), (0.05, "5s")])
 def test_a_shorter_horizon_does_not_tell_of_a_gap_that_grew_over_a_longer_one(after, told):
     longer = replace(ROW, metric="ATE", horizon="run", chance=0.4, closed=None, after=after)
     assert [row.horizon for row in headlines([longer, ROW], by_sensors=True)] == [told]

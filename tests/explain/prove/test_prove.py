@@ -82,7 +82,7 @@ def test_a_single_run_is_cut_into_blocks(runs, effects):
 def test_what_the_library_lacks_makes_the_answer_incomplete_or_unknown(effects):
     """Two things are hidden, and only one of them may be named."""
     both = LARGE | {"coulomb_friction": {"torque_n_m": 0.02}}
-    training, held_out = hide("omni_multirate", "omni", both, ["square", "figure_eight"], 5, 6.0).values()
+    training, held_out = hide("omni_multirate", "omni", both, ["square", "figure_eight"], 5, 8.0).values()
     answer = explain("omni_multirate", training, [held_out], [effects[0]])
     assert answer.verdict in ("incomplete", "unknown") and answer.remainders
     assert any("encoder" in left.channel or "force" in left.channel for left in answer.remainders)
@@ -90,7 +90,7 @@ def test_what_the_library_lacks_makes_the_answer_incomplete_or_unknown(effects):
 
 def test_a_sound_robot_leaves_nothing(effects):
     scenario = load_scenario("omni_multirate")
-    training, held_out = hide(scenario, "omni", {}, ["square", "figure_eight"], 5, 6.0).values()
+    training, held_out = hide(scenario, "omni", {}, ["square", "figure_eight"], 5, 10.0).values()
     answer = explain(scenario, training, [held_out], effects)
     assert answer.verdict == "none" and answer.remainders == [] and answer.closed is None
 

@@ -10,7 +10,7 @@ from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_part import OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
+from drake_ispace.explain.fit.candidates import Candidate, coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.errors.free_run import ATE, RPE, RUN, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
@@ -25,8 +25,8 @@ UNCONFIRMED = "with it free runs of unseen data come no nearer"
 RULED_OUT = "unseen runs are likelier without it"
 _ASTRAY = "unseen runs are led further away by it"
 _SEVERAL = 3.0  # times what sensors leave
-#: What drives a simulation -> what leads it astray by chance.
-_CHANCE = {WHEELS: "slip at random", COMMAND: "a drive that errs at random"}
+#: What drives a simulation -> measures by which it is told to be astray by chance, and what may lead it there.
+_CHANCE = {WHEELS: ((ATE, RPE), "slip at random"), COMMAND: ((RPE,), "a drive that errs at random")}
 
 
 def add_proof(answer: Explanation, case: Case, proof: Proof) -> None:
@@ -176,13 +176,13 @@ def lacks_little(answer: Explanation, decision: Decision) -> bool:
 
 def _forces(robot: Robot, noise: ProcessNoise) -> str:
     """In words: forces from outside that pass as noise, of a robot that torque drives; empty where none needs to be
-    stronger than assumed."""
-    if robot.driven == COMMAND or robot.unknown_forces is None:
+    clearly stronger than assumed."""
+    if robot.driven == COMMAND or None in (robot.unknown_forces, robot.ground):
         return ""
     found = []
     for slow, quick, size, unit in zip(FORCES, JOLTS, robot.unknown_forces, robot.ground.units, strict=True):
         strength = math.hypot(noise.needed.get(slow, 0.0), noise.needed.get(quick, 0.0))
-        if strength > 1.0:
+        if strength > TOO_LARGE[RPE]:
             found.append((amount(strength * size, unit), amount(size, unit)))
     if not found:
         return ""
@@ -195,17 +195,18 @@ def add_chance(answer: Explanation) -> None:
 
     Of a model that lacks nothing, say as well how strong the forces are that pass as noise.
     """
-    off = [
-        row for row in answer.gap if row.metric in (ATE, RPE) and row.channel == "position" and row.driven_by in _CHANCE
-        and row.sensors and row.after > _SEVERAL * row.sensors
-    ]
-    if answer.verdict in ("none", "named", "set") and off:
-        worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.after / row.sensors))
-        answer.warnings.append(
-            f"{worst.channel} ({worst.driven_by}) is {'still ' if answer.effects else ''}off by "
-            f"{amount(worst.after, worst.unit)} {over(worst.horizon)}, and sensors leave "
-            f"{amount(worst.sensors, worst.unit)}: the rest passes as chance, such as {_CHANCE[worst.driven_by]}"
-        )
+    for driven_by, (metrics, cause) in _CHANCE.items():
+        off = [
+            row for row in answer.gap if row.metric in metrics and row.channel == "position"
+            and row.driven_by == driven_by and row.sensors and row.after > _SEVERAL * row.sensors
+        ]
+        if answer.verdict in ("none", "named", "set") and off:
+            worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.after / row.sensors))
+            answer.warnings.append(
+                f"{worst.channel} ({driven_by}) is {'still ' if answer.effects else ''}off by "
+                f"{amount(worst.after, worst.unit)} {over(worst.horizon)}, and sensors leave "
+                f"{amount(worst.sensors, worst.unit)}: the rest passes as chance, such as {cause}"
+            )
     if answer.verdict == "none" and answer.forces:
         answer.warnings.append(f"{answer.forces}: something that comes and goes may be among them")
 
@@ -238,8 +239,11 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
 
     An answer for all does not suffice then.
     """
-    several = {one.candidate: one for one in reversed(found) if one.sizes and not one.is_half}
-    answer.drifts += [_at_different_sizes(one) for one in reversed(several.values())]
+    several: dict[Candidate, list[OfAPart]] = {}
+    for one in found:
+        if one.sizes and not one.is_half:
+            several.setdefault(one.candidate, [other for other in found if other.candidate is one.candidate])
+    answer.drifts += [_at_different_sizes(parts) for parts in several.values()]
     for one in (one for one in found if one.candidate not in several):
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
@@ -255,13 +259,16 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
         answer.verdict = "incomplete" if answer.effects else "unknown"
 
 
-def _at_different_sizes(one) -> str:
-    """A sentence on an effect that several runs show at different sizes."""
-    def in_part(size):
-        p_value = f"; {p_in_words(one.p_value)}" if size.part == one.part else ""
-        return f"{size.part} ({_size(size.parameter.name, size.value, size.parameter.unit)}{p_value})"
+def _at_different_sizes(found: Sequence[OfAPart]) -> str:
+    """A sentence on an effect that several runs show at different sizes; found: the runs that are told for it."""
+    one = next(part for part in found if part.sizes)
+    p_values = {part.part: f"; {p_in_words(part.p_value)}" for part in found}
 
-    clear = [size for size in one.sizes if size.is_clear or size.part == one.part]
+    def in_part(size):
+        how = _size(size.parameter.name, size.value, size.parameter.unit)
+        return f"{size.part} ({how}{p_values.get(size.part, '')})"
+
+    clear = [size for size in one.sizes if size.is_clear or size.part in p_values]
     alike = "".join(f" or {other.label}" for other in one.alike)
     said = f"{one.candidate.label}{alike} shows in {' and '.join(map(in_part, clear))}"
     if others := [size for size in one.sizes if size not in clear]:

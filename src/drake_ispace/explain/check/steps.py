@@ -23,6 +23,7 @@ from drake_ispace.explain.check.compare.motion import (
     between,
     camera_noise,
     has_motion,
+    seen,
     seen_along,
     seen_at_ends,
     turned,
@@ -148,8 +149,10 @@ def _camera_steps(run, base, seen_of):
     k = np.arange(len(kinect.t))
     each = between(kinect, k[:-1], k[1:])
     short = (each.until_s - each.since_s <= 2.0) & inside(base, each.since_s, each.until_s)
-    ways, wheels_ways = seen_along(kinect, each), base.moved(each.since_s, each.until_s) @ seen_of
-    difference = np.linalg.norm((ways - wheels_ways)[:, :2], axis=1)
+    wheels_ways = base.moved(each.since_s, each.until_s) @ seen_of
+    readings = np.stack([way_of(kinect, each) for way_of in (seen, seen_along)])  # over lost fixes it turns unseen
+    apart = np.linalg.norm((readings - wheels_ways)[..., :2], axis=2)
+    difference, ways = apart.min(axis=0), readings[apart.argmin(axis=0), np.arange(len(k) - 1)]
     usual = max(float(np.linalg.norm(camera_noise(kinect)[:2])), float(np.median(difference)))
     most = largest_by_chance(len(k), 2) * usual
     is_far = difference > max(SHOWS_M, most)

@@ -7,7 +7,7 @@ runs: what begins on the way, such as the friction of a bearing that seizes, is 
 it does in one half passes there for noise that is larger at times.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -176,9 +176,9 @@ def _shown(survey_by_itself, names, seed, sound_others=False) -> tuple[list[OfAP
     if sound_others and 2 * clear >= len(leaders):
         return [], surveys
     shown = []
-    for i, (name, leader, p_value) in enumerate(zip(names, leaders, p_values, strict=True)):
+    for i, (leader, p_value) in enumerate(zip(leaders, p_values, strict=True)):
         if p_value is not None and leader.is_contradicted_by(surveys[:i] + surveys[i + 1 :]):
-            shown.append(leader.in_part(name, p_value, dict(zip(names, surveys, strict=True))))
+            shown.append(leader.in_part(i, p_value, list(zip(names, surveys, strict=True))))
     return [] if sound_others and clear > len(shown) else shown, surveys
 
 
@@ -213,13 +213,14 @@ class _Leader:
     variances: np.ndarray
     tolerance: float
 
-    def in_part(self, name: str, p_value: float, surveys: Mapping[str, Survey]) -> OfAPart:
-        """The effect as that of the part of this name, with this probability; surveys: of all parts, by name."""
-        sizes = tuple(self._size_in(part, size) for part, own in surveys.items() for size in self._there([own]))
-        is_elsewhere = any(one.is_clear and one.part != name for one in sizes)
+    def in_part(self, number: int, p_value: float, parts: Sequence[tuple[str, Survey]]) -> OfAPart:
+        """The effect as that of the part of this number, with this probability; parts: name and Survey of all."""
+        of_each = [[self._size_in(name, size) for size in self._there([own])] for name, own in parts]
+        is_elsewhere = any(one.is_clear for i, sizes in enumerate(of_each) if i != number for one in sizes)
         candidate = self.fitted.candidate
         point = self.fitted.fit.point[candidate]
-        return OfAPart(name, candidate, point, p_value, self.alike, sizes if is_elsewhere else ())
+        sizes = tuple(size for of_part in of_each for size in of_part) if is_elsewhere else ()
+        return OfAPart(parts[number][0], candidate, point, p_value, self.alike, sizes)
 
     def _size_in(self, part, size) -> SizeIn:
         """A size in a part: clear if it is more than chance and a sound robot make, and of the sign of the effect."""

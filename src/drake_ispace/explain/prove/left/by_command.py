@@ -5,7 +5,6 @@ otherwise for good adds up: over some seconds its wheels err by what they were t
 """
 
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -65,25 +64,31 @@ def by_command(
         if size > may_be:
             because = f"after changes of the command the error over {m.horizon} is larger than at other times"
             found.append(going_with(m, runs, "changes of the command", size, size / may_be, because))
-    longer = sorted(set(windows[0].lengths) - {windows[0].shortest}, key=windows[0].lengths.get)
-    return found + [r for horizon in longer for r in _of_what_adds_up(prediction, windows, after, sensors, horizon)]
+    end_to_end = [name for name in windows[0].lengths if seconds_of(name) == SPACING_S]
+    return found + [r for name in end_to_end for r in errors_that_add_up(prediction, windows, after, sensors, name)]
 
 
-def _of_what_adds_up(prediction, windows, after, sensors, horizon) -> list[Remainder]:
-    """Errors of wheels over a longer horizon that follow from what they were told in the meantime.
+def errors_that_add_up(
+    prediction: Prediction, windows: Sequence[Windows], after: Sequence[Errors], sensors: Mapping[Measure, float],
+    horizon: str,
+) -> list[Remainder]:
+    """Errors of wheels over windows end to end that follow from what they were told in the meantime.
 
     The drive of a sound robot may be a little faster or slower than told.
+
+    windows, after, sensors: as of `by_command`. horizon: name of that of the windows.
     """
     tracks, found, columns = prediction.tracks, [], prediction.labels("motion")
     gain = max(p.tolerance for p in library()["velocity_gain"].parameters_of(prediction.replay.body))
     unlogged = angles_left_by_command_times(
         tracks, prediction.replay.body.plant.geometry.inverse, seconds_of(horizon)
     )
+    used = np.any([np.ptp(track.command, axis=0) > 0.0 for track in tracks], axis=0)
     for m in measures_of(after):
         if (m.metric, m.horizon) != (PREDICTION, horizon) or not m.channel.startswith("encoder"):
             continue
         runs = [
-            (track.name, _while_told(track, own.starts, own.lengths[horizon], errors[m]))
+            (track.name, _while_told(track, used, own.starts, own.lengths[horizon], errors[m]))
             for track, own, errors in zip(tracks, windows, after, strict=True) if m in errors
         ]
         tolerated = gain * rms([
@@ -92,16 +97,15 @@ def _of_what_adds_up(prediction, windows, after, sensors, horizon) -> list[Remai
         ])
         may_be = float(np.linalg.norm([sensors.get(m, np.inf), unlogged, tolerated]))
         most = predicted(m, runs, may_be, (COMMANDED, TOGETHER))
-        apart = math.ceil(seconds_of(horizon) / SPACING_S)
-        if most is not None and not _is_chance([(run.drivers[most.driver], run.errors) for _, run in runs], apart):
+        if most is not None and not is_chance([(run.drivers[most.driver], run.errors) for _, run in runs]):
             found.append(replace(most, ratio=most.size / may_be))
     return found
 
 
-def _while_told(track, starts, ticks, errors) -> Series:
-    """Errors (k, d) at the ends of windows of so many ticks, beside means of the commands within each."""
-    drivers = {}
-    for name, columns in ((COMMANDED, track.command), (TOGETHER, _together(track.command))):
+def _while_told(track, used, starts, ticks, errors) -> Series:
+    """Errors (k, d) at the ends of windows of so many ticks, beside means of the commands that are used within each."""
+    drivers, command = {}, track.command[:, used]
+    for name, columns in ((COMMANDED, command), (TOGETHER, together(command))):
         total = np.vstack([np.zeros(columns.shape[1]), np.cumsum(columns, axis=0)])
         drivers[name] = _change(total, starts, ticks, track.ticks) / ticks
     middle = starts[starts + ticks < track.ticks] + ticks // 2
@@ -114,29 +118,23 @@ def _change(columns, starts, ticks, end) -> np.ndarray:
     return columns[since + ticks] - columns[since]
 
 
-def _together(command) -> np.ndarray:
-    """(rows, k) the commands (rows, n) that are not always the same, and products of every two, with and without signs.
-    """
-    used = command[:, np.ptp(command, axis=0) > 0.0]
-    pairs = itertools.combinations(used.T, 2)
+def together(command: np.ndarray) -> np.ndarray:
+    """(rows, k) commands (rows, n), and products of every two with and without their signs."""
+    pairs = itertools.combinations(command.T, 2)
     products = [product for a, b in pairs for product in (a * b, np.abs(a) * b, a * np.abs(b))]
-    return np.column_stack([used, *products])
+    return np.column_stack([command, *products])
 
 
-def _is_chance(runs, apart: int) -> bool:
-    """Whether a variable predicts as much of errors at some other time, or that is not known.
+def is_chance(runs: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:
+    """Whether a variable may predict as much of errors by chance, as it does of errors at other times.
 
-    runs: as of `predicted_share`. apart: rows that share nothing.
+    Of runs with too few rows for that it may.
+
+    runs: as of `predicted_share`.
     """
-    others = [
-        shifts for shifts in ([round(k / (_SHIFTS + 1) * len(x)) for x, _ in runs] for k in range(1, _SHIFTS + 1))
-        if all(apart <= shift <= len(x) - apart for shift, (x, _) in zip(shifts, runs, strict=True))
-    ]
-    shares = [
-        predicted_share([(np.roll(x, shift, axis=0), y) for shift, (x, y) in zip(shifts, runs, strict=True)])
-        for shifts in others
-    ]
-    return predicted_share(runs) <= max(shares, default=np.inf)
+    shifts = range(1, min((len(x) for x, _ in runs), default=0))
+    shares = [predicted_share([(np.roll(x, shift, axis=0), y) for x, y in runs]) for shift in shifts]
+    return len(shares) < 2 or predicted_share(runs) <= np.mean(shares) + CERTAIN * np.std(shares, ddof=1)
 
 
 def _changes(command, windows) -> np.ndarray:

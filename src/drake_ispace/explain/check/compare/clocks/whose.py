@@ -88,16 +88,18 @@ def _off(off, links_of):
 def _off_in_some(off, links_of):
     """The clock of the wheels where a sensor is off against it in some runs, and another channel by the same.
 
-    By how much that one is late else, the other runs tell.
+    By how much that one is late else, the other runs tell. A drive may lag otherwise in these: where the command alone
+    agrees, the sensor's clock is a rival.
     """
     for finding in off:
         offset_s = finding.repairs[0].offset_s
         agree = _agree(_evidence([finding], links_of)) if finding.channel != COMMAND else []
         if agree:
             what = f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against "
+            rivals = (f"{OFFSET} of {finding.channel}",) if agree == [COMMAND] else ()
             yield replace(
-                finding, what=what + " and ".join([finding.channel, *agree]), channel="encoder", rivals=(),
-                interval=None, repairs=(Clock("encoder", 1.0, -offset_s),),
+                finding, what=what + " and ".join([finding.channel, *agree]), channel="encoder", rivals=rivals,
+                interval=None, harmless=False, repairs=(Clock("encoder", 1.0, -offset_s),),
             )
             return
 
