@@ -1,7 +1,7 @@
 """Do errors of a robot under commanded velocity follow from what it was told? No noise knows of that.
 
 A drive that answers otherwise than the model errs after every change, whatever the shape of its answer. What it does
-otherwise for good adds up: over some seconds its wheels err by what they were told all the while.
+otherwise for good adds up: over a second its wheels err by what they were told all the while.
 """
 
 import itertools
@@ -32,7 +32,7 @@ from drake_ispace.explain.prove.left.remainder import Remainder, Series, going_w
 from drake_ispace.explain.prove.noise.command_times import angles_left_by_command_times
 
 _PAST = round(HORIZONS_S[0] / TICK_S)  # ticks, after which a change of the command is over
-_SHIFTS = 20  # of time, at which commands and their changes say nothing of the errors
+_SHIFTS = 20  # of time, at which the changes say nothing of the errors
 TOGETHER = "commands along several axes together"
 
 
