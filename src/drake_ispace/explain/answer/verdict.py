@@ -195,12 +195,14 @@ def add_chance(answer: Explanation) -> None:
 
     Of a model that lacks nothing, say as well how strong the forces are that pass as noise.
     """
+    if answer.verdict not in ("none", "named", "set"):
+        return
     for driven_by, (metrics, cause) in _CHANCE.items():
         off = [
             row for row in answer.gap if row.metric in metrics and row.channel == "position"
             and row.driven_by == driven_by and row.sensors and row.after > _SEVERAL * row.sensors
         ]
-        if answer.verdict in ("none", "named", "set") and off:
+        if off:
             worst = max(off, key=lambda row: (row.runs == HELD_OUT, row.after / row.sensors))
             answer.warnings.append(
                 f"{worst.channel} ({driven_by}) is {'still ' if answer.effects else ''}off by "
@@ -241,7 +243,7 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
     """
     several: dict[Candidate, list[OfAPart]] = {}
     for one in found:
-        if one.sizes and not one.is_half:
+        if one.sizes:
             several.setdefault(one.candidate, [other for other in found if other.candidate is one.candidate])
     answer.drifts += [_at_different_sizes(parts) for parts in several.values()]
     for one in (one for one in found if one.candidate not in several):

@@ -18,7 +18,7 @@ from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.agreement import RELATED, Agreement
 from drake_ispace.explain.check.compare.clocks.clocks import clocks, late_since
 from drake_ispace.explain.check.compare.clocks.paths import LATEST_S
-from drake_ispace.explain.check.compare.clocks.whose import encoder_clock, told_apart
+from drake_ispace.explain.check.compare.clocks.whose import OTHERS, SENSORS, encoder_clock, told_apart
 from drake_ispace.explain.check.compare.command.drive import drive_of
 from drake_ispace.explain.check.compare.command.followed import followed_findings
 from drake_ispace.explain.check.compare.command.moments import moment_findings
@@ -242,7 +242,7 @@ class _Search:
         """The wheels' own clock, where other channels are off against it by the same; what is left, once it is set."""
         known = set()
         while True:
-            found = [finding for channel in ("kinect", "imu", TORQUE, COMMAND) for finding in self._clocks(channel)]
+            found = [finding for channel in OTHERS for finding in self._clocks(channel)]
             own = joined(encoder_clock(found, self._links))
             if not {(finding.fault, finding.runs) for finding in own} - known:
                 return
@@ -266,7 +266,7 @@ class _Search:
             if [run for run, _ in leaps].count(i) > 1:
                 continue
             camera, imu, torque = (
-                [one for one in self._links(name) if one[0] == i] for name in ("kinect", "imu", TORQUE)
+                [one for one in self._links(name) if one[0] == i] for name in SENSORS
             )
             late_s, drop = late_since([*camera, *imu] or torque, at_s)  # friction hides when a torque acts
             if late_s:

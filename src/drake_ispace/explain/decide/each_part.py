@@ -123,7 +123,7 @@ def shown_by_half(prediction: Prediction, point: Point, candidates: Sequence[Can
     noises = [own.likelihood.whitening for own in surveys]
     for effect in _anywhere(point, {}):
         found += _shown(partial(_survey_under, survey_of_half, halves, noises, point, effect), _HALVES, seed)[0]
-    return [replace(one, is_half=True) for one in found]
+    return [replace(one, sizes=(), is_half=True) for one in found]
 
 
 def _survey_under(survey_of_half, halves, noises, point, effect, i) -> Survey:

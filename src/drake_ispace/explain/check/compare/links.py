@@ -202,7 +202,8 @@ def link_of(run: Recording, base: Base, channel: str) -> Link | None:
 def camera_link(
     run: Recording, base: Base, starts: int = 1, window_s: float = WINDOW_S, way_of: Callable = seen
 ) -> Link | None:
-    """The camera's motion, in body axes; turns as lengths. starts, window_s: as of `windows`. way_of: or `seen_along`.
+    """The camera's motion, in body axes; turns as lengths. starts, window_s: as of `windows`. way_of: motions of
+    windows, `seen` or `seen_along`.
     """
     if not has_motion(run):
         return None

@@ -84,17 +84,17 @@ def errors_that_add_up(
         tracks, prediction.replay.body.plant.geometry.inverse, seconds_of(horizon)
     )
     used = np.any([np.ptp(track.command, axis=0) > 0.0 for track in tracks], axis=0)
+    spans = [(track, own.starts, own.lengths[horizon]) for track, own in zip(tracks, windows, strict=True)]
+    told = [_while_told(track, used, starts, ticks) for track, starts, ticks in spans]
+    turned = [_change(track.turned, starts, ticks, track.ticks) for track, starts, ticks in spans]
     for m in measures_of(after):
         if (m.metric, m.horizon) != (PREDICTION, horizon) or not m.channel.startswith("encoder"):
             continue
         runs = [
-            (track.name, _while_told(track, used, own.starts, own.lengths[horizon], errors[m]))
-            for track, own, errors in zip(tracks, windows, after, strict=True) if m in errors
+            (track.name, replace(while_told, errors=errors[m]))
+            for track, while_told, errors in zip(tracks, told, after, strict=True) if m in errors
         ]
-        tolerated = gain * rms([
-            _change(track.turned, own.starts, own.lengths[horizon], track.ticks)[:, [columns.index(m.channel)]]
-            for track, own in zip(tracks, windows, strict=True)
-        ])
+        tolerated = gain * rms([ways[:, [columns.index(m.channel)]] for ways in turned])
         may_be = float(np.linalg.norm([sensors.get(m, np.inf), unlogged, tolerated]))
         most = predicted(m, runs, may_be, (COMMANDED, TOGETHER))
         if most is not None and not is_chance([(run.drivers[most.driver], run.errors) for _, run in runs]):
@@ -102,14 +102,14 @@ def errors_that_add_up(
     return found
 
 
-def _while_told(track, used, starts, ticks, errors) -> Series:
-    """Errors (k, d) at the ends of windows of so many ticks, beside means of the commands that are used within each."""
+def _while_told(track, used, starts, ticks) -> Series:
+    """No errors yet, in windows of so many ticks, beside means of the commands that are used within each."""
     drivers, command = {}, track.command[:, used]
     for name, columns in ((COMMANDED, command), (TOGETHER, together(command))):
         total = np.vstack([np.zeros(columns.shape[1]), np.cumsum(columns, axis=0)])
         drivers[name] = _change(total, starts, ticks, track.ticks) / ticks
     middle = starts[starts + ticks < track.ticks] + ticks // 2
-    return Series(middle * TICK_S, errors, drivers[COMMANDED], drivers)
+    return Series(middle * TICK_S, np.empty((len(middle), 0)), drivers[COMMANDED], drivers)
 
 
 def _change(columns, starts, ticks, end) -> np.ndarray:

@@ -21,8 +21,8 @@ from drake_ispace.robots.robot import COMMAND, TORQUE
 LinksOf = Callable[[str], Links]  # gives those of a channel
 
 _DRIFT, _JUMP = "clock_drift", "clock_jump"
-_SENSORS = ("kinect", "imu", TORQUE)
-_OTHERS = (*_SENSORS, COMMAND)
+SENSORS = ("kinect", "imu", TORQUE)
+OTHERS = (*SENSORS, COMMAND)
 
 
 def encoder_clock(found: Sequence[Finding], links_of: LinksOf) -> Iterator[Finding]:
@@ -30,7 +30,7 @@ def encoder_clock(found: Sequence[Finding], links_of: LinksOf) -> Iterator[Findi
     off = [finding for finding in found if finding.fault == OFFSET]
     for runs in dict.fromkeys(finding.runs for finding in off):
         there = [finding for finding in off if finding.runs == runs]
-        are_some = any(i not in runs for name in _OTHERS for i, _, _ in links_of(name))
+        are_some = any(i not in runs for name in OTHERS for i, _, _ in links_of(name))
         yield from (_off_in_some if are_some else _off)(there, links_of)
     yield from _drifting([finding for finding in found if finding.fault == _DRIFT], links_of)
     yield from _jumping([finding for finding in found if finding.fault == _JUMP], links_of)
@@ -63,10 +63,10 @@ def _off(off, links_of):
     offsets = [finding.repairs[0].offset_s for finding in sensors]
     if not sensors or not max(offsets) - min(offsets) < LATENCY_S:
         return
-    offset_s, against = sum(offsets) / len(offsets), "all others"
+    offset_s, against = sum(offsets) / len(offsets), ["all others"]
     if len(sensors) == 1:
-        runs, against = sensors[0].runs, f"{sensors[0].channel} and command"
-        telling = [name for name in _SENSORS if any(moves(link) for _, link, _ in links_of(name))]
+        runs, against = sensors[0].runs, [sensors[0].channel, COMMAND]
+        telling = [name for name in SENSORS if any(moves(link) for _, link, _ in links_of(name))]
         driven = trials_of(_in_runs(links_of(COMMAND), runs))
         if len(telling) > 1 or not driven:
             return
@@ -77,10 +77,9 @@ def _off(off, links_of):
         followed_s = float(LAGS_S[np.argmin(lost)])
         if not offset_s - RATE_S <= followed_s < offset_s + LATENCY_S:
             return
-    what = f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against {against}"
     drop = sum(finding.drop_in_deviance for finding in sensors)
     yield Finding(
-        OFFSET, what, "encoder", runs=sensors[0].runs, drop_in_deviance=drop,
+        OFFSET, _offset(offset_s, against), "encoder", runs=sensors[0].runs, drop_in_deviance=drop,
         repairs=(Clock("encoder", 1.0, -offset_s),),
     )
 
@@ -95,10 +94,9 @@ def _off_in_some(off, links_of):
         offset_s = finding.repairs[0].offset_s
         agree = _agree(_evidence([finding], links_of)) if finding.channel != COMMAND else []
         if agree:
-            what = f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against "
             rivals = (f"{OFFSET} of {finding.channel}",) if agree == [COMMAND] else ()
             yield replace(
-                finding, what=what + " and ".join([finding.channel, *agree]), channel="encoder", rivals=rivals,
+                finding, what=_offset(offset_s, [finding.channel, *agree]), channel="encoder", rivals=rivals,
                 interval=None, harmless=False, repairs=(Clock("encoder", 1.0, -offset_s),),
             )
             return
@@ -135,7 +133,7 @@ def _drifting(drifts, links_of):
 def _jumping(jumps, links_of):
     """The clock of the wheels where a channel's jumps back against it just where its stamps leave out as much."""
     told = set()
-    for finding in sorted(jumps, key=lambda one: _OTHERS.index(one.channel)):
+    for finding in sorted(jumps, key=lambda one: OTHERS.index(one.channel)):
         (i,), clock = finding.runs, finding.repairs[0]
         for _, link, base in _in_runs(links_of(finding.channel), finding.runs):
             t = base.encoder.t
@@ -151,6 +149,11 @@ def _jumping(jumps, links_of):
                 finding, what=f"clock jumps by {later_s:.3g} s at {time_text(float(t[at]), 3)} s", channel="encoder",
                 from_s=float(t[at]), to_s=float(t[-1]), rivals=(), repairs=(Clock("encoder", 1.0, -later_s, since_s),),
             )
+
+
+def _offset(offset_s, channels):
+    """In words: by how much [s] the encoder's clock is off against that of other channels."""
+    return f"clock {abs(offset_s):.3g} s {'early' if offset_s < 0 else 'late'} against {' and '.join(channels)}"
 
 
 def _alike(findings):
@@ -174,7 +177,7 @@ def _evidence(group, links_of):
         i: Path(finding.repairs[0].offset_s, finding.repairs[0].rate - 1.0) for finding in group for i in finding.runs
     }
     found = {}
-    for name in _OTHERS:
+    for name in OTHERS:
         if name != group[0].channel:
             trials = trials_of(_in_runs(links_of(name), path_of))
             if group[0].fault == _DRIFT:
@@ -187,7 +190,10 @@ def _evidence(group, links_of):
 
 
 def _of_drift(trial, path):
-    """The log likelihoods of one run as of `_evidence`; a channel may be late by as much by either clock."""
+    """The log likelihoods that a channel goes by a clock that drifts, and that by that of the wheels.
+
+    It may be late by as much by either clock. trial: of the channel in one run. path: of the clock against the wheels'.
+    """
     late = [replace(path, lag_s=path.lag_s + float(lag)) for lag in LAGS_S[trial.usual]]
     best = least(late, trial.unlikely)
     gain = trial.gain(best)
@@ -195,9 +201,11 @@ def _of_drift(trial, path):
 
 
 def _of_offset(trial, off_s, others):
-    """The same of a clock that is off by so much: a channel is late as in other runs, or else by what is usual.
+    """The log likelihoods that a channel goes by a clock that is off by `off_s` [s], and that by that of the wheels.
 
-    A drive only follows.
+    By either clock it is as late as in other runs, if there are any, or else by what is usual. A drive only follows.
+
+    trial: of the channel in one run. others: of the same channel in runs in which no clock is off.
     """
     if others:
         near = Path(float(LAGS_S[np.argmin(np.sum([other.total for other in others], axis=0))])).shifted()
