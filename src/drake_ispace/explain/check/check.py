@@ -31,7 +31,7 @@ from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, joined, named
 from drake_ispace.explain.check.gyro import gyro_findings
-from drake_ispace.explain.check.runs import Runs, check_given, listed, loaded, name_of, robot_of, solvable
+from drake_ispace.explain.check.runs import Runs, at_least_one, check_given, loaded, name_of, robot_of, solvable
 from drake_ispace.explain.check.sampling.held import held_samples
 from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
@@ -62,9 +62,9 @@ def check(
         runs: one or several, or by name. tell: called with the name of each step.
 
     Raises:
-        InputError: a run that cannot be read, is of another robot, or holds impossible numbers.
+        InputError: no run, or one that cannot be read, is of another robot, or holds impossible numbers.
     """
-    recordings = [loaded(run) for run in listed(runs)]
+    recordings = [loaded(run) for run in at_least_one(runs)]
     names = [name_of(run, i) for i, run in enumerate(recordings)]
     for name, run in zip(names, recordings, strict=True):
         check_given(run, name)

@@ -1,6 +1,6 @@
 """Runs as a user gives them: folders or recordings, one or several, or by name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,14 +20,40 @@ _LARGEST = np.reciprocal(np.finfo(float).eps)  # in any unit; above it a number 
 UNNAMED = "held out"  # the kind of held-out runs to which the user gave no kind
 
 Run = Recording | str | Path
-Runs = Run | Sequence[Run] | Mapping[str, Run]
+Runs = Run | Sequence[Run] | Mapping[str, Run] | None
 
 
 def listed(runs: Runs) -> list[Run]:
-    """The runs one after the other; a recording that is given by name has that name in messages."""
+    """The runs one after the other; a recording that is given by name has that name in messages. None are none.
+
+    Raises:
+        InputError: something else than recordings and folders.
+    """
     if isinstance(runs, Run):
         return [runs]
-    return [_called(run, name) for name, run in runs.items()] if isinstance(runs, Mapping) else list(runs)
+    if runs is None:
+        return []
+    every = [runs]
+    if isinstance(runs, Mapping):
+        every = [_called(run, name) for name, run in runs.items()]
+    elif isinstance(runs, Iterable):
+        every = list(runs)
+    for run in every:
+        if not isinstance(run, Run):
+            raise InputError(f"runs: expected recordings or folders of runs, got {type(run).__name__} {shown(run)}")
+    return every
+
+
+def at_least_one(runs: Runs) -> list[Run]:
+    """As `listed`.
+
+    Raises:
+        InputError: there is none, or something else than recordings and folders.
+    """
+    every = listed(runs)
+    if not every:
+        raise InputError("runs: there is none, expected at least one")
+    return every
 
 
 def by_kind(held_out: Runs | Mapping[str, Runs]) -> dict[str, list[Run]]:

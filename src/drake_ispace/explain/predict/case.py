@@ -11,7 +11,7 @@ import numpy as np
 from drake_ispace.blocks.errors import InputError
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Effect
-from drake_ispace.explain.check.runs import UNNAMED, Runs, by_kind, listed, loaded, name_of, robot_of
+from drake_ispace.explain.check.runs import UNNAMED, Runs, at_least_one, by_kind, loaded, name_of, robot_of
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.explain.predict.own_replay import own_replay, own_track
 from drake_ispace.explain.predict.prediction import Prediction, predict
@@ -97,9 +97,7 @@ def prepare(
         InputError: no run, a file that cannot be read, runs of another robot, or runs that the model cannot predict.
     """
     scenario = None if isinstance(model, OwnModel) else as_scenario(model)
-    training, others = listed(runs), by_kind(held_out)
-    if not training:
-        raise InputError("explain: there is no run, expected at least one")
+    training, others = at_least_one(runs), by_kind(held_out)
     n, warning = len(training), ""
     recordings = [
         (name_of(run, i), loaded(run))
