@@ -64,6 +64,13 @@ FAULTS = (
         same=("wheels_swapped",),
     ),
     Fault(
+        "wheel_angles", "the model's wheels at other angles",
+        "the motion that the wheels tell is turned by an angle",
+        "the model's wheels are counted from another axis, or the robot's front is another one",
+        "camera and command tell of ways that are turned by one angle against those of the wheels",
+        "turn the model's wheels", same=("heading_offset", "camera_turned"),
+    ),
+    Fault(
         "gear", "another gear in the model",
         "the model goes by a factor too far", "the gear is counted twice or not at all",
         "wheels and camera move by a factor differently", "correct the model's gear",

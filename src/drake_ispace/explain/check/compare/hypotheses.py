@@ -62,13 +62,14 @@ class Reading:
 
 def readings(
     geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0,
-    turns_rad: Iterable[float] = (),
+    turns_rad: Iterable[float] = (), wheels_rad: Iterable[float] = (),
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
     gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
     model. room: how many times as far as the wheels say, the camera sees the robot go. turns_rad: by which its ways may
-    be turned against those that the wheels say.
+    be turned against those that the wheels say. wheels_rad: by which the model's wheels may
+    be turned, which looks alike where no command tells.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -84,6 +85,7 @@ def readings(
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_tracks(unit, times), *_axes(unit), *_units(unit), *_units_of_one(unit), *_rooms(unit, room),
         *(_turned(unit, turn_rad) for turn_rad in turns_rad),
+        *(_wheel_angles(unit, turn_rad) for turn_rad in wheels_rad if not geometry.holds_sideways),
     ]
 
 
@@ -181,6 +183,19 @@ def _rooms(unit, times):
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
         said = f"places {'' if size in _SCALES else 'about '}{size:.2g} times as large as the wheels say"
         yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _SCALES)
+
+
+def _wheel_angles(unit, turn_rad):
+    """Wheels that sit at other angles about the robot's middle than the model says, all turned alike.
+
+    To wheels and camera that is the same as headings that are off.
+    """
+    c, s, degrees = np.cos(turn_rad), np.sin(turn_rad), np.rad2deg(turn_rad)
+    return Reading(
+        "wheel_angles", f"the model's wheels are turned by {-degrees:.0f} degrees", "model", unit,
+        np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), rare=True,
+        advice=f"turn the model's wheels about the robot's middle by {degrees:.0f} degrees",
+    )
 
 
 def _turned(unit, turn_rad):

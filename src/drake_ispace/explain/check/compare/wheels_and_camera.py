@@ -46,6 +46,7 @@ from drake_ispace.explain.check.compare.regression import (
 from drake_ispace.explain.check.compare.turned import turns
 from drake_ispace.faults.repair import Mixed, Repair
 from drake_ispace.files.recording import Recording
+from drake_ispace.robots.robot import COMMAND
 
 
 def wheels_or_camera(
@@ -78,7 +79,9 @@ def wheels_or_camera(
             return angles
         return [usual, *(float(wrap(angle - usual)) for angle in others)]
 
-    given = readings(base.geometry, counts, gears, *_ratios(motions), said_of(turns(motions)))
+    turned = said_of(turns(motions))
+    tells = base.robot.driven == COMMAND and any(COMMAND in run.channels for run in runs)
+    given = readings(base.geometry, counts, gears, *_ratios(motions), turned, turned[:1] if tells else ())
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""

@@ -1,0 +1,51 @@
+"""Ways that are turned by one angle: the camera's headings are off, or the model's wheels sit at other angles."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drake_ispace.explain.check.check import check
+from drake_ispace.explain.check.compare.hypotheses import readings
+from drake_ispace.scenario import load_scenario
+from hidden import three_wheels
+
+OFF_RAD = np.deg2rad(40.0)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [three_wheels.drive(70 + i, 12.0) for i in range(2)]
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """The model whose wheels sit too early by that angle."""
+    model = three_wheels.model()
+    first_rad = model.rover.plant.first_rad - OFF_RAD
+    return replace(model, rover=replace(model.rover, plant=replace(model.rover.plant, first_rad=first_rad)))
+
+
+def test_a_command_that_goes_with_the_camera_accuses_the_models_wheels(runs, turned):
+    (finding,) = check(turned, runs).findings
+    assert (finding.fault, finding.channel, finding.runs) == ("wheel_angles", "model", (0, 1))
+    assert "by 40 degrees" in finding.advice and "heading_offset" in finding.rivals
+
+
+def test_a_command_that_goes_with_the_wheels_accuses_the_camera(runs):
+    off = [0.0, 0.0, OFF_RAD]
+    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values + off) for run in runs]
+    seen = [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(runs, kinects, strict=True)]
+    (finding,) = check(three_wheels.model(), seen).findings
+    assert (finding.fault, finding.channel) == ("heading_offset", "kinect") and "wheel_angles" in finding.rivals
+
+
+def test_without_a_command_either_may_be_wrong(runs, turned):
+    alone = [replace(run, channels={n: c for n, c in run.channels.items() if n != "command"}) for run in runs]
+    (finding,) = check(turned, alone).findings
+    assert {finding.fault, *finding.rivals} >= {"heading_offset", "wheel_angles"}
+
+
+def test_wheels_that_hold_the_robot_sideways_have_no_other_angles():
+    differential = load_scenario("velocity_base", ["rover.plant.wheels=differential"]).rover.plant.geometry
+    assert "wheel_angles" not in {reading.fault for reading in readings(differential, 0.0, wheels_rad=[OFF_RAD])}
