@@ -242,6 +242,21 @@ def test_an_effect_of_one_run_is_told_with_the_run_and_one_of_several_with_each_
     assert alone.verdict == several.verdict == "unknown"
 
 
+def test_two_names_of_what_several_runs_show_are_told_once():
+    late, behind = (
+        Candidate(library()[name], (), library()[name].parameters) for name in ("camera_latency", "clock_offset")
+    )
+
+    def shown(run, name, other):
+        sizes = tuple(SizeIn(f"run {i}", name.parameters[0], 0.1, True) for i in (1, 2))
+        return OfAPart(run, name, [0.1], 1e-9, [other], sizes)
+
+    answer = answers.nothing()
+    add_parts(answer, [shown("run 1", late, behind), shown("run 2", behind, late)])
+    (told,) = answer.drifts
+    assert told.startswith("camera_latency or clock_offset shows in run 1 (latency_s 0.1 s; p = 1e-09) and run 2")
+
+
 @pytest.mark.slow
 def test_a_size_that_differs_from_run_to_run_is_told():
     sizes = {"square": 0.006, "eight": 0.014}

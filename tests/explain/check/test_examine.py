@@ -97,3 +97,8 @@ def test_values_that_are_not_one_for_each_time_and_column_are_refused(runs, valu
 def test_runs_of_two_robots_are_refused(runs):
     with pytest.raises(InputError, match=r"run 2: the run is of robot 'another', expected '\w+' as run 1"):
         check(two_wheels.model(), [runs[0], replace(runs[1], robot="another")])
+
+
+def test_a_finding_whose_words_are_those_of_its_kind_says_them_once():
+    swapped = Finding("command_axes_swapped", "vx and vy change places", "command", run="all")
+    assert str(swapped).startswith("command in all runs: vx and vy change places; repair: ")

@@ -70,6 +70,12 @@ def test_a_shorter_horizon_does_not_tell_of_a_gap_that_grew_over_a_longer_one(af
     assert [row.horizon for row in headlines([longer, ROW], by_sensors=True)] == [told]
 
 
+def test_nor_does_it_where_the_robot_may_be_anywhere_and_is_clearly_farther_off():
+    astray = replace(ROW, metric="ATE", horizon="run", after=0.5, closed=None, anywhere=True)
+    assert headlines([astray, ROW], by_sensors=True) == [ROW]
+    assert headlines([replace(astray, worse=True), ROW], by_sensors=True)[0].horizon == "run"
+
+
 @pytest.mark.parametrize("other", [
     {"runs": "training"}, {"channel": "heading", "unit": "rad"}, {"metric": "prediction", "channel": "imu: wy"},
 ])

@@ -10,7 +10,7 @@ from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_part import OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import Candidate, coordinate, tolerance_of
+from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.errors.free_run import ATE, RPE, RUN, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
@@ -135,7 +135,7 @@ def _judge(answer: Explanation, doubts: list[str]) -> None:
     model that lacks nothing known but leaves more than noise makes it "unknown".
     """
     beyond = [
-        f"{name} of {effect.name} is {p.estimate:.3g} {p.unit}, which is on a bound or beyond what makes sense"
+        f"{_size(f'{name} of {effect.name} is', p.estimate, p.unit)}, which is on a bound or beyond what makes sense"
         for effect in answer.effects for name, p in effect.parameters.items() if p.on_bound
     ]
     worse = [] if not answer.effects else [
@@ -241,12 +241,12 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
 
     An answer for all does not suffice then.
     """
-    several: dict[Candidate, list[OfAPart]] = {}
+    several: list[list[OfAPart]] = []
     for one in found:
-        if one.sizes:
-            several.setdefault(one.candidate, [other for other in found if other.candidate is one.candidate])
-    answer.drifts += [_at_different_sizes(parts) for parts in several.values()]
-    for one in (one for one in found if one.candidate not in several):
+        if one.sizes and not any(one in parts for parts in several):
+            several.append([other for other in found if _is_of_the_same(other, one)])
+    answer.drifts += [_at_different_sizes(parts) for parts in several]
+    for one in (one for one in found if not any(one in parts for parts in several)):
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
@@ -259,6 +259,11 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
         )
     if found:
         answer.verdict = "incomplete" if answer.effects else "unknown"
+
+
+def _is_of_the_same(other: OfAPart, one: OfAPart) -> bool:
+    """Whether a run shows the effect of another one, or at a size of its own what looks alike."""
+    return other.candidate is one.candidate or (bool(other.sizes) and other.candidate in one.alike)
 
 
 def _at_different_sizes(found: Sequence[OfAPart]) -> str:

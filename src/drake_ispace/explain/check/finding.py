@@ -69,7 +69,8 @@ class Finding:
         where = "in all runs" if self.run == "all" else f"in {self.run}"
         when = f" {span_text(self.from_s, self.to_s, 3)}" if self.limited else ""
         others = f" (or {', '.join(self.rivals[:3])})" if self.rivals else ""
-        what = f"{FAULTS[self.fault].title}, {self.what}{others}"
+        title = FAULTS[self.fault].title
+        what = f"{title}{'' if self.what == title else f', {self.what}'}{others}"
         return f"{self.channel} {where}{when}: {what}; repair: {self.repair}"
 
     def to_data(self) -> dict:

@@ -94,8 +94,8 @@ def headlines(rows: Sequence[GapRow], by_sensors: bool = False) -> list[GapRow]:
     """The rows of unseen runs that tell of the gap, the longest horizon first: one for each of what drives the model.
 
     Each is of the place, over the longest horizon at which the gap is clear. by_sensors: where it is so at none, it is
-    enough that it is clear beside what sensors leave; so it is where over the longest such horizon the error
-    grew by more than that, beside which a shorter one would mislead.
+    enough that it is clear beside what sensors leave; so it is where over the longest such horizon, or one over which
+    the robot may be anywhere, the error grew by more than that, beside which a shorter one would mislead.
     """
     def clearness(row):
         return seconds_of(row.horizon), row.before / _floor(row.sensors, row.chance)
@@ -108,7 +108,7 @@ def headlines(rows: Sequence[GapRow], by_sensors: bool = False) -> list[GapRow]:
             found.setdefault(row.driven_by, row)
     longest = {}
     for row in known if by_sensors else ():
-        if row.before >= CERTAIN * row.sensors and not row.anywhere:
+        if row.worse or (row.before >= CERTAIN * row.sensors and not row.anywhere):
             longest.setdefault(row.driven_by, row)
     for driven_by, row in longest.items():
         if driven_by not in found or row.after**2 > row.before**2 + row.sensors**2:
