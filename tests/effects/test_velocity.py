@@ -9,7 +9,8 @@ from drake_ispace.blocks.kernels import arguments
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
-from drake_ispace.effects.places.velocity import EFFECTS, beyond_dead_zone
+from drake_ispace.effects.places.velocity import EFFECTS
+from drake_ispace.effects.places.wheel_speed import beyond_dead_zone
 from drake_ispace.plants.rover import RoverPlantParameters
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled

@@ -11,6 +11,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, scale, shift
+from drake_ispace.effects.places.wheel_speed import VelocityDeadZone
 from drake_ispace.effects.wires import VelocityEffect
 
 
@@ -289,40 +290,6 @@ class VelocityBrakingLimit(VelocitySlewLimit):
         excitation="steps of the command up and down: a lag, a delay and an acceleration limit err at both alike",
     )
     output, update = braking_limited, remember_braked
-
-
-@kernel
-def beyond_dead_zone(velocity, width_rad_s, wheels, motion, out):
-    """wheels: G (n, 3), row by row; motion: the velocity of the body from wheel rates, J (3, n), column by column."""
-    out[0], out[1], out[2] = velocity[0], velocity[1], velocity[2]
-    for i in range(wheels.shape[0] // 3):
-        j = 3 * i
-        rate = wheels[j] * velocity[0] + wheels[j + 1] * velocity[1] + wheels[j + 2] * velocity[2]
-        lost = min(max(rate, -width_rad_s), width_rad_s)
-        for k in range(3):
-            out[k] -= motion[j + k] * lost
-
-
-class VelocityDeadZone(VelocityEffect):
-    """Every wheel slower than told by width_rad_s, and at rest where it is told less: w - clip(w, -width, width).
-
-    Of more wheels than ways to move, the motion of the body that comes nearest to that.
-    """
-
-    card = Card(
-        name="velocity_dead_zone", title="Dead zone of the drive", home="actuator",
-        equation="v' = v - J clip(G v, -width_rad_s, width_rad_s), G v the rates of the wheels, J its inverse",
-        source="motors without speed control, which need some voltage to turn at all",
-        signature="wheels that are slower than told by one speed whatever the command, and do not move for a small one",
-        look_alikes=("velocity_gain", "velocity_saturation"),
-        excitation="commands of several sizes, both ways: a gain takes its share of each, a dead zone the same of all",
-    )
-    parameters = (Parameter("width_rad_s", "rad/s", 0.0, 0.0, math.inf, (0.05, 0.2), "speed", tolerance=1e-3),)
-    output = beyond_dead_zone
-
-    def block_parameters(self, body, values):
-        geometry = body.plant.nominal_geometry
-        return dict(values) | {"wheels": geometry.inverse.ravel(), "motion": geometry.forward.T.ravel()}
 
 
 @kernel
