@@ -10,7 +10,7 @@ from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.effect import Body
 from drake_ispace.effects.library import library
 from drake_ispace.effects.places.velocity import EFFECTS
-from drake_ispace.effects.places.wheel_speed import beyond_dead_zone
+from drake_ispace.effects.places.wheel_speed import beyond_dead_zone, wheels_limited
 from drake_ispace.plants.rover import RoverPlantParameters
 from drake_ispace.robots.library import robots
 from drake_ispace.rollout.engine import parity, simulate_compiled
@@ -24,6 +24,7 @@ SOME = {
     "velocity_gain": {"share_x": 0.1, "share_y": -0.1, "share_yaw": 0.2},
     "velocity_slew_limit": {"limit_m_s2": 0.4, "limit_rad_s2": 2.0},
     "velocity_braking_limit": {"limit_m_s2": 0.3, "limit_rad_s2": 1.5}, "velocity_dead_zone": {"width_rad_s": 0.4},
+    "wheel_speed_limit": {"limit_rad_s": 3.0}, "wheel_speed_desaturation": {"limit_rad_s": 4.0},
     "velocity_overshoot": {"time_constant_s": 0.04, "damping": 0.3},
     "velocity_coupling": {"yaw_per_x": 0.3, "yaw_per_y": -0.2},
     "velocity_lag": {"time_constant_s": 0.05, "turning_extra_s": -0.02},
@@ -155,6 +156,42 @@ def test_of_more_wheels_than_ways_to_move_the_nearest_motion_is_taken():
     assert np.sum(np.abs(wheels) < 0.5) == 2 and out == pytest.approx(nearest)
 
 
+def test_each_wheel_has_a_limit_of_its_own():
+    geometry = BODY.plant.nominal_geometry
+    found = through("wheel_speed_limit", [geometry.forward @ [2.0, -0.3, -0.7]], limit_rad_s=0.5)[0]
+    assert geometry.inverse @ found == pytest.approx([0.5, -0.3, -0.5])
+
+
+def test_of_more_wheels_than_ways_to_move_the_nearest_motion_to_limited_ones_is_taken():
+    body = Body(robots()["rover"], RoverPlantParameters(wheels="mecanum"), 4)
+    geometry, effect = body.plant.nominal_geometry, library()["wheel_speed_limit"]
+    told, out = np.array([0.3, 0.1, 0.5]), np.empty(3)
+    wheels_limited(told, out=out, **effect.block_parameters(body, {"limit_rad_s": 5.0}))
+    wheels = geometry.inverse @ told
+    nearest, *_ = np.linalg.lstsq(geometry.inverse, np.clip(wheels, -5.0, 5.0), rcond=None)
+    assert np.sum(np.abs(wheels) > 5.0) == 2 and out == pytest.approx(nearest)
+
+
+def test_wheels_that_are_slowed_together_keep_the_curvature_and_the_fastest_of_them_its_limit():
+    geometry = BODY.plant.nominal_geometry
+    found = through("wheel_speed_desaturation", [geometry.forward @ [2.0, -0.3, -0.7]], limit_rad_s=0.5)[0]
+    assert geometry.inverse @ found == pytest.approx([0.5, -0.075, -0.175])
+
+
+@pytest.mark.parametrize("name", ["wheel_speed_limit", "wheel_speed_desaturation"])
+def test_wheels_that_keep_to_their_limit_are_as_told(name):
+    told = BODY.plant.nominal_geometry.forward @ [0.4, -0.3, 0.1]
+    assert through(name, [told], limit_rad_s=0.5)[0] == pytest.approx(told, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["wheel_speed_limit", "wheel_speed_desaturation"])
+def test_straight_on_a_limit_of_the_wheels_is_one_of_the_robot(name):
+    body = Body(robots()["rover"], RoverPlantParameters(wheels="differential"), 2)
+    effect, told, out = library()[name], np.array([0.8, 0.0, 0.0]), np.empty(3)
+    type(effect).output(told, out=out, **effect.block_parameters(body, {"limit_rad_s": 5.0}))
+    assert out == pytest.approx([5.0 * body.plant.radius_m, 0.0, 0.0])
+
+
 @pytest.mark.parametrize("damping", [0.2, 0.8])
 def test_an_overshoot_is_the_mean_of_the_solution_over_each_tick(damping):
     constant, edges = 0.02, TICK_S * np.arange(5)
@@ -208,6 +245,7 @@ def test_a_diagram_without_commands_leaves_them_out():
     ("velocity_delay.delay_s=-0.01", r"rover.effects.velocity_delay.delay_s: expected at least 0 \[s\], got -0.01"),
     ("velocity_delay.delay_s=0.8", r"expected at most 0.7 \[s\]"),
     ("velocity_saturation.limit_m_s=0", r"velocity_saturation.limit_m_s: expected at least 1e-06 \[m/s\], got 0"),
+    ("wheel_speed_limit.limit_rad_s=0", r"wheel_speed_limit.limit_rad_s: expected at least 1e-06 \[rad/s\], got 0"),
     ("velocity_gain.share=0.1", "velocity_gain.share: unknown parameter, did you mean 'share_y'"),
     ("velocity_lag.time_constant_s=.inf", "expected a finite number"),
     ("velocity_lagg={}", "there is no such effect, did you mean 'velocity_lag'"),

@@ -1,6 +1,6 @@
 """What `explain` says of a two-wheeled robot under commanded velocity: one or two effects, or one that it cannot name.
 
-    python -m hidden.rover_campaign --sound 12 --single 36 --pairs 20 --outside 32 --unlogged 8 --between 17
+    python -m hidden.rover_campaign --sound 12 --single 40 --pairs 20 --outside 32 --unlogged 8 --between 20
 
 in the folder tests prints a line a case as it ends, then the shares. An effect is right if one of its names is
 returned, alone or in a set, and wrong if only other names are, with the verdict "named" or "set". A pair is exact if
@@ -40,6 +40,9 @@ NAMED = {
     "brake_s2_m": (2.0, {"velocity_braking_limit"}),
     "dead_rad_s": (1.0, {"velocity_dead_zone"}),
     "swing_s2": (0.01, {"velocity_overshoot"}),
+    "clipped_s_rad": (0.4, {"wheel_speed_limit"}),
+    "slowed_s_rad": (0.4, {"wheel_speed_desaturation"}),
+    "turns_s_rad": (5.0, {"velocity_saturation"}),
 }
 #: What no library names -> largest size.
 OUTSIDE = {
@@ -48,7 +51,7 @@ OUTSIDE = {
 }
 _POSITIVE = (
     "lost_share", "ramp_s2_m", "slip_share", "patch_share", "fast_slip_s2_m2", "swing_s2", "dead_rad_s", "brake_s2_m",
-    "least_rad_s", "steps_rad_s",
+    "least_rad_s", "steps_rad_s", "clipped_s_rad", "slowed_s_rad", "turns_s_rad",
 )
 _OWN = ("left_share", "late_s", "lag_s")  # arguments of `drive`
 _RUNS, _TRAINING = 5, 3
@@ -105,7 +108,7 @@ def judged(case: Case, found: Explanation) -> str:
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    counts = {"sound": 12, "single": 36, "pairs": 20, "outside": 32, "unlogged": 8, "between": 17}
+    counts = {"sound": 12, "single": 40, "pairs": 20, "outside": 32, "unlogged": 8, "between": 20}
     for name, count in counts.items():
         parser.add_argument(f"--{name}", type=int, default=count, help="number of cases")
     options = parser.parse_args()

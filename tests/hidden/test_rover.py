@@ -83,6 +83,20 @@ def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "name", "size"), [
+    ("clipped_s_rad", "wheel_speed_limit", 8.0),
+    pytest.param("slowed_s_rad", "wheel_speed_desaturation", 8.0, marks=pytest.mark.slow),
+    pytest.param("turns_s_rad", "velocity_saturation", 0.5, marks=pytest.mark.slow),
+])
+def test_a_limit_is_one_of_each_wheel_of_all_together_or_of_the_robot(hidden, name, size):
+    rivals = ["wheel_speed_limit", "wheel_speed_desaturation", "velocity_saturation", "velocity_gain", "velocity_lag"]
+    case, found = told({hidden: 1.0 / size}, rivals)
+    assert judged(case, found) == "exact" and found.verdict == "named" and not found.effects[0].equivalents
+    assert found.effects[0].name == name
+    assert found.effects[0].parameters["limit_rad_s"].estimate == pytest.approx(size, rel=0.02)
+
+
+@pytest.mark.slow
 def test_one_wheel_that_is_much_larger_is_no_camera_of_another_run():
     _, found = told({"left_share": 0.2}, ["single_wheel_radius_error", "track_error", "camera_scale"])
     (effect,) = found.effects

@@ -33,6 +33,9 @@ OTHERS = {
     "skid_s": 0.0,  # the robot slides outwards: sideways velocity over speed times turning rate
     "swing_s2": 0.0,  # the drive overshoots: one over the square of its frequency, damped by a third
     "dead_rad_s": 0.0,  # a wheel that is told less stands still, and is as much slower if told more
+    "clipped_s_rad": 0.0,  # one over the largest speed of a wheel, each by itself,
+    "slowed_s_rad": 0.0,  # of the faster wheel, the other slowed by the same share
+    "turns_s_rad": 0.0,  # one over the largest turning rate of the robot
     "brake_s2_m": 0.0,  # as ramp_s2_m, but only where the robot becomes slower
     "errs_m_s": 0.0,  # each wheel that is told to turn errs by so much, for some 0.3 s at a time
     # what no library names
@@ -90,6 +93,8 @@ def drive(
         last = np.arange(n) if not in_step else np.arange(n) // round(step_s / _STEP_S) * round(step_s / _STEP_S)
         v, w = lfilter(ramp, [1.0], v)[last], lfilter(ramp, [1.0], w)[last]
     command = np.column_stack([v, np.zeros(n), w])
+    if o["turns_s_rad"] > 0.0:
+        w = np.clip(w, -1.0 / o["turns_s_rad"], 1.0 / o["turns_s_rad"])
     if o["ramp_s2_m"] > 0.0:
         v, w = _ramped(v, _STEP_S / o["ramp_s2_m"]), _ramped(w, 4.0 * _STEP_S / o["ramp_s2_m"])
     if o["brake_s2_m"] > 0.0:
@@ -98,6 +103,9 @@ def drive(
     late = round(o["delay_s"] / _STEP_S)
     sent = (1.0 + o["gain_share"]) * np.vstack([np.zeros((late, 2)), sent[: n - late]])
     sent = np.sign(sent) * np.maximum(np.abs(sent) - o["dead_rad_s"], 0.0)
+    if o["clipped_s_rad"] > 0.0:
+        sent = np.clip(sent, -1.0 / o["clipped_s_rad"], 1.0 / o["clipped_s_rad"])
+    sent /= np.maximum(o["slowed_s_rad"] * np.abs(sent).max(axis=1, keepdims=True), 1.0)
     sent = np.where(np.abs(sent) < o["least_rad_s"], 0.0, sent)
     if o["steps_rad_s"] > 0.0:
         sent = o["steps_rad_s"] * np.round(sent / o["steps_rad_s"])

@@ -10,7 +10,7 @@ HOMES = ("actuator", "transmission", "ground", "plant", "encoder", "imu", "camer
 #: Names of scales, and what they are.
 SCALES = {
     "torque": "RMS commanded torque", "1/torque": "1 / RMS commanded torque", "speed": "RMS wheel speed",
-    "torque/speed": "RMS commanded torque / RMS wheel speed",
+    "torque/speed": "RMS commanded torque / RMS wheel speed", "top speed": "largest wheel speed",
 }
 
 
@@ -23,7 +23,8 @@ class Parameter:
         neutral: the value at which the model is the base model, bit for bit; infinite for limits.
         low, high: what is physically possible.
         probes: sizes at which a search begins, in units of `scale`.
-        scale: "" (SI units), or one of SCALES: of the runs' own root mean squares of commanded torque and wheel speed.
+        scale: "" (SI units), or one of SCALES: of the runs' own root mean squares of commanded torque and wheel speed,
+            or of the largest wheel speed in them.
         reciprocal: fitted as 1 / value, which is 0 where there is no limit.
         tolerance: by how much, in units of `scale`, a robot may be off without anything being wrong (a standard
             deviation): a floor is never level to a tenth of a milliradian, and no model exact. Of a limit it is the

@@ -29,7 +29,7 @@ Symbols: tau_i torque commanded for wheel i [N m], tau' the torque that arrives,
 x ahead, y to the left. `wheel` is a whole number from 1 on; pendulum: 1 right, 2 left. Effects in one wire act in the
 order of this page. Robots: `omni`, `pendulum`, and `rover`, which takes a velocity. "Bounds" is what is physically
 possible, for the default plant; "probes" are sizes at which a search begins, some in multiples of the run's own root
-mean square (RMS).
+mean square (RMS) or largest number.
 
 This page is written by `python -m drake_ispace.effects.document`.
 """

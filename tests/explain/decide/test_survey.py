@@ -142,11 +142,12 @@ def test_neither_does_one_of_the_impossible_sign():
 
 
 def test_scales_are_those_of_torques_and_of_the_speed_of_the_wheels():
-    track = SimpleNamespace(ticks=400, command=np.full((400, 1), 0.3), measured=2.0 * TICK_S * np.arange(400)[:, None])
+    angles = TICK_S * np.cumsum(np.repeat([1.0, -7.0], 200))[:, None]
+    track = SimpleNamespace(ticks=400, command=np.full((400, 1), 0.3), measured=angles)
     prediction = SimpleNamespace(replay=SimpleNamespace(body=SimpleNamespace(wheels=1)), tracks=[track])
     assert scales_of(prediction) == {
-        "torque": pytest.approx(0.3), "1/torque": pytest.approx(1 / 0.3), "speed": pytest.approx(2.0),
-        "torque/speed": pytest.approx(0.15),
+        "torque": pytest.approx(0.3), "1/torque": pytest.approx(1 / 0.3), "speed": pytest.approx(5.0, rel=0.02),
+        "torque/speed": pytest.approx(0.06, rel=0.02), "top speed": pytest.approx(7.0),
     }
 
 

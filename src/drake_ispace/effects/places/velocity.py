@@ -11,7 +11,7 @@ from drake_ispace.blocks.kernels import kernel
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.effects.card import Card, Parameter
 from drake_ispace.effects.places.shaping import LEAST_LIMIT, Delay, Lag, keep, scale, shift
-from drake_ispace.effects.places.wheel_speed import VelocityDeadZone
+from drake_ispace.effects.places.wheel_speed import VelocityDeadZone, WheelSpeedDesaturation, WheelSpeedLimit
 from drake_ispace.effects.wires import VelocityEffect
 
 
@@ -57,9 +57,9 @@ class VelocitySaturation(VelocityEffect):
         equation="v' = v min(1, limit_m_s / |v|), wz' = clip(wz, -limit_rad_s, limit_rad_s)",
         source="speed limit of the drive's firmware, largest speed of the motors",
         signature="encoders and pose fall behind fast commands only, and then move at one speed",
-        look_alikes=("velocity_gain", "velocity_lag"),
+        look_alikes=("velocity_gain", "velocity_lag", "wheel_speed_limit", "wheel_speed_desaturation"),
         excitation="commands of several speeds, each held for a while: below the limit nothing is missing, where a "
-        "gain error takes its share of every command",
+        "gain error takes its share of every command; fast bends, where a limit of the wheels is met sooner",
     )
     parameters = (
         Parameter("limit_m_s", "m/s", math.inf, LEAST_LIMIT, math.inf, (0.15, 0.3), reciprocal=True),
@@ -86,7 +86,10 @@ class VelocityGain(VelocityEffect):
         equation="vx' = (1 + share_x) vx, vy' = (1 + share_y) vy, wz' = (1 + share_yaw) wz",
         source="wheel radius or track in the drive's firmware other than those of encoder and odometry",
         signature="encoders and pose agree with each other, but not with the command, by a share of it",
-        look_alikes=("wheel_radius_error", "track_error", "constant_slip", "velocity_saturation", "velocity_dead_zone"),
+        look_alikes=(
+            "wheel_radius_error", "track_error", "constant_slip", "velocity_saturation", "velocity_dead_zone",
+            "wheel_speed_limit", "wheel_speed_desaturation",
+        ),
         excitation="straight driving and turning at several speeds: radius, track and slip show between encoder and "
         "camera, a gain between command and encoder; a speed limit spares slow commands",
     )
@@ -345,5 +348,6 @@ class VelocityOvershoot(VelocityEffect):
 
 EFFECTS = (
     VelocityDelay(), VelocitySaturation(), VelocitySlewLimit(), VelocityBrakingLimit(), VelocityGain(),
-    VelocityCoupling(), VelocityDeadZone(), VelocityOvershoot(), VelocityLag(),
+    VelocityCoupling(), VelocityDeadZone(), WheelSpeedDesaturation(), WheelSpeedLimit(), VelocityOvershoot(),
+    VelocityLag(),
 )

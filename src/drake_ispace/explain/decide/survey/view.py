@@ -154,12 +154,16 @@ def _by_assumptions(prediction, point, residuals):
 
 
 def scales_of(prediction: Prediction) -> dict[str, float]:
-    """The scales of effects' parameters: of the RMS over all runs of torque [N m] and wheel speed [rad/s]."""
+    """The scales of effects' parameters: RMS of torque [N m] and wheel speed [rad/s] over all runs, and top speed."""
     wheels = prediction.replay.body.wheels
     commands = np.concatenate([track.command[: track.ticks] for track in prediction.tracks])
     speeds = np.concatenate([wheel_speeds(track.measured[: track.ticks, :wheels]) for track in prediction.tracks])
     torque, speed = (float(np.sqrt(np.mean(numbers**2))) or 1.0 for numbers in (commands, speeds))
-    return {"torque": torque, "1/torque": 1.0 / torque, "speed": speed, "torque/speed": torque / speed}
+    top_speed = float(np.abs(speeds).max()) or 1.0
+    return {
+        "torque": torque, "1/torque": 1.0 / torque, "speed": speed, "torque/speed": torque / speed,
+        "top speed": top_speed,
+    }
 
 
 def _sizes(candidate, scales):
