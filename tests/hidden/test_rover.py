@@ -90,7 +90,8 @@ def test_a_drive_that_is_no_lag_has_a_name(hidden, name, size):
 ])
 def test_a_limit_is_one_of_each_wheel_of_all_together_or_of_the_robot(hidden, name, size):
     rivals = ["wheel_speed_limit", "wheel_speed_desaturation", "velocity_saturation", "velocity_gain", "velocity_lag"]
-    case, found = told({hidden: 1.0 / size}, rivals)
+    case = Case({hidden: 1.0 / size}, 700)
+    found = answer(case, 18.0, [di.effects()[rival] for rival in rivals])
     assert judged(case, found) == "exact" and found.verdict == "named" and not found.effects[0].equivalents
     assert found.effects[0].name == name
     assert found.effects[0].parameters["limit_rad_s"].estimate == pytest.approx(size, rel=0.02)
