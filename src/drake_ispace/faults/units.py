@@ -6,8 +6,8 @@ FAULTS = (
     Fault(
         "wrong_unit", "a column in another unit",
         "all numbers of a column are a factor too large or too small",
-        "millimetres, degrees, counts, mN m or g are logged and recording.yaml does not say so, or the room was marked "
-        "out in another unit",
+        "millimetres, degrees, counts, mN m or g are logged and recording.yaml does not say so, the room was marked "
+        "out in another unit, or commands are shares of a largest speed",
         "the channel's motion is that factor times what the other channels say",
         "name the unit in recording.yaml, or multiply the column", same=("counts_per_turn",),
     ),

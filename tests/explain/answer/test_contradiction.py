@@ -33,3 +33,14 @@ def test_a_delay_as_long_besides_says_which(delay_s, alike):
 @pytest.mark.parametrize("offset_s", [0.05, -0.002])
 def test_nothing_is_said_of_a_camera_that_may_be_late(offset_s):
     assert told(clock_offset=offset_s) is None
+
+
+@pytest.mark.parametrize(("shares", "faults"), [
+    ((0.08, -0.1), []), ((-0.4, 0.0), ["wrong_unit"]), ((0.0, 0.3), ["wrong_unit"]),
+])
+def test_a_large_gain_may_be_another_scale_of_the_command(shares, faults):
+    answer = answers.named(load_scenario("velocity_base"))
+    found = {f"share_{way}": Estimate(s, (s - 0.01, s + 0.01), "1") for way, s in zip(("x", "yaw"), shares, strict=True)}
+    answer.effects = [NamedEffect("velocity_gain", "actuator", [], found, 0.5)]
+    add_findings(answer, Examined(["a"], 1, [], [], [], {}))
+    assert answer.effects[0].faults == faults

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from drake_ispace.explain.answer.explanation import Explanation
+from drake_ispace.explain.check.compare.scale import is_unit
 from drake_ispace.explain.check.examine import Examined
 from drake_ispace.faults.library import FAULTS, same_as
 
@@ -26,7 +27,7 @@ def add_findings(answer: Explanation, examined: Examined) -> None:
     named for certain.
     """
     answer.data = examined.findings
-    answer.effects = [replace(effect, faults=same_as(effect.name)) for effect in answer.effects]
+    answer.effects = [replace(effect, faults=_same(effect)) for effect in answer.effects]
     if answer.verdict == "named" and any(effect.faults for effect in answer.effects):
         answer.verdict = "set"
     answer.warnings = [str(finding) for finding in examined.findings] + answer.warnings
@@ -37,6 +38,14 @@ def add_findings(answer: Explanation, examined: Examined) -> None:
         answer.verdict = "incomplete"
         titles = " and ".join(dict.fromkeys(FAULTS[finding.fault].title for finding in doubts))
         answer.warnings.insert(0, f"what was detected may come of {titles}")
+
+
+def _same(effect):
+    """Names of the faults that are the same thing as an effect: a command in another scale is as a large gain."""
+    scaled = effect.name == "velocity_gain" and not all(
+        is_unit(1.0 / (1.0 + share.estimate)) for share in effect.parameters.values()
+    )
+    return same_as(effect.name) + ["wrong_unit"] * scaled
 
 
 def _early_camera(answer) -> str | None:

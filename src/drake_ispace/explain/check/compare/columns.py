@@ -10,6 +10,7 @@ from drake_ispace.explain.check.compare.agreement import UNRELATED
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
 from drake_ispace.explain.check.compare.links import UNKNOWN_INERTIA
 from drake_ispace.explain.check.compare.ratio import TORQUES
+from drake_ispace.explain.check.compare.scale import scales
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
 
@@ -96,8 +97,10 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
     return found
 
 
-def command_columns() -> list[Columns]:
+def command_columns(measured: Sequence[tuple[float | None, float | None]] = ()) -> list[Columns]:
     """All readings of the columns vx, vy, wz, that as given first.
+
+    measured: how many times as large as the wheels say vx, vy and wz are, as of `ratios`.
 
     Some accuse nobody, as the turns of a command that hardly turns say nothing of wheels that wander: without these any
     larger unit would be the likelier.
@@ -115,11 +118,13 @@ def command_columns() -> list[Columns]:
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
         found.append(Columns("command_axes_swapped", "vx and vy change places", swap, not x == y == 1.0))
     speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
-    for (speed, metre), (turn, radian) in product({"m/s": 1.0, **speeds}.items(), {"rad/s": 1.0, **RATES}.items()):
-        wrong = [text for text, f in ((f"vx, vy in {speed}", metre), (f"wz in {turn}", radian)) if f != 1.0]
+    ways = scales([way for way, _ in measured], "m/s", speeds)
+    for way, turn in product(ways, scales([turn for _, turn in measured], "rad/s", RATES)):
+        wrong = [f"{names} {scale.what}" for names, scale in (("vx, vy", way), ("wz", turn)) if scale.what]
         if wrong:
-            factors = np.diag([metre, metre, radian])
-            found.append(Columns("wrong_unit", " and ".join(wrong), factors, len(wrong) > 1))
+            factors = np.diag([way.factor, way.factor, turn.factor])
+            advice = way.advice or turn.advice
+            found.append(Columns("wrong_unit", " and ".join(wrong), factors, len(wrong) > 1, advice=advice))
     return found
 
 

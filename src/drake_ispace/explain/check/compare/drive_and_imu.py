@@ -28,6 +28,7 @@ from drake_ispace.explain.check.compare.links import (
 )
 from drake_ispace.explain.check.compare.motion import arm
 from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
+from drake_ispace.explain.check.compare.scale import ratios
 from drake_ispace.faults.repair import Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -117,9 +118,10 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
 
     single: as of wheels_or_camera.
     """
-    base, given = _first(bases), command_columns()
+    base = _first(bases)
     if base is None or base.robot.driven != COMMAND:
         return Agreement([])
+    given = command_columns(ratios(runs, bases))
     unit = np.array([1.0, 1.0, arm(base.geometry)])
 
     def one(run, own, tried):
@@ -127,7 +129,11 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
         matrices = [columns.matrix * unit[:, None] / unit for columns in tried]
         return row(tried, None if link is None else compared(link, own, matrices, _related(tried)))
 
-    return _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
+    found = _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
+    return replace(found, findings=[
+        replace(finding, repairs=(), for_now=finding.repairs) if finding.advice else finding
+        for finding in found.findings
+    ])
 
 
 def imu_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
