@@ -9,6 +9,7 @@ import pytest
 from drake_ispace.effects.library import library
 from drake_ispace.faults.library import FAULTS, same_as
 from drake_ispace.faults.repair import (
+    AlongRobot,
     Clock,
     CutOut,
     Dropped,
@@ -48,6 +49,20 @@ def test_signs_units_and_order_are_a_matrix(run):
     repaired = repair.apply(run).channels["encoder"].values
     assert np.allclose(repaired, np.column_stack([-2.0 * T, 1000.0 * T]))
     assert str(repair) == "encoder: theta_r = -theta_l, theta_l = 1000 theta_r"
+
+
+def test_a_velocity_along_the_room_is_turned_by_the_headings():
+    seen = np.column_stack([T, T, np.mod(np.pi / 2.0 + T + np.pi, 2.0 * np.pi) - np.pi])
+    told = Channel(np.array([0.0, 0.1, 0.4]), ("vx", "vy", "wz"), np.tile([1.0, 0.0, 0.5], (3, 1)))
+    run = Recording("mine", None, {"command": told, "kinect": Channel(T, ("x", "y", "phi"), seen)})
+    turned = AlongRobot("command", "kinect").apply(run).channels["command"]
+    assert np.allclose(turned.t, [0.0, 0.1, 0.2, 0.3, 0.4])  # what is held for longer is turned anew
+    phi = np.pi / 2.0 + np.array([0.05, 0.15, 0.25, 0.35, 0.4])
+    assert np.allclose(turned.values, np.column_stack([np.cos(phi), -np.sin(phi), np.full(5, 0.5)]))
+
+
+def test_without_a_camera_no_velocity_is_turned(run):
+    assert AlongRobot("encoder", "imu").apply(run) is run
 
 
 def test_a_counter_goes_on_where_it_started_anew(run):

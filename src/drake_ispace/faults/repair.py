@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.files.recording import PERIOD_TOLERANCE, Channel, Recording
 
@@ -281,6 +282,37 @@ class Turned(_OfChannel):
 
 
 @dataclass(frozen=True)
+class AlongRobot:
+    """A commanded velocity along the axes of the room, turned into the robot's by the headings that a camera sees.
+
+    What is held for longer than from fix to fix is turned anew about as often.
+    """
+
+    channel: str
+    camera: str
+
+    def __str__(self):
+        return f"{self.channel}: vx, vy turned from the axes of the room into the robot's by phi of {self.camera}"
+
+    def apply(self, recording: Recording) -> Recording:
+        """A copy of the recording with the velocity along the robot; without a camera it stays as it is."""
+        told, camera = (recording.channels.get(name) for name in (self.channel, self.camera))
+        if told is None or camera is None or len(camera.t) < 2:
+            return recording
+        step_s = max((camera.t[-1] - camera.t[0]) / (len(camera.t) - 1), TICK_S)
+        holds = np.diff(told.t, append=told.t[-1:])
+        parts = np.maximum(np.ceil(holds / step_s - PERIOD_TOLERANCE), 1.0).astype(int)
+        of = np.repeat(np.arange(len(holds)), parts)
+        part, lasts = np.arange(len(of)) - np.searchsorted(of, of), holds[of] / parts[of]
+        t, values = told.t[of] + part * lasts, told.values[of]
+        phi = np.interp(t + 0.5 * lasts, camera.t, np.unwrap(camera.column("phi")))
+        at = [told.columns.index(name) for name in ("vx", "vy")]
+        values[:, at] = rotated(values[:, at], -phi)
+        period_s = told.period_s if len(t) == len(told.t) else None
+        return with_channel(recording, self.channel, replace(told, t=t, values=values, period_s=period_s))
+
+
+@dataclass(frozen=True)
 class Without:
     """The channel left out."""
 
@@ -307,7 +339,7 @@ class CutOut:
 
 OfStretch = Dropped | Mirrored | CutOut
 OfStamps = Clock | Evened | Gridded | Restamped
-Repair = Mixed | Unwrapped | Turned | OfStamps | Interpolated | LeftOut | Without | OfStretch
+Repair = Mixed | Unwrapped | Turned | AlongRobot | OfStamps | Interpolated | LeftOut | Without | OfStretch
 
 
 def with_channel(recording: Recording, name: str, channel: Channel) -> Recording:

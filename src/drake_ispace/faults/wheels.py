@@ -40,4 +40,11 @@ FAULTS = (
         "the columns of the command change places", "another convention of axes",
         "the robot moves across its command", "exchange the columns",
     ),
+    Fault(
+        "command_in_room_frame", "commands along the axes of the room",
+        "vx and vy are along the axes of the room, not along those of the robot",
+        "a planner's velocity is logged before it is turned into the robot's frame",
+        "the robot moves across or against its command, by its heading at each moment",
+        "turn vx and vy by the headings of the camera", same=("command_sign", "command_axes_swapped"),
+    ),
 )

@@ -256,18 +256,21 @@ def _unrelated(hypotheses):
 
 
 def compared(
-    link: Link, base: Base, matrices: Sequence[np.ndarray], related: np.ndarray | float = 1.0
+    link: Link, base: Base, matrices: Sequence[np.ndarray], related: np.ndarray | float = 1.0,
+    measured: Sequence[np.ndarray] | None = None,
 ) -> Part | None:
     """Log likelihoods (matrices,) of a link whose measured columns are multiplied by matrices; None: too short.
 
-    related: (matrices, 1, 1 or d) factor on what the wheels predict, 0 where there is no relation.
+    related: (matrices, 1, 1 or d) factor on what the wheels predict, 0 where there is no relation. measured: (n, d)
+    for each matrix; None: the link's.
     """
     kept = inside(base, link.since_s, link.until_s)
     kept &= in_motion(link.predicted(link.since_s, link.until_s), link.measured, link.noise)
     if kept.sum() < FEWEST:
         return None
     since, until = link.since_s[kept], link.until_s[kept]
-    y = np.stack([link.measured[kept] @ matrix.T for matrix in matrices])
+    measured = [link.measured] * len(matrices) if measured is None else measured
+    y = np.stack([motion[kept] @ matrix.T for motion, matrix in zip(measured, matrices, strict=True)])
     x = np.broadcast_to(related * link.predicted(since, until), y.shape)
     besides = None if link.besides is None else link.besides(since, until)
     return part(x, y, link.groups, np.broadcast_to(link.noise, (len(y), y.shape[2])), besides)

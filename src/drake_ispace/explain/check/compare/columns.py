@@ -24,7 +24,7 @@ class Columns:
     Attributes:
         fault: its name; empty: as given. what: in words. rare: as of Hypothesis. related: 0 where the channel, or each
             column by itself, says nothing of the robot's motion. advice: none, the data are at fault. of, shared: as of
-            Hypothesis.
+            Hypothesis. in_room: whether vx, vy are along the axes of the room, and are turned by the heading before.
     """
 
     fault: str
@@ -36,6 +36,7 @@ class Columns:
     advice: str = ""
     of: tuple["Columns", ...] = ()
     shared: bool = False
+    in_room: bool = False
 
     def then(self, other: "Columns") -> "Columns":
         """This mistake and another, of which this one is undone first."""
@@ -44,7 +45,7 @@ class Columns:
             offset = other.matrix @ self.offset + (0.0 if offset is None else offset)
         return Columns(
             f"{self.fault}, {other.fault}", f"{self.what}, and {other.what}", other.matrix @ self.matrix,
-            self.rare or other.rare, offset, of=(self, other),
+            self.rare or other.rare, offset, of=(self, other), in_room=self.in_room or other.in_room,
         )
 
 
@@ -57,10 +58,13 @@ def innocent(columns: int) -> list[Columns]:
 def pairs(singles: Sequence[Columns]) -> list[Columns]:
     """All readings of two mistakes at once, of different faults, but for those that are rare by themselves.
 
-    Units are undone first.
+    Units are undone first. Beside axes of the room the order of others would matter.
     """
     usual = sorted((one for one in singles if one.fault and not one.rare), key=lambda one: one.fault != "wrong_unit")
-    return [one.then(other) for one, other in combinations(usual, 2) if one.fault != other.fault]
+    return [
+        one.then(other) for one, other in combinations(usual, 2)
+        if one.fault != other.fault and (one.fault == "wrong_unit" or not (one.in_room or other.in_room))
+    ]
 
 
 def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[Columns]:
@@ -97,10 +101,13 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
     return found
 
 
-def command_columns(measured: Sequence[tuple[float | None, float | None]] = ()) -> list[Columns]:
+def command_columns(
+    measured: Sequence[tuple[float | None, float | None]] = (), sees: bool = False
+) -> list[Columns]:
     """All readings of the columns vx, vy, wz, that as given first.
 
-    measured: how many times as large as the wheels say vx, vy and wz are, as of `ratios`.
+    measured: how many times as large as the wheels say vx, vy and wz are, as of `ratios`. sees: whether a camera tells
+    headings.
 
     Some accuse nobody, as the turns of a command that hardly turns say nothing of wheels that wander: without these any
     larger unit would be the likelier.
@@ -117,6 +124,10 @@ def command_columns(measured: Sequence[tuple[float | None, float | None]] = ()) 
     for x, y in product((1.0, -1.0), repeat=2):
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
         found.append(Columns("command_axes_swapped", "vx and vy change places", swap, not x == y == 1.0))
+    if sees:
+        found.append(Columns(
+            "command_in_room_frame", "vx and vy along the axes of the room", np.eye(3), shared=True, in_room=True
+        ))
     speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
     ways = scales([way for way, _ in measured], "m/s", speeds)
     for way, turn in product(ways, scales([turn for _, turn in measured], "rad/s", RATES)):

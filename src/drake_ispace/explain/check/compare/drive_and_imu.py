@@ -26,10 +26,10 @@ from drake_ispace.explain.check.compare.links import (
     torque_link,
     turn_link,
 )
-from drake_ispace.explain.check.compare.motion import arm
+from drake_ispace.explain.check.compare.motion import arm, has_motion
 from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
 from drake_ispace.explain.check.compare.scale import ratios
-from drake_ispace.faults.repair import Mixed
+from drake_ispace.faults.repair import AlongRobot, Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -121,13 +121,17 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
     base = _first(bases)
     if base is None or base.robot.driven != COMMAND:
         return Agreement([])
-    given = command_columns(ratios(runs, bases))
-    unit = np.array([1.0, 1.0, arm(base.geometry)])
+    given = command_columns(ratios(runs, bases), any(map(has_motion, runs)))
+    unit, along = np.array([1.0, 1.0, arm(base.geometry)]), AlongRobot(COMMAND, "kinect")
 
     def one(run, own, tried):
         link = command_link(run, own) if COMMAND in run.channels else None
+        if link is None:
+            return row(tried)
+        told = held_integral(along.apply(run).channels[COMMAND], link.since_s, link.until_s) * unit
+        measured = [told if columns.in_room else link.measured for columns in tried]
         matrices = [columns.matrix * unit[:, None] / unit for columns in tried]
-        return row(tried, None if link is None else compared(link, own, matrices, _related(tried)))
+        return row(tried, compared(link, own, matrices, _related(tried), measured))
 
     found = _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
     return replace(found, findings=[
@@ -212,6 +216,8 @@ def _found(runs, bases, given, one, channel, columns, single):
         return [row(tried) if base is None else one(run, base, tried) for run, base in zip(runs, bases, strict=True)]
 
     def repairs(reading):
+        if reading.in_room:
+            return (AlongRobot(channel, "kinect"),)
         names = columns or next(run.channels[channel].columns for run in runs if channel in run.channels)
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
         return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)

@@ -30,7 +30,8 @@ _OF_NOBODY = "does not move with the robot"
 #: Channel -> what a channel may be besides that moves with the wheels in no run.
 _WHOLE = {
     "encoder": ("wheels_swapped", "wheel_sign", "counts_per_turn"), "imu": ("imu_axes", "wheels_swapped", "wrong_unit"),
-    TORQUE: ("torque_sign", "torques_swapped", "wrong_unit"), COMMAND: ("command_sign", "command_axes_swapped"),
+    TORQUE: ("torque_sign", "torques_swapped", "wrong_unit"),
+    COMMAND: ("command_sign", "command_axes_swapped", "command_in_room_frame"),
     "kinect": ("camera_axis_mirrored", "heading_sign", "wheels_swapped"),
 }
 
