@@ -40,7 +40,8 @@ def test_nothing_is_said_of_a_camera_that_may_be_late(offset_s):
 ])
 def test_a_large_gain_may_be_another_scale_of_the_command(shares, faults):
     answer = answers.named(load_scenario("velocity_base"))
-    found = {f"share_{way}": Estimate(s, (s - 0.01, s + 0.01), "1") for way, s in zip(("x", "yaw"), shares, strict=True)}
+    estimates = [Estimate(share, (share - 0.01, share + 0.01), "1") for share in shares]
+    found = dict(zip(("share_x", "share_yaw"), estimates, strict=True))
     answer.effects = [NamedEffect("velocity_gain", "actuator", [], found, 0.5)]
     add_findings(answer, Examined(["a"], 1, [], [], [], {}))
     assert answer.effects[0].faults == faults
