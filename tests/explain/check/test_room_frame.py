@@ -16,11 +16,11 @@ from hidden import three_wheels, two_wheels
 FAULT = "command_in_room_frame"
 
 
-def along_room(run):
-    """A copy of a run whose command was logged before it was turned into the robot's frame."""
+def along_room(run, room_rad=0.0):
+    """A copy of a run whose command was logged along the axes of the room, these being turned against the camera's."""
     told, kinect = run.channels["command"], run.channels["kinect"]
     phi = np.interp(told.t, kinect.t, np.unwrap(kinect.column("phi")))
-    values = np.column_stack([rotated(told.values[:, :2], phi), told.values[:, 2]])
+    values = np.column_stack([rotated(told.values[:, :2], phi - room_rad), told.values[:, 2]])
     return replace(run, channels=run.channels | {"command": replace(told, values=values)})
 
 
@@ -36,6 +36,14 @@ def test_one_reason_is_told_for_all_runs_and_repaired(runs, tmp_path):
     assert (finding.fault, finding.channel, finding.runs) == (FAULT, "command", (0, 1, 2))
     copies = [load(place) for place in save_repaired(checked, runs, tmp_path)]
     assert check(three_wheels.model(), copies).findings == [] and FAULT in copies[0].notes
+
+
+def test_the_planners_room_may_be_turned():
+    model, turned = three_wheels.model(), [along_room(three_wheels.drive(70 + i, 12.0), 0.7) for i in range(2)]
+    checked = check(model, turned)
+    (finding,) = checked.findings
+    assert finding.fault == FAULT and "turned by 40 degrees" in finding.what
+    assert check(model, checked.repaired).findings == []
 
 
 def test_another_unit_besides_is_told_as_well(runs):

@@ -102,12 +102,12 @@ def torque_columns(wheels: int, in_si: bool = True, times: float = 1.0) -> list[
 
 
 def command_columns(
-    measured: Sequence[tuple[float | None, float | None]] = (), sees: bool = False
+    measured: Sequence[tuple[float | None, float | None]] = (), rooms_rad: Sequence[float] = ()
 ) -> list[Columns]:
     """All readings of the columns vx, vy, wz, that as given first.
 
-    measured: how many times as large as the wheels say vx, vy and wz are, as of `ratios`. sees: whether a camera tells
-    headings.
+    measured: how many times as large as the wheels say vx, vy and wz are, as of `ratios`. rooms_rad: by
+    which the axes of a room that vx, vy may be along are turned against the camera's; empty: no camera sees headings.
 
     Some accuse nobody, as the turns of a command that hardly turns say nothing of wheels that wander: without these any
     larger unit would be the likelier.
@@ -124,10 +124,7 @@ def command_columns(
     for x, y in product((1.0, -1.0), repeat=2):
         swap = np.array([[0.0, x, 0.0], [y, 0.0, 0.0], [0.0, 0.0, 1.0]])
         found.append(Columns("command_axes_swapped", "vx and vy change places", swap, not x == y == 1.0))
-    if sees:
-        found.append(Columns(
-            "command_in_room_frame", "vx and vy along the axes of the room", np.eye(3), shared=True, in_room=True
-        ))
+    found += [_in_room(turn_rad) for turn_rad in rooms_rad]
     speeds = {f"{unit}/s": factor for unit, factor in LENGTHS.items()} | {"km/h": in_si("km/h")}
     ways = scales([way for way, _ in measured], "m/s", speeds)
     for way, turn in product(ways, scales([turn for _, turn in measured], "rad/s", RATES)):
@@ -137,6 +134,14 @@ def command_columns(
             advice = way.advice or turn.advice
             found.append(Columns("wrong_unit", " and ".join(wrong), factors, len(wrong) > 1, advice=advice))
     return found
+
+
+def _in_room(turn_rad):
+    """vx, vy along the axes of the camera's room, or of one that is turned against it, as a planner's may be."""
+    said, c, s = "vx and vy along the axes of the room", np.cos(turn_rad), np.sin(turn_rad)
+    said += f", turned by {np.rad2deg(turn_rad):.0f} degrees against the camera's" if turn_rad else ""
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return Columns("command_in_room_frame", said, turn, bool(turn_rad), shared=True, in_room=True)
 
 
 def accelerometer_columns() -> list[Columns]:

@@ -28,6 +28,7 @@ from drake_ispace.explain.check.compare.links import (
 )
 from drake_ispace.explain.check.compare.motion import arm, has_motion
 from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
+from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.explain.check.compare.scale import ratios
 from drake_ispace.faults.repair import AlongRobot, Mixed
 from drake_ispace.files.recording import Recording
@@ -121,15 +122,23 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
     base = _first(bases)
     if base is None or base.robot.driven != COMMAND:
         return Agreement([])
-    given = command_columns(ratios(runs, bases), any(map(has_motion, runs)))
     unit, along = np.array([1.0, 1.0, arm(base.geometry)]), AlongRobot(COMMAND, "kinect")
+    links = [
+        command_link(run, own) if own is not None and COMMAND in run.channels else None
+        for run, own in zip(runs, bases, strict=True)
+    ]
+    told = [
+        None if link is None else held_integral(along.apply(run).channels[COMMAND], link.since_s, link.until_s) * unit
+        for run, link in zip(runs, links, strict=True)
+    ]
+    given = command_columns(ratios(runs, bases), _rooms(runs, bases, links, told))
+    of_run = {id(run): both for run, both in zip(runs, zip(links, told, strict=True), strict=True)}
 
     def one(run, own, tried):
-        link = command_link(run, own) if COMMAND in run.channels else None
+        link, in_room = of_run[id(run)]
         if link is None:
             return row(tried)
-        told = held_integral(along.apply(run).channels[COMMAND], link.since_s, link.until_s) * unit
-        measured = [told if columns.in_room else link.measured for columns in tried]
+        measured = [in_room if columns.in_room else link.measured for columns in tried]
         matrices = [columns.matrix * unit[:, None] / unit for columns in tried]
         return row(tried, compared(link, own, matrices, _related(tried), measured))
 
@@ -138,6 +147,21 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
         replace(finding, repairs=(), for_now=finding.repairs) if finding.advice else finding
         for finding in found.findings
     ])
+
+
+def _rooms(runs, bases, links, told):
+    """Angles [rad] by which the room of commands may be turned against the camera's, none first; of no camera: empty.
+
+    told: of each run, motions that are commanded along the camera's room.
+    """
+    both, sees = 0.0, any(map(has_motion, runs))
+    for run, base, link, way in zip(runs, bases, links, told, strict=True):
+        if link is not None and has_motion(run):
+            kept = inside(base, link.since_s, link.until_s)
+            wheels = link.predicted(link.since_s[kept], link.until_s[kept])
+            both += np.vdot(way[kept, :2] @ (1.0, 1j), wheels[:, :2] @ (1.0, 1j))
+    angle = float(np.angle(both))
+    return [0.0, *([angle] if abs(angle) > SLACK else [])] if sees else []
 
 
 def imu_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
@@ -216,11 +240,12 @@ def _found(runs, bases, given, one, channel, columns, single):
         return [row(tried) if base is None else one(run, base, tried) for run, base in zip(runs, bases, strict=True)]
 
     def repairs(reading):
-        if reading.in_room:
-            return (AlongRobot(channel, "kinect"),)
         names = columns or next(run.channels[channel].columns for run in runs if channel in run.channels)
         offset = () if reading.offset is None else tuple(reading.offset.tolist())
-        return (Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset),)
+        mixed = Mixed(channel, names, tuple(map(tuple, reading.matrix.tolist())), offset)
+        if reading.in_room:
+            return (AlongRobot(channel, "kinect"), *(() if np.array_equal(reading.matrix, np.eye(3)) else (mixed,)))
+        return (mixed,)
 
     both = None if single else lambda: pairs(given)
     return disagreement(
