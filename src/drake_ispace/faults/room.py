@@ -24,7 +24,7 @@ FAULTS = (
         "phi is off by 90 or 180 degrees, always or for a while, or by any angle, or the axes of the room are turned",
         "the marker is fitted turned or looks the same turned, or x points elsewhere in the camera's software",
         "the robot seems to move across or against its heading", "add the angle",
-        same=("camera_turned", "wheel_angles", "wheels_swapped", "wheel_order", "encoder_sign"),
+        same=("camera_turned", "wheels_swapped", "wheel_order", "encoder_sign", "wheel_angles"),
     ),
     Fault(
         "heading_is_course", "headings that are directions of motion",

@@ -41,7 +41,7 @@ FAULTS = (
         "the robot moves across its command", "exchange the columns",
     ),
     Fault(
-        "command_in_room_frame", "commands along the axes of the room",
+        "command_in_room_frame", "vx and vy along the axes of the room",
         "vx and vy are along the axes of the room, not along those of the robot",
         "a planner's velocity is logged before it is turned into the robot's frame",
         "the robot moves across or against its command, by its heading at each moment",

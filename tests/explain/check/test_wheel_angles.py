@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.compare.hypotheses import readings
-from drake_ispace.scenario import load_scenario
-from hidden import three_wheels
+from hidden import three_wheels, two_wheels
 
 OFF_RAD = np.deg2rad(40.0)
 
@@ -46,6 +44,21 @@ def test_without_a_command_either_may_be_wrong(runs, turned):
     assert {finding.fault, *finding.rivals} >= {"heading_offset", "wheel_angles"}
 
 
+@pytest.mark.parametrize("mixed", [[[0, 1, 0], [1, 0, 0], [0, 0, 1]], [[-1, 0, 0], [0, -1, 0], [0, 0, -1]]])
+def test_a_command_that_is_wrong_by_itself_accuses_no_wheels(runs, mixed):
+    off, wrong = [0.0, 0.0, -1.5 * OFF_RAD], []
+    for run in runs:
+        command, kinect = run.channels["command"], run.channels["kinect"]
+        turned = {"kinect": replace(kinect, values=kinect.values + off)}
+        wrong.append(replace(run, channels=run.channels | turned | {
+            "command": replace(command, values=command.values @ mixed)
+        }))
+    assert {finding.channel for finding in check(three_wheels.model(), wrong).findings} == {"command", "kinect"}
+
+
 def test_wheels_that_hold_the_robot_sideways_have_no_other_angles():
-    differential = load_scenario("velocity_base", ["rover.plant.wheels=differential"]).rover.plant.geometry
-    assert "wheel_angles" not in {reading.fault for reading in readings(differential, 0.0, wheels_rad=[OFF_RAD])}
+    late = [two_wheels.drive(80 + i, 12.0, left_share=0.0, late_s=0.0, lag_s=0.02, in_step=True) for i in range(2)]
+    off = [0.0, 0.0, OFF_RAD]
+    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values + off) for run in late]
+    seen = [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(late, kinects, strict=True)]
+    assert {finding.channel for finding in check(two_wheels.model(), seen).findings} == {"kinect"}

@@ -10,7 +10,7 @@ from drake_ispace.explain.answer.sentences import over, p_in_words
 from drake_ispace.explain.decide.decision import Decision
 from drake_ispace.explain.decide.each_part import OfAPart
 from drake_ispace.explain.decide.survey.view import scales_of
-from drake_ispace.explain.fit.candidates import coordinate, tolerance_of
+from drake_ispace.explain.fit.candidates import Candidate, coordinate, tolerance_of
 from drake_ispace.explain.predict.case import Case
 from drake_ispace.explain.prove.errors.free_run import ATE, RPE, RUN, WHEELS
 from drake_ispace.explain.prove.errors.gap import HELD_OUT, TRAINING, GapRow
@@ -241,12 +241,10 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
 
     An answer for all does not suffice then.
     """
-    several: list[list[OfAPart]] = []
-    for one in found:
-        if one.sizes and not any(one in parts for parts in several):
-            several.append([other for other in found if _is_of_the_same(other, one)])
+    groups = _alike(found)
+    several = [parts for parts in groups if any(one.sizes for one in parts)]
     answer.drifts += [_at_different_sizes(parts) for parts in several]
-    for one in (one for one in found if not any(one in parts for parts in several)):
+    for one in (one for parts in groups if parts not in several for one in parts):
         values = one.candidate.values(one.z)
         sizes = ", ".join(_size(p.name, values[p.name], p.unit) for p in one.candidate.parameters)
         alike = "".join(f" or {other.label}" for other in one.alike)
@@ -261,13 +259,20 @@ def add_parts(answer: Explanation, found: Sequence[OfAPart]) -> None:
         answer.verdict = "incomplete" if answer.effects else "unknown"
 
 
-def _is_of_the_same(other: OfAPart, one: OfAPart) -> bool:
-    """Whether a run shows the effect of another one, or at a size of its own what looks alike."""
-    return other.candidate is one.candidate or (bool(other.sizes) and other.candidate in one.alike)
+def _alike(found: Sequence[OfAPart]) -> list[list[OfAPart]]:
+    """The parts in groups, of which each shows what looks like that of another one."""
+    groups: list[tuple[set[Candidate], list[OfAPart]]] = []
+    for one in found:
+        names, parts = {one.candidate, *one.alike}, [one]
+        for near in [group for group in groups if group[0] & names]:
+            groups.remove(near)
+            names, parts = near[0] | names, near[1] + parts
+        groups.append((names, parts))
+    return [parts for _, parts in groups]
 
 
 def _at_different_sizes(found: Sequence[OfAPart]) -> str:
-    """A sentence on an effect that several runs show at different sizes; found: the runs that are told for it."""
+    """A sentence on what several runs show at different sizes; found: the runs that are told for it, of names alike."""
     one = next(part for part in found if part.sizes)
     p_values = {part.part: f"; {p_in_words(part.p_value)}" for part in found}
 
@@ -276,8 +281,8 @@ def _at_different_sizes(found: Sequence[OfAPart]) -> str:
         return f"{size.part} ({how}{p_values.get(size.part, '')})"
 
     clear = [size for size in one.sizes if size.is_clear or size.part in p_values]
-    alike = "".join(f" or {other.label}" for other in one.alike)
-    said = f"{one.candidate.label}{alike} shows in {' and '.join(map(in_part, clear))}"
+    names = [name.label for part in [one, *found] for name in (part.candidate, *part.alike)]
+    said = f"{' or '.join(dict.fromkeys(names))} shows in {' and '.join(map(in_part, clear))}"
     if others := [size for size in one.sizes if size not in clear]:
         said += f", not for certain in {' and '.join(map(in_part, others))}"
     return f"{said}: its size differs from run to run, something else goes with it"

@@ -23,8 +23,10 @@ Run = Recording | str | Path
 Runs = Run | Sequence[Run] | Mapping[str, Run] | None
 
 
-def listed(runs: Runs) -> list[Run]:
+def listed(runs: Runs, given: str = "runs") -> list[Run]:
     """The runs one after the other; a recording that is given by name has that name in messages. None are none.
+
+    given: what they were given as, for messages.
 
     Raises:
         InputError: something else than recordings and folders.
@@ -36,11 +38,11 @@ def listed(runs: Runs) -> list[Run]:
     every = [runs]
     if isinstance(runs, Mapping):
         every = [_called(run, name) for name, run in runs.items()]
-    elif isinstance(runs, Iterable):
+    elif isinstance(runs, Iterable) and not isinstance(runs, np.ndarray | bytes):
         every = list(runs)
     for run in every:
         if not isinstance(run, Run):
-            raise InputError(f"runs: expected recordings or folders of runs, got {type(run).__name__} {shown(run)}")
+            raise InputError(f"{given}: expected recordings or folders of runs, got {type(run).__name__} {shown(run)}")
     return every
 
 
@@ -59,8 +61,11 @@ def at_least_one(runs: Runs) -> list[Run]:
 def by_kind(held_out: Runs | Mapping[str, Runs]) -> dict[str, list[Run]]:
     """Kind -> held-out runs of it, one after the other; one recording by itself is named by its kind."""
     if not isinstance(held_out, Mapping):
-        return {UNNAMED: listed(held_out)}
-    return {kind: listed({kind: some} if isinstance(some, Run) else some) for kind, some in held_out.items()}
+        return {UNNAMED: listed(held_out, "held_out")}
+    return {
+        kind: listed({kind: some} if isinstance(some, Run) else some, f"held_out: {kind}")
+        for kind, some in held_out.items()
+    }
 
 
 def _called(run: Run, name: str) -> Run:

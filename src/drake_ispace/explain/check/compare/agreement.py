@@ -195,7 +195,7 @@ class _Choice:
         So it does where the channel is another run's.
         """
         given, read = (self._share(self.rows[i], j) for j in (0, k))
-        return given >= well and (read < _plainly_better(given) or self.is_others(i, self.hypotheses[k]))
+        return given >= well and (read < plainly_better(given) or self.is_others(i, self.hypotheses[k]))
 
     def is_better_than(self, other, well, least_share):
         """Whether two mistakes explain plainly more than a single one, or as much as a sound channel does.
@@ -203,14 +203,14 @@ class _Choice:
         Of any run below least_share, where most runs follow as well as a sound channel without any mistake.
         """
         if other.number is not None:
-            return self.follows() >= _plainly_better(other.follows())
+            return self.follows() >= plainly_better(other.follows())
         if other.follows() < well:
             return self.follows() >= well
         both = zip(self._shares(), other._shares(), strict=True)
-        return any(mine >= _plainly_better(theirs) for mine, theirs in both if theirs < least_share)
+        return any(mine >= plainly_better(theirs) for mine, theirs in both if theirs < least_share)
 
 
-def _plainly_better(share):
+def plainly_better(share):
     """The share, as of `following`, from which on RELATED of what another one leaves is explained."""
     return share + RELATED * (1.0 - share)
 

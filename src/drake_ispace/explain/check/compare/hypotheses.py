@@ -69,7 +69,7 @@ def readings(
     gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
     model. room: how many times as far as the wheels say, the camera sees the robot go. turns_rad: by which its ways may
     be turned against those that the wheels say. wheels_rad: by which the model's wheels may
-    be turned, which looks alike where no command tells.
+    be turned, where a command tells it from that.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -85,7 +85,7 @@ def readings(
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
         *_tracks(unit, times), *_axes(unit), *_units(unit), *_units_of_one(unit), *_rooms(unit, room),
         *(_turned(unit, turn_rad) for turn_rad in turns_rad),
-        *(_wheel_angles(unit, turn_rad) for turn_rad in wheels_rad if not geometry.holds_sideways),
+        *(wheel_angles(geometry, turn_rad) for turn_rad in wheels_rad),
     ]
 
 
@@ -185,14 +185,14 @@ def _rooms(unit, times):
         yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _SCALES)
 
 
-def _wheel_angles(unit, turn_rad):
+def wheel_angles(geometry: WheelGeometry, turn_rad: float) -> Reading:
     """Wheels that sit at other angles about the robot's middle than the model says, all turned alike.
 
-    To wheels and camera that is the same as headings that are off.
+    To wheels and camera that is the same as headings that are off; turn_rad: as of `readings`.
     """
     c, s, degrees = np.cos(turn_rad), np.sin(turn_rad), np.rad2deg(turn_rad)
     return Reading(
-        "wheel_angles", f"the model's wheels are turned by {-degrees:.0f} degrees", "model", unit,
+        "wheel_angles", f"which are turned by {-degrees:.0f} degrees", "model", np.eye(len(geometry.wheels)),
         np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), rare=True,
         advice=f"turn the model's wheels about the robot's middle by {degrees:.0f} degrees",
     )

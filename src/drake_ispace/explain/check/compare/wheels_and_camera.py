@@ -18,10 +18,12 @@ from drake_ispace.explain.check.compare.agreement import (
     gains,
     mistakes,
     part,
+    plainly_better,
     row,
 )
+from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of
 from drake_ispace.explain.check.compare.foreign import owner
-from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings
+from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings, wheel_angles
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     PLACES_AND_TURNS,
@@ -44,7 +46,7 @@ from drake_ispace.explain.check.compare.regression import (
     scores,
 )
 from drake_ispace.explain.check.compare.turned import turns
-from drake_ispace.faults.repair import Mixed, Repair
+from drake_ispace.faults.repair import Mixed, Repair, repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND
 
@@ -80,8 +82,8 @@ def wheels_or_camera(
         return [usual, *(float(wrap(angle - usual)) for angle in others)]
 
     turned = said_of(turns(motions))
-    tells = base.robot.driven == COMMAND and any(COMMAND in run.channels for run in runs)
-    given = readings(base.geometry, counts, gears, *_ratios(motions), turned, turned[:1] if tells else ())
+    angles = [angle for angle in turned[:1] if _command_tells(runs, bases, base, angle)]
+    given = readings(base.geometry, counts, gears, *_ratios(motions), turned, angles)
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""
@@ -105,6 +107,24 @@ def wheels_or_camera(
         lambda reading: reading.channel, lambda reading: repairs_of(reading, base), casting, against,
         is_others=is_others,
     )
+
+
+def _command_tells(runs, bases, base, turn_rad):
+    """Whether commands plainly go with the wheels, once those of the model are turned by the angle, and not as given.
+
+    A command that has another frame or sense by itself, or is noise, goes with neither.
+    """
+    if base.robot.driven != COMMAND or base.geometry.holds_sideways or abs(turn_rad) <= SLACK:
+        return False
+    as_given, undo = command_columns_of(runs, bases), repairs_of(wheel_angles(base.geometry, turn_rad), base)
+    turned = [run if own is None else repaired(run, undo) for run, own in zip(runs, bases, strict=True)]
+    encoders = [
+        None if own is None else replace(own, encoder=run.channels["encoder"])
+        for run, own in zip(turned, bases, strict=True)
+    ]
+    then = command_columns_of(turned, encoders)
+    follows = then.explained and then.follows > plainly_better(as_given.follows)
+    return follows and all(finding.fault == "wrong_unit" for finding in then.findings)
 
 
 def _motions(run, base):
