@@ -24,6 +24,13 @@ def turned():
     return replace(model, rover=replace(model.rover, plant=replace(model.rover.plant, first_rad=first_rad)))
 
 
+def seen_turned(runs, angle_rad):
+    """The runs whose camera has headings that are off by that angle."""
+    off = [0.0, 0.0, angle_rad]
+    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values + off) for run in runs]
+    return [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(runs, kinects, strict=True)]
+
+
 def test_a_command_that_goes_with_the_camera_accuses_the_models_wheels(runs, turned):
     (finding,) = check(turned, runs).findings
     assert (finding.fault, finding.channel, finding.runs) == ("wheel_angles", "model", (0, 1))
@@ -31,10 +38,7 @@ def test_a_command_that_goes_with_the_camera_accuses_the_models_wheels(runs, tur
 
 
 def test_a_command_that_goes_with_the_wheels_accuses_the_camera(runs):
-    off = [0.0, 0.0, OFF_RAD]
-    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values + off) for run in runs]
-    seen = [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(runs, kinects, strict=True)]
-    (finding,) = check(three_wheels.model(), seen).findings
+    (finding,) = check(three_wheels.model(), seen_turned(runs, OFF_RAD)).findings
     assert (finding.fault, finding.channel) == ("heading_offset", "kinect") and "wheel_angles" in finding.rivals
 
 
@@ -46,19 +50,13 @@ def test_without_a_command_either_may_be_wrong(runs, turned):
 
 @pytest.mark.parametrize("mixed", [[[0, 1, 0], [1, 0, 0], [0, 0, 1]], [[-1, 0, 0], [0, -1, 0], [0, 0, -1]]])
 def test_a_command_that_is_wrong_by_itself_accuses_no_wheels(runs, mixed):
-    off, wrong = [0.0, 0.0, -1.5 * OFF_RAD], []
-    for run in runs:
-        command, kinect = run.channels["command"], run.channels["kinect"]
-        turned = {"kinect": replace(kinect, values=kinect.values + off)}
-        wrong.append(replace(run, channels=run.channels | turned | {
-            "command": replace(command, values=command.values @ mixed)
-        }))
+    wrong = []
+    for run in seen_turned(runs, -1.5 * OFF_RAD):
+        command = run.channels["command"]
+        wrong.append(replace(run, channels=run.channels | {"command": replace(command, values=command.values @ mixed)}))
     assert {finding.channel for finding in check(three_wheels.model(), wrong).findings} == {"command", "kinect"}
 
 
 def test_wheels_that_hold_the_robot_sideways_have_no_other_angles():
     late = [two_wheels.drive(80 + i, 12.0, left_share=0.0, late_s=0.0, lag_s=0.02, in_step=True) for i in range(2)]
-    off = [0.0, 0.0, OFF_RAD]
-    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values + off) for run in late]
-    seen = [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(late, kinects, strict=True)]
-    assert {finding.channel for finding in check(two_wheels.model(), seen).findings} == {"kinect"}
+    assert {finding.channel for finding in check(two_wheels.model(), seen_turned(late, OFF_RAD)).findings} == {"kinect"}

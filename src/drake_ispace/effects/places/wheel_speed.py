@@ -20,6 +20,14 @@ def wheel_rate(wheels, velocity, i):
     return wheels[j] * velocity[0] + wheels[j + 1] * velocity[1] + wheels[j + 2] * velocity[2]
 
 
+class _OfEachWheel(VelocityEffect):
+    """What becomes of each wheel's speed by itself; the kernel takes `wheels` and `motion`."""
+
+    def block_parameters(self, body, values):
+        geometry = body.plant.nominal_geometry
+        return dict(values) | {"wheels": geometry.inverse.ravel(), "motion": geometry.forward.T.ravel()}
+
+
 @kernel
 def beyond_dead_zone(velocity, width_rad_s, wheels, motion, out):
     out[0], out[1], out[2] = velocity[0], velocity[1], velocity[2]
@@ -29,7 +37,7 @@ def beyond_dead_zone(velocity, width_rad_s, wheels, motion, out):
             out[k] -= motion[3 * i + k] * lost
 
 
-class VelocityDeadZone(VelocityEffect):
+class VelocityDeadZone(_OfEachWheel):
     """Every wheel slower than told by width_rad_s, and at rest where it is told less: w - clip(w, -width, width)."""
 
     card = Card(
@@ -43,10 +51,6 @@ class VelocityDeadZone(VelocityEffect):
     parameters = (Parameter("width_rad_s", "rad/s", 0.0, 0.0, math.inf, (0.05, 0.2), "speed", tolerance=1e-3),)
     output = beyond_dead_zone
 
-    def block_parameters(self, body, values):
-        geometry = body.plant.nominal_geometry
-        return dict(values) | {"wheels": geometry.inverse.ravel(), "motion": geometry.forward.T.ravel()}
-
 
 @kernel
 def wheels_limited(velocity, limit_rad_s, wheels, motion, out):
@@ -58,7 +62,7 @@ def wheels_limited(velocity, limit_rad_s, wheels, motion, out):
             out[k] -= motion[3 * i + k] * lost
 
 
-class WheelSpeedLimit(VelocityEffect):
+class WheelSpeedLimit(_OfEachWheel):
     """Every wheel at most as fast as limit_rad_s, each by itself: clip(w, -limit, limit)."""
 
     card = Card(
@@ -76,10 +80,6 @@ class WheelSpeedLimit(VelocityEffect):
         Parameter("limit_rad_s", "rad/s", math.inf, LEAST_LIMIT, math.inf, (1.0, 0.8), "top speed", reciprocal=True),
     )
     output = wheels_limited
-
-    def block_parameters(self, body, values):
-        geometry = body.plant.nominal_geometry
-        return dict(values) | {"wheels": geometry.inverse.ravel(), "motion": geometry.forward.T.ravel()}
 
 
 @kernel
