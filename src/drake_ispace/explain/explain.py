@@ -103,9 +103,8 @@ def explain(
         answer = _explained(case, seed, tell)
         if answer.verdict in ("unknown", "incomplete") and (moved := with_counters_set(case)) is not case:
             tell("asking again, with other zeros of the counters")
-            again = _explained(moved, seed, tell)
-            names = {name for effect in again.effects for name in (effect.name, *effect.equivalents)}
-            if again.verdict in ("named", "set") and SHOWS in names:
+            again = _explained(moved, seed, tell, needed=SHOWS)
+            if again is not None and again.verdict in ("named", "set") and SHOWS in again.mentioned:
                 case, answer = moved, again
     add_chance(answer)
     advise_missing_motion(answer, case)
@@ -120,15 +119,18 @@ def explain(
     return answer
 
 
-def _explained(case, seed, tell) -> Explanation:
-    """Stages 2 to 5."""
+def _explained(case, seed, tell, needed=None) -> Explanation | None:
+    """Stages 2 to 5; None where the decision does not know the effect that is needed, by its name."""
     # 2 fit: an effect, and for an effect on one wheel which wheel, is a candidate; a fit moves its sizes
     tried = candidates(case.effects_to_try, case.replay.body)
 
     # 3 decide: fits candidates, alone and together, and compares the deviances (or the errors of whole runs)
     if not case.is_filtered:
         return _answered(case, validated_choice(case.prediction, tried, tell), seed, tell).answer
-    best = _answered(case, decide(case.prediction, tried, seed, tell), seed, tell)
+    decision = decide(case.prediction, tried, seed, tell)
+    if needed is not None and needed not in decision.names:
+        return None
+    best = _answered(case, decision, seed, tell)
 
     def decided_without(names):
         return decide(case.prediction, [candidate for candidate in tried if candidate.name not in names], seed, tell)

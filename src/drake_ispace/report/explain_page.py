@@ -189,7 +189,7 @@ def page(
     cells = {which: [_cells(row) for row in explanation.gap if row.runs == which] for which in (HELD_OUT, TRAINING)}
     return render(
         "explain.html.j2", title=explanation.title, e=explanation, path=path,
-        cards={name: library()[name].card for name in _mentioned(explanation) if name in library()},
+        cards={name: library()[name].card for name in explanation.mentioned if name in library()},
         lines=changed_lines(model, explanation), blocks=[(title, embedded(folder / name)) for name, title in pictures],
         lead=_sentence(explanation), unseen=cells[HELD_OUT], seen=cells[TRAINING], left=_left(explanation),
         residuals=embedded(folder / "residuals.png") if (folder / "residuals.png").is_file() else None,
@@ -233,7 +233,3 @@ def changed_lines(model: Scenario, explanation: Explanation) -> list[tuple[str, 
         return []
     before, after = (dump_yaml(difference(one)).splitlines() for one in (model, explanation.model))
     return [(line[0], line[2:]) for line in difflib.ndiff(before, after) if line[0] != "?"]
-
-
-def _mentioned(explanation):
-    return [name for effect in explanation.effects for name in (effect.name, *effect.equivalents)]

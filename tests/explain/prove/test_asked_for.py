@@ -35,8 +35,8 @@ def asked(further, name=RADIUS, straight=(), alone=(), **hidden):
     )
     windows = [windows_of(case.prediction, i, {}) for i in range(3)]
     floors = dict.fromkeys(errors(case.prediction, 0, windows[0], {}), 1e-3)
-    without = plain_fit(case.prediction, windows, named, sizes, floors).without
-    found = asked_for(case.prediction, windows, decision, without, floors, alone)
+    fitted = plain_fit(case.prediction, windows, named, sizes, floors)
+    found = asked_for(case.prediction, windows, decision, fitted, floors, alone)
     return found and (found.effect, found.point)
 
 

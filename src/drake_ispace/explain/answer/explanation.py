@@ -203,6 +203,11 @@ class Explanation:
     seconds: float = 0.0
 
     @property
+    def mentioned(self) -> list[str]:
+        """Names of the effects, and of those that cannot be told from them."""
+        return [name for effect in self.effects for name in (effect.name, *effect.equivalents)]
+
+    @property
     def headlines(self) -> list[GapRow]:
         """The rows of the gap that say most, the longest horizon first, one for each of what drives the model.
 

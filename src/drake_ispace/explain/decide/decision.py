@@ -112,6 +112,13 @@ class Decision:
     kept: Mapping[Candidate, list[Rival] | None] = field(default_factory=dict)
     naming: "Callable[[Decision, Point], Decision] | None" = None
 
+    @property
+    def names(self) -> set[str]:
+        """Names of the effects that it names or would fall back on, and of their rivals."""
+        named = () if self.named is None else self.named.point
+        rivals = (rival.candidate for rivals in self.rivals.values() for rival in rivals)
+        return {c.name for c in (*named, *rivals)} | (self.otherwise.names if self.otherwise is not None else set())
+
     def with_named(self, end: Survey, named: Fit) -> "Decision":
         """The Decision for these named effects, `end` being the survey with them in the model."""
         return replace(self, end=end, named=named, total_gain=end.gain_of(named.point))

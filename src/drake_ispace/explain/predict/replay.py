@@ -54,6 +54,8 @@ class Replay:
             its drive may still follow what was commanded before.
         alone: indices of run-time numbers, and their values, with which wheels alone move the model, whatever was
             commanded; None: no velocity was recorded.
+        motion: whether innovations of the outputs are wanted where a rollout of their own gives them; else they are
+            (ticks, 0).
     """
 
     body: Body
@@ -65,6 +67,7 @@ class Replay:
     others: int
     settling_ticks: int = 0
     alone: tuple[np.ndarray, np.ndarray] | None = None
+    motion: bool = True
     _packed: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, repr=False)
     _led: WeakKeyDictionary = field(default_factory=WeakKeyDictionary, repr=False)
 
@@ -137,8 +140,12 @@ class Replay:
         start: (3 + n,) pose and wheel angles at t = 0. numbers: the rollout's run-time numbers.
         """
         numbers = self.since(run, numbers)
-        innovations, fixes = self.shown(run, self._logs(run, start, numbers, self.logged_inputs))
-        return innovations, fixes if self.alone is None else self._led_by_wheels(run, start, numbers)
+        if self.alone is None:
+            return self.shown(run, self._logs(run, start, numbers, self.logged_inputs))
+        innovations = np.empty((run.ticks, 0))
+        if self.motion:
+            innovations = self.shown(run, self._logs(run, start, numbers, self.logged_inputs))[0]
+        return innovations, self._led_by_wheels(run, start, numbers)
 
     def _led_by_wheels(self, run, start, numbers):
         """(k, 3) innovations of the fixes where wheels alone move the model: the same whatever lies before the wheels.
@@ -260,7 +267,12 @@ class Replay:
     def _turned(self, run, numbers):
         """(rows, 3) velocity in B, as the wheels turn of which the encoders show the angles, without rounding."""
         turned = np.diff(run.turned, axis=0, append=run.turned[-1:]) / self._shown_per_turned(numbers)
-        return turned @ self.body.plant.nominal_geometry.forward.T / TICK_S
+        return turned @ self._forward.T / TICK_S
+
+    @cached_property
+    def _forward(self):
+        """(3, n) from the wheels' speeds to the velocity in B."""
+        return self.body.plant.nominal_geometry.forward
 
     def ways(self, run: Track, numbers: np.ndarray) -> np.ndarray:
         """(rows, 3) the way [m, m, rad] along the axes of B since t = 0 of a robot that is driven by velocity.

@@ -141,7 +141,7 @@ def prove(case: Case, decision: Decision, seed: int) -> Proof:
     left, asked, may_stand = _distinct(_left(judged, every)), None, None
     if fitted is not None:
         if left:
-            asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted.without, floors, passed_over)
+            asked = partial(asked_for, training, fitted_to.windows[:n], decision, fitted, floors, passed_over)
         else:
             sizes = decision.end.likelihood.sizes
             fit = partial(plain_fit, training, fitted_to.windows[:n], sizes=sizes, floors=floors)

@@ -133,7 +133,10 @@ def _finding(track: Track, of_run: _Lateness, usual: _Lateness) -> Finding | Non
 def _times(prediction: Prediction, tried: Sequence[Candidate]) -> tuple[dict[int, _Lateness], _Lateness]:
     """Number of a run -> how late its clock is, and the usual lateness; runs whose numbers do not settle are left out.
     """
-    prediction = replace(prediction, channels=prediction.channels | {"motion": []}, columns=[])  # nothing but the fixes
+    prediction = replace(  # nothing but the fixes
+        prediction, replay=replace(prediction.replay, motion=False), columns=[],
+        channels=prediction.channels | {"motion": []},
+    )
     late, common_s, is_near = np.zeros((len(prediction.tracks), 2)), 0.0, False
     stays = np.zeros(len(late), bool)
     for turn in range(MOST_TURNS):

@@ -1,10 +1,12 @@
 """Plain least squares of free-run simulations: a yardstick for the sizes of the answer.
 
-It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter.
+It knows nothing of filters, innovations or a model of the noise. It begins at the neutral value of every parameter, or
+where such a fit of other effects ended.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -45,18 +47,19 @@ class PlainFit:
 
 def plain_fit(
     prediction: Prediction, windows: Sequence[Windows], point: Point, sizes: Mapping[Candidate, Sequence[float]],
-    floors: Mapping[Measure, float],
+    floors: Mapping[Measure, float], begin: Point = MappingProxyType({}),
 ) -> PlainFit:
     """Fit the effects of `point` to free runs.
 
     Args:
         prediction: of the runs to fit. windows: of each run. sizes: natural size of each coordinate. floors: measure ->
-            what noise leaves; every error counts in units of it.
+            what noise leaves; every error counts in units of it. begin: sizes of some of the effects that suit whole
+            runs, to begin with. The rest begin neutral.
     """
     order = [(candidate, i) for candidate in point for i in range(len(candidate.parameters))]
     size = np.array([max(sizes[c][i], abs(point[c][i] - c.neutral[i])) for c, i in order])  # only scales
     low, high = (np.array([candidate.bounds[i][end] for candidate, i in order]) / size for end in (0, 1))
-    start = np.array([candidate.neutral[i] for candidate, i in order]) / size
+    start = np.array([begin.get(candidate, candidate.neutral)[i] for candidate, i in order]) / size
     start = np.clip(start, low + STEP, high - STEP)  # least squares wants a start inside of the bounds
 
     def at(z):
@@ -86,7 +89,8 @@ def plain_fit(
 
     # over long horizons a heading may be wrong by turns; from the sizes that suit short ones on it is not
     every, best = [fitted_horizons(w) for w in windows], None
-    for horizons in ([{w.shortest} for w in windows], every) if start.size else ():
+    stages = [every] if begin else [[{w.shortest} for w in windows], every]
+    for horizons in stages if start.size else ():
         if residuals([start], horizons).size:
             best = least_squares(
                 lambda z, horizons: residuals([z], horizons)[0], start, bounds=(low, high), max_nfev=_MOST_TRIALS,
