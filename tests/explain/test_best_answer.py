@@ -107,6 +107,26 @@ def test_a_small_effect_is_not_named_where_an_answer_that_does_not_suffice_leave
     assert any("lag is small" in said for said in best.answer.warnings) == (len(left) == 1)
 
 
+@pytest.mark.parametrize(("doubted", "left"), [(["slip", "lag"], []), (["slip"], ["slip", "lag"]), ([], ["slip", "lag"])])
+def test_nothing_is_named_where_every_effect_of_an_answer_that_does_not_suffice_is_doubtful(monkeypatch, doubted, left):
+    def answered(decision):
+        effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]
+        remainders = [SimpleNamespace(ratio=4.0 - len(effects))]
+        verdict = "incomplete" if effects else "unknown"
+        answer = SimpleNamespace(verdict=verdict, effects=effects, warnings=[], gap=[], remainders=remainders)
+        return proved(decision, answer)
+
+    monkeypatch.setattr(best_answer, "doubtful", lambda answer, case, proof: {
+        effect.name: f"{effect.name} may be none" for effect in answer.effects if effect.name in doubted
+    })
+    monkeypatch.setattr(best_answer, "_with_further", lambda first, answered: first)
+    first = decided(["slip", "lag"])
+    first.otherwise = None
+    best = best_of(answered(first), answered)
+    assert [effect.name for effect in best.answer.effects] == left
+    assert any("lag may be none" in said for said in best.answer.warnings) == (not left)
+
+
 @pytest.mark.parametrize(("unconfirmed", "left"), [
     ({"slip lag": ["lag"]}, ["slip"]),
     ({"slip lag": ["lag", "slip"]}, ["slip"]),  # which is confirmed without the other one

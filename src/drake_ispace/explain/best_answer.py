@@ -85,7 +85,7 @@ def _preferred(case, first, answered, decided_without) -> Answered:
         best = _without(best, {worst}, f"is not confirmed: {why}", answered)
         if lacks_more:  # the rest is no answer then: what the effect stood for is missing
             best.answer.verdict = "incomplete" if best.answer.effects else "unknown"
-    return best
+    return _without_all(case, best, answered)
 
 
 def _is_trace(decision, name) -> bool:
@@ -165,6 +165,14 @@ def _without_small(case, best, answered) -> Answered:
         return best
     without = _without(best, why.keys(), f"is doubtful: {'; '.join(why.values())}", answered)
     return without if without.too_large <= best.too_large else best
+
+
+def _without_all(case, best, answered) -> Answered:
+    """Without any effect, if an answer that does not suffice names none but doubtful ones: they stand for another."""
+    doubts = {} if best.suffices or not best.answer.effects else doubtful(best.answer, case, best.proof)
+    if doubts.keys() != {effect.name for effect in best.answer.effects}:
+        return best
+    return _without(best, doubts.keys(), f"is doubtful: {'; '.join(doubts.values())}", answered)
 
 
 def _needed(case, best) -> Decision:
