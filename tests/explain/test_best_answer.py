@@ -107,7 +107,9 @@ def test_a_small_effect_is_not_named_where_an_answer_that_does_not_suffice_leave
     assert any("lag is small" in said for said in best.answer.warnings) == (len(left) == 1)
 
 
-@pytest.mark.parametrize(("doubted", "left"), [(["slip", "lag"], []), (["slip"], ["slip", "lag"]), ([], ["slip", "lag"])])
+@pytest.mark.parametrize(("doubted", "left"), [
+    (["slip", "lag"], []), (["slip"], ["slip", "lag"]), ([], ["slip", "lag"]),
+])
 def test_nothing_is_named_where_every_effect_of_an_answer_that_does_not_suffice_is_doubtful(monkeypatch, doubted, left):
     def answered(decision):
         effects = [SimpleNamespace(name=candidate.name, parameters={}) for candidate in decision.named.point]

@@ -58,6 +58,13 @@ FAULTS = (
         same=("counts_per_turn", "gear"),
     ),
     Fault(
+        "model_size", "a model of another size",
+        "the model goes a factor too far, and turns as far as the robot",
+        "radius and half the track typed where diameter and track are asked for, or both in another unit",
+        "camera and command tell of ways that are longer or shorter than those of the wheels by one factor",
+        "correct the model's wheels and track", same=("wrong_unit", "another_robot"),
+    ),
+    Fault(
         "wheel_order", "the model's wheels in another order",
         "the model's wheels are others than the log's", "another first wheel",
         "the wheels say a motion that the camera does not see", "put the model's wheels in order",

@@ -9,7 +9,8 @@ FAULTS = (
         "millimetres, degrees, counts, mN m or g are logged and recording.yaml does not say so, the room was marked "
         "out in another unit, or commands are shares of a largest speed",
         "the channel's motion is that factor times what the other channels say",
-        "name the unit in recording.yaml, or multiply the column", same=("counts_per_turn",),
+        "name the unit in recording.yaml, or multiply the column",
+        same=("counts_per_turn", "model_size"),
     ),
     Fault(
         "time_unit", "stamps in another unit",

@@ -1,8 +1,9 @@
 """Mistakes that a whole log may have between wheels and camera, each as a way to read the two."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations, permutations, product
+from types import MappingProxyType
 
 import numpy as np
 from scipy.constants import inch, kilo
@@ -20,6 +21,8 @@ ANGLES = {unit: in_si(unit) for unit in ("deg", "rev", "mrad")} | {"rad read as 
 RATES = {"rpm": in_si("rpm"), "rad/s read as deg/s": ANGLES["rad read as deg"]} | {
     f"{unit}/s": in_si(unit) for unit in ("deg", "rev", "mrad")
 }
+MODEL_SIZE = "model_size"  # which only a command tells from a room of another size
+NO_GEARS: Mapping[float, float] = MappingProxyType({})
 _EDGES = (2.0, 4.0)  # of a quadrature decoder to a line
 _SIZES = (0.8, 1.25)  # of wheels, that are no mistake; what they are off by beside these is physics
 _TYPED = (0.5, 2.0)  # tracks and half tracks, or rooms, that are taken for each other
@@ -61,15 +64,15 @@ class Reading:
 
 
 def readings(
-    geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = (), times: float = 1.0, room: float = 1.0,
-    turns_rad: Iterable[float] = (), wheels_rad: Iterable[float] = (),
+    geometry: WheelGeometry, counts_per_turn: float, gears: Mapping[float, float] = NO_GEARS, times: float = 1.0,
+    room: float = 1.0, turns_rad: Iterable[float] = (), wheels_rad: Iterable[float] = (),
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
-    gears: by which the wheels may turn too little. times: how many times as far as the camera sees, the wheels turn the
-    model. room: how many times as far as the wheels say, the camera sees the robot go. turns_rad: by which its ways may
-    be turned against those that the wheels say. wheels_rad: by which the model's wheels may
-    be turned, where a command tells it from that.
+    gears: by which the wheels may turn too little -> what was measured of each. times: how many times as far as the
+    camera sees, the wheels turn the model. room: how many times as far as the wheels say, the camera sees the robot go.
+    turns_rad: by which its ways may be turned against those that the wheels say. wheels_rad: by which the model's
+    wheels may be turned, where a command tells it from that.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -89,7 +92,7 @@ def readings(
     ]
 
 
-def pairs(geometry: WheelGeometry, counts_per_turn: float, gears: Iterable[float] = ()) -> list[Reading]:
+def pairs(geometry: WheelGeometry, counts_per_turn: float, gears: Mapping[float, float] = NO_GEARS) -> list[Reading]:
     """All readings of two mistakes at once, of different kinds; arguments as of `readings`.
 
     Of several wheels that count backwards or change places only the usual ones, and of axes. Places and headings in
@@ -136,7 +139,8 @@ def _factors(unit, counts_per_turn, gears):
     for name, factor in units.items():
         yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
     for factor in (*_FACTORS, *(gear for gear in sorted(gears) if gear not in _FACTORS)):
-        said = f"turns {1.0 / factor:.3g} times too large"
+        by, measured = f"{1.0 / factor:.3g}", f"{1.0 / gears.get(factor, factor):.3g}"
+        said = f"turns {by} times too large" + (f", as measured {measured} times" if measured != by else "")
         yield Reading("counts_per_turn", said, "encoder", factor * unit, rare=factor not in _FACTORS)
     for i in range(n):
         for factor in (*_FACTORS, ANGLES["deg"]):
@@ -177,12 +181,16 @@ def _typed(times, factors):
 
 
 def _rooms(unit, times):
-    """Places in a unit that nobody knows, so many times as large as physics cannot make them."""
+    """Places in a unit that nobody knows, so many times as large as physics cannot make them, or a model as small."""
     size = _typed(times, _SCALES) or times
     if abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
+        by, rare = f"{'' if size in _SCALES else 'about '}{size:.2g} times as large", size not in _SCALES
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
-        said = f"places {'' if size in _SCALES else 'about '}{size:.2g} times as large as the wheels say"
-        yield Reading("wrong_unit", said, "kinect", unit, view=view, rare=size not in _SCALES)
+        yield Reading("wrong_unit", f"places {by} as the wheels say", "kinect", unit, view=view, rare=rare)
+        yield Reading(
+            MODEL_SIZE, f"the robot is {by}", "model", unit, np.diag([size, size, 1.0]), rare=rare,
+            advice=f"make the model's wheels, and the distances between them, {by}",
+        )
 
 
 def wheel_angles(geometry: WheelGeometry, turn_rad: float) -> Reading:

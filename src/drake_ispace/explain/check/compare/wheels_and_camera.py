@@ -23,7 +23,7 @@ from drake_ispace.explain.check.compare.agreement import (
 )
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of
 from drake_ispace.explain.check.compare.foreign import owner
-from drake_ispace.explain.check.compare.hypotheses import Reading, pairs, readings, wheel_angles
+from drake_ispace.explain.check.compare.hypotheses import MODEL_SIZE, Reading, pairs, readings, wheel_angles
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     PLACES_AND_TURNS,
@@ -45,6 +45,7 @@ from drake_ispace.explain.check.compare.regression import (
     scale_of,
     scores,
 )
+from drake_ispace.explain.check.compare.scale import is_unit, ratios
 from drake_ispace.explain.check.compare.turned import turns
 from drake_ispace.faults.repair import Mixed, Repair, repaired
 from drake_ispace.files.recording import Recording
@@ -65,8 +66,7 @@ def wheels_or_camera(
     if base is None:
         return Agreement([])
     motions = [_motions(run, own) for run, own in zip(runs, bases, strict=True)]
-    parts = slice(2), slice(2, 3)
-    gears = {_gear(*(motion[:, part] for motion in both)) for both in motions for part in parts} - {1.0}
+    gears = _gears(motions)
     counts = float(base.settings.encoder.counts_per_turn)
 
     def rows_of(tried):
@@ -82,11 +82,13 @@ def wheels_or_camera(
         return [usual, *(float(wrap(angle - usual)) for angle in others)]
 
     turned = said_of(turns(motions))
-    angles = [angle for angle in turned[:1] if _command_tells(runs, bases, base, angle)]
+    angles = [angle for angle in turned[:1] if _command_tells_angle(runs, bases, base, angle)]
     given = readings(base.geometry, counts, gears, *_ratios(motions), turned, angles)
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""
+        if reading.fault == MODEL_SIZE and not _command_tells_size(runs, bases, reading):
+            return -np.inf
         undo = [repair for one in mistakes(reading) for repair in repairs_of(one, base)]
         return sum(_by_drive(runs[i], bases[i], undo) for i in having if bases[i] is not None)
 
@@ -109,22 +111,33 @@ def wheels_or_camera(
     )
 
 
-def _command_tells(runs, bases, base, turn_rad):
+def _command_tells_angle(runs, bases, base, turn_rad):
     """Whether commands plainly go with the wheels, once those of the model are turned by the angle, and not as given.
 
     A command that has another frame or sense by itself, or is noise, goes with neither.
     """
     if base.robot.driven != COMMAND or base.geometry.holds_sideways or abs(turn_rad) <= SLACK:
         return False
-    as_given, undo = command_columns_of(runs, bases), repairs_of(wheel_angles(base.geometry, turn_rad), base)
-    turned = [run if own is None else repaired(run, undo) for run, own in zip(runs, bases, strict=True)]
-    encoders = [
-        None if own is None else replace(own, encoder=run.channels["encoder"])
-        for run, own in zip(turned, bases, strict=True)
-    ]
-    then = command_columns_of(turned, encoders)
+    as_given = command_columns_of(runs, bases)
+    then = command_columns_of(*_read(runs, bases, wheel_angles(base.geometry, turn_rad)))
     follows = then.explained and then.follows > plainly_better(as_given.follows)
     return follows and all(finding.fault == "wrong_unit" for finding in then.findings)
+
+
+def _command_tells_size(runs, bases, reading):
+    """Whether every command tells the ways and the turns of wheels of this size, which the model has not as given."""
+    found = [ratio for of_run in ratios(*_read(runs, bases, reading)) for ratio in of_run]
+    return bool(found) and all(ratio is not None and is_unit(ratio) for ratio in found)
+
+
+def _read(runs, bases, reading):
+    """The runs and their bases with the angles of wheels as those of a model that a reading accuses."""
+    undo = [() if base is None else repairs_of(reading, base) for base in bases]
+    read = [repaired(run, repairs) for run, repairs in zip(runs, undo, strict=True)]
+    return read, [
+        None if base is None else replace(base, encoder=run.channels["encoder"])
+        for run, base in zip(read, bases, strict=True)
+    ]
 
 
 def _motions(run, base):
@@ -136,13 +149,21 @@ def _motions(run, base):
     return link.predicted(link.since_s[kept], link.until_s[kept]), link.measured[kept]
 
 
-def _gear(wheels, camera):
-    """The whole number, or one over it, that is nearest to how much farther the camera sees motions go than the wheels.
+def _gears(motions):
+    """Gears -> how many times as far as the wheels say, the camera sees ways or turns go; motions: of each run.
+
+    A gear is the whole number, or one over it, that is near to that in some run, or the median of what is near to none.
     """
-    wheels, camera = (np.linalg.norm(motion, axis=1).sum() for motion in (wheels, camera))
-    if min(wheels, camera) <= 0.0:
-        return 1.0
-    return float(np.rint(camera / wheels)) if camera > wheels else 1.0 / float(np.rint(wheels / camera))
+    sizes = [
+        [np.linalg.norm(motion[:, part], axis=1).sum() for motion in both]
+        for both in motions for part in (slice(2), slice(2, 3))
+    ]
+    measured = np.array([camera / wheels for wheels, camera in sizes if min(wheels, camera) > 0.0])
+    whole = np.where(measured > 1.0, np.rint(measured), 1.0 / np.maximum(np.rint(1.0 / measured), 1.0))
+    odd = (np.abs(measured / whole - 1.0) > SLACK) & (whole != 1.0)
+    if odd.any():
+        whole[odd] = np.median(measured[odd])
+    return {gear: float(np.median(measured[whole == gear])) for gear in {*whole.tolist()} - {1.0}}
 
 
 def _ratios(motions):
