@@ -58,6 +58,13 @@ FAULTS = (
         same=("counts_per_turn", "gear"),
     ),
     Fault(
+        "steering", "a wrong steering angle",
+        "a tricycle turns the other way, or by a factor more or less",
+        "a steering angle in another unit or of the other sense, a front wheel that is a rear wheel, another wheelbase",
+        "the rear wheels, computed from it, seem to have changed places, or another track",
+        "correct it in the mapping and import again", same=("wrong_track", "effective_track", "half_track"),
+    ),
+    Fault(
         "model_size", "a model of another size",
         "the model goes a factor too far, and turns as far as the robot",
         "radius and half the track typed where diameter and track are asked for, or both in another unit",

@@ -13,7 +13,7 @@ from drake_ispace.logs.bags import is_bag, is_sealed, read_bag
 from drake_ispace.logs.clocks import offset_of
 from drake_ispace.logs.mapping import ROBOTS_CLOCK, ChannelMap, Mapping, Source, alike
 from drake_ispace.logs.series import Series, read_series, shape_of, unwrapped
-from drake_ispace.robots.robot_file import STEERED
+from drake_ispace.robots.robot_file import REAR_COMPUTED, STEERED
 
 
 def convert(
@@ -45,7 +45,7 @@ def convert(
         rear = mapping.robot.rear_angles(*(values["encoder"][column] for column in STEERED)).T
         names = [PER_WHEEL["encoder"] + entry.name for entry in mapping.robot.wheels]
         values["encoder"] = dict(zip(names, rear, strict=True))
-        note("encoder: angles of the rear wheels, computed from those of the front wheel and of its steering")
+        note(f"encoder: {REAR_COMPUTED}")
     if "command" in values and "vy" not in values["command"]:  # such a robot is told to go ahead and to turn
         ahead, turn = values["command"]["vx"], values["command"]["wz"]
         values["command"] = {"vx": ahead, "vy": np.zeros_like(ahead), "wz": turn}

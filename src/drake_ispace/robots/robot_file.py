@@ -36,6 +36,8 @@ _SIZES = {
 _SIZES["tricycle"] = _SIZES["mecanum"]
 #: Of a tricycle: columns of its steered and driven front wheel in a log, whose motion the rear wheels take over.
 STEERED = ("theta_front", "steer_front")
+#: What a recording notes of them.
+REAR_COMPUTED = "angles of the rear wheels, computed from those of the front wheel and of its steering"
 _MOTIONS = ("forward", "sideways", "turning")
 
 

@@ -37,6 +37,7 @@ from drake_ispace.explain.check.sampling.interpolated import interpolated_fixes
 from drake_ispace.explain.check.sampling.samples import quantised_findings, sample_findings, wrap_findings
 from drake_ispace.explain.check.sampling.stamps import stamp_findings
 from drake_ispace.explain.check.sampling.undersampled import tick_findings
+from drake_ispace.explain.check.steering import of_steering
 from drake_ispace.explain.check.steps import apart_in, dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.check.turns import turn_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
@@ -155,7 +156,7 @@ class _Search:
         self._each(lambda run, found, fits: found if fits else (), steps, fits)
         self._each(lambda run, base, fits: turn_findings(run, base) if fits else (), self._bases(), fits)
         self._each(lambda run, fits: gyro_findings(run, self.robot) if fits else (), fits)
-        made = [_complete(finding, self.names) for finding in self.findings]
+        made = [_complete(finding, self.names) for finding in of_steering(self.findings, self.recorded)]
         findings = sorted(made, key=lambda finding: (
             finding.limited, finding.is_bearable,
             -np.inf if finding.drop_in_deviance is None else -finding.drop_in_deviance,

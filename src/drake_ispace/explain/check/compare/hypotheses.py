@@ -139,8 +139,9 @@ def _factors(unit, counts_per_turn, gears):
     for name, factor in units.items():
         yield Reading("wrong_unit", f"angles in {name}", "encoder", factor * unit)
     for factor in (*_FACTORS, *(gear for gear in sorted(gears) if gear not in _FACTORS)):
-        by, measured = f"{1.0 / factor:.3g}", f"{1.0 / gears.get(factor, factor):.3g}"
-        said = f"turns {by} times too large" + (f", as measured {measured} times" if measured != by else "")
+        by, measured = 1.0 / factor, 1.0 / gears.get(factor, factor)
+        said = f"turns {by:.3g} times too large"
+        said += f", as measured {measured:.3g} times" if f"{measured:.2g}" != f"{by:.2g}" else ""
         yield Reading("counts_per_turn", said, "encoder", factor * unit, rare=factor not in _FACTORS)
     for i in range(n):
         for factor in (*_FACTORS, ANGLES["deg"]):
