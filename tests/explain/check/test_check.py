@@ -183,6 +183,16 @@ def test_any_whole_number_may_be_the_gear_that_was_forgotten(sound, gear):
     assert np.allclose(repair.matrix, np.eye(4) / gear)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("gear", "told", "said"), [
+    (2.6, 2.6, "turns 2.6 times"), (3.7, 4.0, "turns 4 times too large, as measured 3.7"),
+])
+def test_a_gear_that_is_near_no_whole_number_is_told_as_measured(sound, gear, told, said):
+    finding = found([changed(run, "encoder", lambda t, v: gear * v) for run in sound["omni"]], "omni")[0]
+    assert finding.fault == "counts_per_turn" and finding.what.startswith(said)
+    assert np.diag(finding.repairs[0].matrix) == pytest.approx(np.full(4, 1.0 / told), rel=0.02)
+
+
 def test_an_offset_of_a_clock_has_an_interval(sound):
     (finding,) = found([changed(run, "kinect", stamps=lambda t: t - 1.5) for run in sound["pendulum"]], "pendulum")
     low, high = finding.interval
