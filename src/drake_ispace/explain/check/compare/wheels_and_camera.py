@@ -154,16 +154,16 @@ def _gears(motions):
 
     A gear is the whole number, or one over it, that is near to that in some run, or the median of what is near to none.
     """
-    sizes = [
-        [np.linalg.norm(motion[:, part], axis=1).sum() for motion in both]
-        for both in motions for part in (slice(2), slice(2, 3))
-    ]
-    measured = np.array([camera / wheels for wheels, camera in sizes if min(wheels, camera) > 0.0])
-    whole = np.where(measured > 1.0, np.rint(measured), 1.0 / np.maximum(np.rint(1.0 / measured), 1.0))
-    odd = (np.abs(measured / whole - 1.0) > SLACK) & (whole != 1.0)
-    if odd.any():
-        whole[odd] = np.median(measured[odd])
-    return {gear: float(np.median(measured[whole == gear])) for gear in {*whole.tolist()} - {1.0}}
+    gears = {}
+    for of in (slice(2), slice(2, 3)):
+        sizes = [[np.linalg.norm(motion[:, of], axis=1).sum() for motion in both] for both in motions]
+        measured = np.array([camera / wheels for wheels, camera in sizes if min(wheels, camera) > 0.0])
+        whole = np.where(measured > 1.0, np.rint(measured), 1.0 / np.maximum(np.rint(1.0 / measured), 1.0))
+        odd = (np.abs(measured / whole - 1.0) > SLACK) & (whole != 1.0)
+        if odd.any():
+            whole[odd] = np.median(measured[odd])
+        gears |= {gear: float(np.median(measured[whole == gear])) for gear in {*whole.tolist()} - {1.0}}
+    return gears
 
 
 def _ratios(motions):
