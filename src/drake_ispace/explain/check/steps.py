@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.stats import norm
 
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.camera.fixes import off
@@ -22,6 +23,7 @@ from drake_ispace.explain.check.compare.motion import (
     arm,
     between,
     camera_noise,
+    correlated,
     has_motion,
     seen,
     seen_along,
@@ -33,7 +35,7 @@ from drake_ispace.explain.check.compare.motion import (
 from drake_ispace.explain.check.compare.regression import CAMERA, MOST_SLACK, SLACK, residuals
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
-from drake_ispace.explain.levels import largest_by_chance
+from drake_ispace.explain.levels import CHANCE, largest_by_chance
 from drake_ispace.faults.repair import CutOut, Dropped, Without
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -241,17 +243,19 @@ def _frozen(run, base, seen_of):
     """Rows of the encoder that repeat while the camera moves; seen_of: as of `_camera_steps`."""
     kinect, encoder = run.channels["kinect"], run.channels["encoder"]
     of_seen = np.linalg.pinv(seen_of)
+    noise = np.sqrt(correlated(kinect)) * camera_noise(kinect)  # as if those of all fixes were independent
     for wheel, column in [(None, slice(None)), *((i, slice(i, i + 1)) for i in range(len(encoder.columns)))]:
         for first, last in stretches(repeats(encoder.values[:, column])):
             since, until = float(encoder.t[first]), float(encoder.t[last])
             first_fix, end = np.searchsorted(kinect.t, [since, until])
             if until - since < STUCK_S or end - first_fix < 2:
                 continue
-            whole = between(kinect, np.array([first_fix]), np.array([end - 1]))
-            turned = base.geometry.inverse @ (seen_along(kinect, whole) @ of_seen)[0]
+            fixes = np.arange(first_fix, end)
+            own = base.geometry.inverse[column] @ of_seen.T  # of the wheels that repeat, per motion that is seen
             radius = min(wheel.radius_m for wheel in base.geometry.wheels)
-            missed = np.abs(turned if wheel is None else turned[wheel]).max() * radius
-            if missed < SHOWS_M:
+            ways = seen_along(kinect, between(kinect, np.full_like(fixes, first_fix), fixes)) @ own.T * radius
+            missed = np.abs(ways[-1]).max()
+            if missed < SHOWS_M or not _moves_on(ways, np.linalg.norm(noise * own, axis=1) * radius):
                 continue
             after = np.abs(np.diff(encoder.values[last : last + 2, column], axis=0)).max(initial=0.0) * radius
             jumps = after > 0.5 * missed
@@ -265,6 +269,15 @@ def _frozen(run, base, seen_of):
                               repairs=(CutOut(since, until),))
             if wheel is None:
                 return
+
+
+def _moves_on(ways, noise):
+    """Whether ways (n, wheels) [m], which fixes tell, are others from one fix on, beyond what noise (wheels,) makes."""
+    before = np.arange(1, len(ways))[:, None]
+    after, sums = len(ways) - before, np.cumsum(ways, axis=0)
+    apart = np.abs((sums[-1] - sums[:-1]) / after - sums[:-1] / before)
+    usual = noise * np.sqrt(1.0 / before + 1.0 / after)
+    return bool((apart > norm.isf(0.5 * CHANCE / apart.size) * usual).any())
 
 
 def _carried(run, base):
