@@ -5,13 +5,15 @@ from drake_ispace.faults.card import Fault
 FAULTS = (
     Fault(
         "robot_carried", "the robot is carried or pushed by hand",
-        "the camera sees a motion that no wheel makes", "somebody puts the robot back to its start, or turns it",
+        "the camera sees a motion that no wheel makes",
+        "somebody puts the robot back to its start, or turns it, or its wheels slide",
         "camera and wheels tell of different motions for a while, or of another heading from then on",
         "cut the stretch out", same=("robot_lifted", "camera_jump", "channel_frozen"), harmless=True,
     ),
     Fault(
-        "robot_lifted", "the robot is lifted",
-        "the wheels turn and the camera sees no motion", "somebody holds the robot in the air",
+        "robot_lifted", "the robot is lifted or its wheels slide",
+        "the wheels turn and the camera sees no motion, or a small part of it",
+        "somebody holds the robot in the air, or its wheels slide",
         "camera and wheels tell of different motions for a while", "cut the stretch out", same=("robot_carried",),
         harmless=True,
     ),

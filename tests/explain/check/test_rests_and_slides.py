@@ -42,3 +42,16 @@ def test_a_robot_that_stands_still_is_not_carried_by_the_noise_of_a_marker_far_f
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_robot_that_is_pushed_at_rest_is_carried(seed):
     assert coarse(seed, pushed_m=0.15) == [("robot_carried", 16, 19)]
+
+
+@pytest.mark.parametrize("slips", [0.6, 0.9])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_wheels_that_slide_for_seconds_are_told_once_and_as_no_jumps_of_the_place(seed, slips):
+    ((fault, since, until),) = coarse(seed, slips=slips)
+    assert fault == "robot_lifted" and since in (19, 20) and until == 25
+
+
+def test_a_place_that_jumps_in_the_same_run_is_told_beside_wheels_that_slide():
+    jumps = [("camera_jump", 40, 40), ("camera_jump", 48, 48)]
+    assert coarse(0, jumped_m=(0.3, -0.2)) == jumps
+    assert coarse(0, slips=0.6, jumped_m=(0.3, -0.2)) == [*jumps, ("robot_lifted", 20, 25)]

@@ -1,10 +1,12 @@
 """What camera and wheels show of each other over short times: jumps, a channel that stops, hands."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import norm
 
+from drake_ispace.blocks.frames import rotated
 from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.camera.fixes import off
 from drake_ispace.explain.check.compare.frames import latency_of
@@ -36,7 +38,7 @@ from drake_ispace.explain.check.compare.regression import CAMERA, MOST_SLACK, SL
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
 from drake_ispace.explain.levels import CHANCE, largest_by_chance
-from drake_ispace.faults.repair import CutOut, Dropped, Without
+from drake_ispace.faults.repair import CutOut, Dropped, Without, repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
@@ -134,9 +136,41 @@ def step_findings(run: Recording, base: Base | None) -> Iterator[Finding]:
     ends = [(f.from_s - WINDOW_S, f.to_s + WINDOW_S) for f in stopped]
     steps = [step for step in _camera_steps(run, base, seen_of)
              if not any(a <= step.from_s and step.to_s <= b for a, b in ends)]
-    yield from steps
-    if not steps and not stopped:
-        yield from _carried(run, base)
+    alone = not stopped and all(step.fault != "counter_reset" for step in steps)  # a clock that is off shows rests, too
+    apart = _apart(run, base, seen_of, steps) if alone else []
+    yield from (step for step in steps if step.fault != "camera_jump" or not any(_in(step, one) for one in apart))
+    yield from apart
+
+
+def _apart(run, base, seen_of, steps):
+    """Stretches in which camera and wheels tell of different motions, whatever single fixes are off.
+
+    Beside jumps of the place they are those of which something is left once all jumps are taken back: wheels that slide
+    for seconds make some steps that look like jumps. seen_of: as of `_camera_steps`.
+    """
+    jumps = [step for step in steps if step.fault == "camera_jump"]
+    run = repaired(run, (repair for step in steps if step.fault == "camera_outliers" for repair in step.repairs))
+    found = list(_carried(run, base))
+    if not (found and jumps):
+        return found
+    left = list(_carried(_without_jumps(run, base, seen_of, jumps), base))
+    return [one for one in found if any(one.from_s < other.to_s and other.from_s < one.to_s for other in left)]
+
+
+def _in(step, stretch):
+    return stretch.from_s <= step.from_s and step.to_s <= stretch.to_s
+
+
+def _without_jumps(run, base, seen_of, jumps):
+    """The run with places that go on, in the steps in which they jump, as the wheels do."""
+    kinect = run.channels["kinect"]
+    values, phi = kinect.values.copy(), np.unwrap(kinect.column("phi"))
+    for jump in jumps:
+        i = int(np.searchsorted(kinect.t, jump.to_s))
+        moved = base.moved(kinect.t[[i - 1]], kinect.t[[i]]) @ seen_of
+        goes_on = values[i - 1, :2] + rotated(moved[:, :2], phi[[i - 1]] + 0.5 * moved[:, 2])[0]
+        values[i:, :2] += goes_on - values[i, :2]
+    return replace(run, channels=run.channels | {"kinect": replace(kinect, values=values)})
 
 
 def _camera_steps(run, base, seen_of):
@@ -301,24 +335,26 @@ def _carried(run, base):
         usual = largest_by_chance(len(part), len(group)) * max(np.median(part), link.noise[group].max())
         unusual |= part > usual
         far |= (part > usual) & (part > larger - part)
-    reached = -1
+    spans: list[list[int]] = []  # the first and the last window of each, and of what tells it
     for first, last in stretches(far):
         last -= 1
-        if last < first or first <= reached:
+        if last < first or (spans and first <= spans[-1][1]):
             continue
-        a, b = float(since[first]), float(until[last])
         total = float(size[first : last + 1].max()) if last == first else float(size[first : last + 1].sum() / SERIES)
-        if max(total, float(size[first : last + 1].max())) < SHOWS_M or not _part(run, a, b):
+        if max(total, float(size[first : last + 1].max())) < SHOWS_M or not _part(run, since[first], until[last]):
             continue
+        begin, end = first - _count(unusual[:first][::-1]), last + _count(unusual[last + 1 :])
+        span = [begin, end, first, last] if _part(run, since[begin], until[end]) else [first, last, first, last]
+        if spans and since[span[0]] < until[spans[-1][1]] and _part(run, since[spans[-1][0]], until[span[1]]):
+            spans[-1][1::2] = span[1::2]
+        else:
+            spans.append(span)
+    for begin, end, first, last in spans:
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
-        what = "wheels turn, the robot does not move" if lifted else "camera and wheels tell of different motions"
-        begin, end = first - _count(unusual[:first][::-1]), last + _count(unusual[last + 1 :])
-        whole = float(since[begin]), float(until[end])
-        if _part(run, *whole):
-            (a, b), reached = whole, end
-        a, b = a + min(lag_s, 0.0), b + max(lag_s, 0.0)  # what the wheels say of it has other stamps
+        what = "it goes less than half as far as they tell" if lifted else "camera and wheels tell of different motions"
+        a, b = float(since[begin]) + min(lag_s, 0.0), float(until[end]) + max(lag_s, 0.0)  # wheels have other stamps
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))
 
