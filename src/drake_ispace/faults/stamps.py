@@ -5,7 +5,8 @@ from drake_ispace.faults.card import Fault
 FAULTS = (
     Fault(
         "clock_offset", "a clock that is off",
-        "a channel's stamps are earlier or later than the others' by the same time", "each computer has its own clock",
+        "a channel's stamps are earlier or later than the others' by the same time",
+        "each computer has its own clock, and GPS time is 18 s ahead",
         "motion appears in one channel earlier than in the others", "shift the stamps",
         effects=("clock_offset", "camera_latency", "command_delay", "velocity_delay"),
     ),

@@ -7,10 +7,12 @@ from functools import cache, partial
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID, following
+from drake_ispace.explain.check.compare.clocks.paths import OFFSET
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     LATENCY_S,
     Base,
+    Link,
     camera_link,
     inside,
     link_of,
@@ -29,10 +31,11 @@ Stretches = Sequence[tuple[float, float]]
 _OF_NOBODY = "does not move with the robot"
 #: Channel -> what a channel may be besides that moves with the wheels in no run.
 _WHOLE = {
-    "encoder": ("wheels_swapped", "wheel_sign", "counts_per_turn"), "imu": ("imu_axes", "wheels_swapped", "wrong_unit"),
-    TORQUE: ("torque_sign", "torques_swapped", "wrong_unit"),
-    COMMAND: ("command_sign", "command_axes_swapped", "command_in_room_frame"),
-    "kinect": ("camera_axis_mirrored", "heading_sign", "wheels_swapped"),
+    "encoder": ("wheels_swapped", "wheel_sign", "counts_per_turn", OFFSET),
+    "imu": ("imu_axes", "wheels_swapped", "wrong_unit", OFFSET),
+    TORQUE: ("torque_sign", "torques_swapped", "wrong_unit", OFFSET),
+    COMMAND: ("command_sign", "command_axes_swapped", "command_in_room_frame", OFFSET),
+    "kinect": ("camera_axis_mirrored", "heading_sign", "wheels_swapped", OFFSET),
 }
 
 
@@ -173,6 +176,13 @@ def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, 
         if found is not None and found.share > 2.0 * RELATED:
             return f"moves with the {'camera' if name == 'encoder' else 'wheels'} of {name_of(runs[other], other)}"
     return None
+
+
+def follows(link: Link, base: Base, lag_s: float = 0.0) -> float | None:
+    """How well a channel follows the wheels, as `following`, if its clock is set by lag_s; None: nobody can say."""
+    moved = replace(link, since_s=link.since_s + lag_s, until_s=link.until_s + lag_s)
+    found = _relation(moved, base)
+    return None if found is None else found.share
 
 
 def _relation(link, base, spoilt=()):

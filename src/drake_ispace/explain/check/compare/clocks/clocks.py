@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID
+from drake_ispace.explain.check.compare.clocks.far import far_offsets
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
-from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, least, rates_of
+from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, is_at_end, least, rates_of
 from drake_ispace.explain.check.compare.clocks.trial import Links, trials_of
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.robots.robot import COMMAND
@@ -15,6 +16,11 @@ from drake_ispace.robots.robot import COMMAND
 def clocks(links: Links) -> list[Finding]:
     """The mistakes of one channel's clock: the same in all runs if that explains as much as one of each run's own."""
     trials = trials_of(links)
+    far = list(far_offsets(trials))
+    if far:
+        set_by = {trial.number for trial, _, _ in far}
+        others = clocks([one for one in links if one[0] not in set_by])
+        return [*_far(far), *others]
     own = [(trial, best) for trial, best in ((trial, trial.best()) for trial in trials) if best.gain >= SAID]
     apart = sum(best.gain - SAID for _, best in own)  # each of them must be worth what is said of a fault
     common = _common(trials, [best.path for _, best in own]) if len(trials) > 1 else None
@@ -42,6 +48,17 @@ def clocks(links: Links) -> list[Finding]:
         return found
     scores = [trial.of_latencies() for trial in trials]
     return list(other_latencies(trials[0].link.channel, [trial.number for trial in trials], scores))
+
+
+def _far(far):
+    """Findings of the trials, offsets and gains of `far_offsets`: one where it is the same in several runs."""
+    found = []
+    for path in dict.fromkeys(path for _, path, _ in far):
+        same = [(trial, gain) for trial, of_trial, gain in far if of_trial == path]
+        (clearest, _), gain = max(same, key=lambda one: one[1]), sum(gain for _, gain in same)
+        finding = clearest.finding(path, 2.0 * gain)
+        found.append(replace(finding, runs=tuple(trial.number for trial, _ in same)))
+    return found
 
 
 def late_since(links: Links, at_s: float) -> tuple[float, float]:
@@ -95,8 +112,9 @@ def _tilted_alike(paths, lasts_s, losses_of):
 
 def _common(trials, own):
     """The constant offset that all runs may share, the best one together or that of one run; None: a mere latency."""
-    best = float(LAGS_S[np.argmin(np.sum([trial.total for trial in trials], axis=0))])
-    offsets = [best, *(path.lag_s for path in own if path.fault == OFFSET)]
+    best = int(np.argmin(np.sum([trial.total for trial in trials], axis=0)))
+    offsets = [] if is_at_end(best) else [float(LAGS_S[best])]
+    offsets += [path.lag_s for path in own if path.fault == OFFSET]
     paths = [Path(lag) for lag in offsets if not trials[0].link.is_usual(lag)]
     if not paths:
         return None

@@ -86,6 +86,11 @@ def descended(losses: np.ndarray, at: int) -> int:
         at = lower
 
 
+def is_at_end(lag: int) -> bool:
+    """Whether the lag of this number is the first or last that is looked at, beyond which a better one may be."""
+    return lag in (0, len(LAGS_S) - 1)
+
+
 def rates_of(lasts_s: float) -> list[float]:
     """Rates at which a clock may drift: from one to the next by a latency more during a run that lasts so long.
 

@@ -14,6 +14,7 @@ from drake_ispace.explain.check.compare.clocks.paths import (
     Losses,
     Path,
     descended,
+    is_at_end,
     least,
     rates_of,
     times_along,
@@ -231,9 +232,9 @@ class Trial:
         return True
 
     def offset(self) -> Path | None:
-        """The best constant offset; None where it is no more than a latency."""
+        """The best constant offset; None where it is no more than a latency, or one beyond may be better."""
         lag = int(np.argmin(self.total))
-        return None if self.usual[lag] else Path(float(LAGS_S[lag]))
+        return None if self.usual[lag] or is_at_end(lag) else Path(float(LAGS_S[lag]))
 
     def along(self, rate: float) -> tuple[float, Path]:
         """Loss and path with a clock that is slow by that rate, at its best offset."""

@@ -72,9 +72,10 @@ def _off(off, links_of):
             return
         lost = np.sum([trial.total for trial in driven], axis=0)
         leads = lost[LAGS_S > -RATE_S - 1e-9].min() - lost.min() >= SAID  # which no drive does
-        if offset_s < 0.0 and not leads and not any(finding.channel == COMMAND for finding in off):
+        followed = [finding.repairs[0].offset_s for finding in off if finding.channel == COMMAND]
+        if offset_s < 0.0 and not leads and not followed:
             return
-        followed_s = float(LAGS_S[np.argmin(lost)])
+        followed_s = followed[0] if followed else float(LAGS_S[np.argmin(lost)])
         if not offset_s - RATE_S <= followed_s < offset_s + LATENCY_S:
             return
     drop = sum(finding.drop_in_deviance for finding in sensors)

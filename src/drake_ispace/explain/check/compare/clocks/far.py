@@ -1,0 +1,72 @@
+"""Offsets of a clock beyond those that are looked at in every run: any at which half of a run is still compared.
+
+GPS time is 18 s ahead of UTC, and a second computer may be set by hand. They are looked for only where a channel does
+not follow the wheels as given. Of so many lags one may fit by chance: it must be clearly more likely than every other
+one, and by it the channel must follow the wheels as well as one that is told to be those of another run.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from drake_ispace.explain.check.compare.agreement import RELATED, SAID, WELL
+from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, LATEST_S, Path, least
+from drake_ispace.explain.check.compare.clocks.trial import Trial
+from drake_ispace.explain.check.compare.foreign import follows
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, inside
+from drake_ispace.explain.check.compare.motion import WINDOW_S
+
+
+def far_offsets(trials: Sequence[Trial]) -> Iterator[tuple[Trial, Path, float]]:
+    """Trials whose clock is off by more than LATEST_S, the offset, and by how much more likely it is than any latency.
+
+    One offset is that of all runs in which the channel does not follow the wheels, if none of these contradicts it.
+    """
+    lost = [trial for trial in trials if not trial.link.any_share and _is_lost(trial)]
+    own = [(trial, path) for trial, path in ((trial, _offset(trial)) for trial in lost) if path is not None]
+    for path in dict.fromkeys(path for _, path in own):
+        common = least(path.shifted(), lambda near: np.sum([trial.of_same_windows(near) for trial, _ in own], axis=0))
+        gains = [trial.gain(common) for trial in lost]
+        if all(_is_shown(trial, common) for trial, _ in own) and min(gains) > -SAID:
+            yield from ((trial, common, gain) for trial, gain in zip(lost, gains, strict=True))
+            return
+    yield from ((trial, path, trial.gain(path)) for trial, path in own)
+
+
+def _is_lost(trial):
+    """Whether a channel follows the wheels less than a sound one as given, or is not compared with them at all."""
+    share = follows(trial.link, trial.base)
+    return share is None or share < WELL
+
+
+def _offset(trial):
+    """The offset of a clock that is clearly the likeliest of all, if it is far; None: there is none."""
+    lags_s = _lags_s(trial)
+    if not len(lags_s):
+        return None
+    paths = [Path(lag) for lag in lags_s.tolist()]
+    many = len(LAGS_S)
+    lost = np.concatenate([trial.rough(paths[k : k + many]) for k in range(0, len(paths), many)])
+    best, near = int(np.argmin(lost)), lags_s[lost <= lost.min() + SAID]
+    is_far = abs(lags_s[best]) >= LATEST_S - 1e-9 and 0 < best < len(lags_s) - 1
+    if not is_far or np.diff(near).max(initial=0.0) > WINDOW_S:  # motion that comes again tells no time
+        return None
+    path = least(paths[best].shifted(), trial.of_same_windows)
+    return path if trial.gain(path) >= SAID + np.log(len(lags_s)) and _is_shown(trial, path) else None
+
+
+def _lags_s(trial):
+    """Lags [s], a latency apart, by which half of the windows or more lie inside of the wheels' run."""
+    link, t = trial.link, trial.base.encoder.t
+    together, half = (float(t[0] - link.since_s[0]), float(t[-1] - link.until_s[-1])), 0.5 * trial.lasts_s
+    lags_s = LATENCY_S * np.arange(
+        np.ceil((min(together) - half) / LATENCY_S), np.floor((max(together) + half) / LATENCY_S) + 1.0
+    )
+    inner = np.array([inside(trial.base, link.since_s, link.until_s, lag).sum() for lag in lags_s.tolist()])
+    return lags_s[inner >= max(0.5 * len(link.since_s), 2 * FEWEST)]
+
+
+def _is_shown(trial, path):
+    """Whether along a path a channel follows the wheels as well as one that is told to be those of another run."""
+    share = follows(trial.link, trial.base, path.lag_s)
+    return share is not None and share > 2.0 * RELATED
