@@ -15,7 +15,8 @@ FAULTS = (
     ),
     Fault(
         "gyro_off", "a gyro with another zero or scale",
-        "wz is off by a constant, or by a share of the turn", "a gyro that was not calibrated, or has warmed up",
+        "wz is off by a constant, or by a factor",
+        "a gyro that was not calibrated, has warmed up, or is set to another range",
         "the camera sees the robot turn by more or less, or not at all", "take the rate at rest off, and scale wz",
         harmless=True,
     ),

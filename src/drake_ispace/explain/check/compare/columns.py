@@ -7,6 +7,8 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
+from drake_ispace.explain.check.compare.gyro_rates import Ratio, explains
+from drake_ispace.explain.check.compare.gyro_rates import scales as gyro_scales
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
 from drake_ispace.explain.check.compare.links import UNKNOWN_INERTIA
 from drake_ispace.explain.check.compare.ratio import TORQUES
@@ -153,10 +155,20 @@ def accelerometer_columns() -> list[Columns]:
     return found
 
 
-def gyro_columns() -> list[Columns]:
-    """All mistaken readings of wx, wy, wz."""
-    found = _turned("wx, wy, wz")
-    found += [Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in RATES.items()]
+def gyro_columns(measured: Sequence[Ratio | None] = ()) -> list[Columns]:
+    """All mistaken readings of wx, wy, wz; measured: of each run, as of `gyro_rates.ratios`.
+
+    They are in such units only as some run may be in. A ratio that no unit explains is a scale by itself.
+    """
+    found, unknown = _turned("wx, wy, wz"), not measured or None in measured
+    found += [
+        Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in RATES.items()
+        if unknown or any(explains(ratio, factor) for ratio in measured)
+    ]
+    found += [
+        Columns("gyro_off", f"wx, wy, wz {ratio.said}", np.eye(3) / ratio.times, advice=ratio.advice)
+        for ratio in gyro_scales(measured, RATES.values())
+    ]
     return found
 
 

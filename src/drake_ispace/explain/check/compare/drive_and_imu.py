@@ -15,6 +15,7 @@ from drake_ispace.explain.check.compare.columns import (
     pairs,
     torque_columns,
 )
+from drake_ispace.explain.check.compare.gyro_rates import ratios as gyro_ratios
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
     Base,
@@ -143,10 +144,7 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
         return row(tried, compared(link, own, matrices, _related(tried), measured))
 
     found = _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
-    return replace(found, findings=[
-        replace(finding, repairs=(), for_now=finding.repairs) if finding.advice else finding
-        for finding in found.findings
-    ])
+    return replace(found, findings=[_for_now(finding) if finding.advice else finding for finding in found.findings])
 
 
 def _rooms(runs, bases, links, told):
@@ -172,16 +170,25 @@ def imu_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
     A body that shakes faster than rates can be told from counts leans otherwise than these comparisons say, by which no
     column is to blame: other axes must do better than no lean at all.
     """
-    unit = np.eye(3)
+    unit, gyros = np.eye(3), gyro_columns(gyro_ratios(runs, bases))
     given = [*innocent(6), Columns("", _NO_LEAN, np.eye(6))]
-    given += [_six(gyro, unit, gyro.matrix) for gyro in gyro_columns()]
+    given += [_six(gyro, unit, gyro.matrix) for gyro in gyros]
     given += [_six(force, force.matrix, unit) for force in accelerometer_columns()]
-    given += [_six(both, both.matrix, both.matrix) for both in gyro_columns() if both.fault == "imu_axes"]
+    given += [_six(both, both.matrix, both.matrix) for both in gyros if both.fault == "imu_axes"]
 
     def one(run, own, tried):
         return row(tried, *_imu_parts(run, own, tried)) if "imu" in run.channels else row(tried)
 
-    return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS), single)
+    found = _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS), single)
+    return replace(found, findings=[
+        replace(_for_now(finding), rivals=(*finding.rivals, "effective_track")) if finding.advice else finding
+        for finding in found.findings
+    ])
+
+
+def _for_now(finding):
+    """A finding of which nothing tells what to repair: it is undone for the comparisons only."""
+    return replace(finding, repairs=(), for_now=finding.repairs)
 
 
 def _six(columns, force, gyro):
@@ -191,7 +198,7 @@ def _six(columns, force, gyro):
         what = f"{what}, and the accelerometer's alike"
     both = np.block([[force, np.zeros((3, 3))], [np.zeros((3, 3)), gyro]])
     offset = None if columns.offset is None else np.concatenate([columns.offset, np.zeros(3)])
-    return Columns(columns.fault, what, both, columns.rare, offset)
+    return Columns(columns.fault, what, both, columns.rare, offset, advice=columns.advice)
 
 
 def _imu_parts(run, base, given):
