@@ -168,8 +168,13 @@ def _without_small(case, best, answered) -> Answered:
 
 
 def _without_all(case, best, answered) -> Answered:
-    """Without any effect, if an answer that does not suffice names none but doubtful ones: they stand for another."""
-    doubts = {} if best.suffices or not best.answer.effects else doubtful(best.answer, case, best.proof)
+    """Without any effect, if an answer that does not suffice names none but doubtful ones: they stand for another.
+
+    Not so of a user's own plant: unknown torques may lead whole runs to the size none although the effect is there.
+    """
+    if best.suffices or not best.answer.effects or case.scenario is None:
+        return best
+    doubts = doubtful(best.answer, case, best.proof)
     if doubts.keys() != {effect.name for effect in best.answer.effects}:
         return best
     return _without(best, doubts.keys(), f"is doubtful: {'; '.join(doubts.values())}", answered)
