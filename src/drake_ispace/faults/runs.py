@@ -68,7 +68,7 @@ FAULTS = (
     ),
     Fault(
         "model_size", "a model of another size",
-        "the model goes a factor too far, and turns as far as the robot",
+        "the model goes too far, or not far enough, by a factor, and turns as far as the robot",
         "radius and half the track typed where diameter and track are asked for, or both in another unit",
         "camera and command tell of ways that are longer or shorter than those of the wheels by one factor",
         "correct the model's wheels and track", same=("wrong_unit", "another_robot"),

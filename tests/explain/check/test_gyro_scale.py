@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
-from drake_ispace.explain.check.compare.gyro_rates import Ratio, scales
+from drake_ispace.explain.check.compare.gyro_rates import scales
 from drake_ispace.explain.check.compare.hypotheses import RATES
 from drake_ispace.files.recording import Channel
 from hidden import two_wheels
@@ -36,8 +36,7 @@ def without(run, channel):
     ([None], []),
 ])
 def test_a_ratio_that_no_unit_explains_is_a_scale_by_itself(measured, found):
-    measured = [None if times is None else Ratio(times, "camera") for times in measured]
-    assert [ratio.times for ratio in scales(measured, RATES.values())] == found
+    assert scales(measured, RATES.values()) == found
 
 
 @pytest.mark.first_case
@@ -49,10 +48,20 @@ def test_it_is_told_and_repaired_as_the_camera_says(times):
     assert finding.repairs[0].matrix[5][5] * times == pytest.approx(1.0, abs=0.02)
 
 
-def test_without_a_camera_the_wheels_are_a_rival_and_nothing_is_repaired():
-    (finding,) = check(two_wheels.model(), [without(with_gyro(2.0), "kinect")]).findings
-    assert (finding.fault, finding.channel, finding.repairs) == ("gyro_off", "imu", ())
-    assert "as fast as the wheels say" in finding.what and "effective_track" in finding.rivals
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_camera_whose_headings_are_wrong_accuses_no_gyro(times):
+    runs = [with_gyro(1.0, seed) for seed in (7, 8)]
+    kinects = [replace(run.channels["kinect"], values=run.channels["kinect"].values * [1, 1, times]) for run in runs]
+    runs = [replace(run, channels=run.channels | {"kinect": one}) for run, one in zip(runs, kinects, strict=True)]
+    assert "gyro_off" not in {finding.fault for finding in check(two_wheels.model(), runs).findings}
+
+
+@pytest.mark.parametrize("counts", [0.5, 2.0])
+def test_without_a_camera_wheels_that_turn_too_far_accuse_no_gyro(counts):
+    run = without(with_gyro(1.0), "kinect")
+    encoder = run.channels["encoder"]
+    run = replace(run, channels=run.channels | {"encoder": replace(encoder, values=counts * encoder.values)})
+    assert "gyro_off" not in {finding.fault for finding in check(two_wheels.model(), [run]).findings}
 
 
 def test_degrees_a_second_are_a_unit():

@@ -353,7 +353,8 @@ def _carried(run, base):
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
         fault = "robot_lifted" if lifted else "robot_carried"
-        what = "it goes less than half as far as they tell" if lifted else "camera and wheels tell of different motions"
+        what = "it goes about half as far as they tell, or less"
+        what = what if lifted else "camera and wheels tell of different motions"
         a, b = float(since[begin]) + min(lag_s, 0.0), float(until[end]) + max(lag_s, 0.0)  # wheels have other stamps
         yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
                       repairs=(CutOut(a, b),))

@@ -7,7 +7,7 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
-from drake_ispace.explain.check.compare.gyro_rates import Ratio, explains
+from drake_ispace.explain.check.compare.gyro_rates import explains
 from drake_ispace.explain.check.compare.gyro_rates import scales as gyro_scales
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
 from drake_ispace.explain.check.compare.links import UNKNOWN_INERTIA
@@ -155,7 +155,7 @@ def accelerometer_columns() -> list[Columns]:
     return found
 
 
-def gyro_columns(measured: Sequence[Ratio | None] = ()) -> list[Columns]:
+def gyro_columns(measured: Sequence[float | None] = ()) -> list[Columns]:
     """All mistaken readings of wx, wy, wz; measured: of each run, as of `gyro_rates.ratios`.
 
     They are in such units only as some run may be in. A ratio that no unit explains is a scale by itself.
@@ -166,7 +166,7 @@ def gyro_columns(measured: Sequence[Ratio | None] = ()) -> list[Columns]:
         if unknown or any(explains(ratio, factor) for ratio in measured)
     ]
     found += [
-        Columns("gyro_off", f"wx, wy, wz {ratio.said}", np.eye(3) / ratio.times, advice=ratio.advice)
+        Columns("gyro_off", f"wx, wy, wz {ratio:.3g} times as fast as the camera says", np.eye(3) / ratio)
         for ratio in gyro_scales(measured, RATES.values())
     ]
     return found

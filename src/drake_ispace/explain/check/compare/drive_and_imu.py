@@ -144,7 +144,10 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
         return row(tried, compared(link, own, matrices, _related(tried), measured))
 
     found = _found(runs, bases, given, one, COMMAND, ("vx", "vy", "wz"), single)
-    return replace(found, findings=[_for_now(finding) if finding.advice else finding for finding in found.findings])
+    return replace(found, findings=[
+        replace(finding, repairs=(), for_now=finding.repairs) if finding.advice else finding
+        for finding in found.findings
+    ])
 
 
 def _rooms(runs, bases, links, told):
@@ -179,16 +182,7 @@ def imu_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreement:
     def one(run, own, tried):
         return row(tried, *_imu_parts(run, own, tried)) if "imu" in run.channels else row(tried)
 
-    found = _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS), single)
-    return replace(found, findings=[
-        replace(_for_now(finding), rivals=(*finding.rivals, "effective_track")) if finding.advice else finding
-        for finding in found.findings
-    ])
-
-
-def _for_now(finding):
-    """A finding of which nothing tells what to repair: it is undone for the comparisons only."""
-    return replace(finding, repairs=(), for_now=finding.repairs)
+    return _found(runs, bases, given, one, "imu", (*_FORCES, *_TURNS), single)
 
 
 def _six(columns, force, gyro):
@@ -198,7 +192,7 @@ def _six(columns, force, gyro):
         what = f"{what}, and the accelerometer's alike"
     both = np.block([[force, np.zeros((3, 3))], [np.zeros((3, 3)), gyro]])
     offset = None if columns.offset is None else np.concatenate([columns.offset, np.zeros(3)])
-    return Columns(columns.fault, what, both, columns.rare, offset, advice=columns.advice)
+    return Columns(columns.fault, what, both, columns.rare, offset)
 
 
 def _imu_parts(run, base, given):

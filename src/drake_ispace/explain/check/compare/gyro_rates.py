@@ -1,15 +1,16 @@
-"""How many times as fast a gyro turns as it should, by the headings of a camera or else by the wheels.
+"""How many times as fast a gyro turns as the headings of a camera say that goes with the wheels.
 
 A gyro whose range is set to another one is off by 2, 4 or 8, or by any factor: no list holds them. The ratio is said as
-it is measured, as that of a command is, unless it is that of a unit.
+it is measured, as that of a command is, unless it is that of a unit. Without a camera the wheels may as well be wrong.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, inside, integral, turn_link
+from drake_ispace.explain.check.compare.agreement import WELL
+from drake_ispace.explain.check.compare.foreign import follows
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, integral
 from drake_ispace.explain.check.compare.motion import has_motion, windows
 from drake_ispace.explain.check.compare.regression import scale_of, weights
 from drake_ispace.explain.check.compare.scale import is_unit
@@ -18,28 +19,9 @@ from drake_ispace.files.recording import Channel, Recording
 
 _ROUNDS = 20
 _RATES = ("wx", "wy", "wz")
-_ADVICE = "look up the range of the gyro, and measure the track: the ratio cannot tell which is off"
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """How many times as fast as a reference says, "camera" or "wheels", a gyro turns."""
-
-    times: float
-    reference: str
-
-    @property
-    def said(self) -> str:
-        """In words."""
-        return f"{self.times:.3g} times as fast as the {'wheels say' if self.advice else 'camera says'}"
-
-    @property
-    def advice(self) -> str:
-        """What to do where nothing tells which of both is off; empty: the camera does."""
-        return "" if self.reference == "camera" else _ADVICE
-
-
-def ratios(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Ratio | None]:
+def ratios(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[float | None]:
     """That of each run with a gyro and wheels; None: not known."""
     both = zip(runs, bases, strict=True)
     return [_ratio(run, base) for run, base in both if base is not None and "imu" in run.channels]
@@ -47,38 +29,29 @@ def ratios(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[Rati
 
 def _ratio(run, base):
     """The ratio of the column of a gyro that goes with the turns most clearly, as its board may be on its side."""
-    for reference, turns in (("camera", _seen(run, base)), ("wheels", _of_wheels(run, base))):
-        fits = [fit for fit in (fitted(run.channels["imu"], *turns, name) for name in _RATES) if fit is not None]
-        clear = [(abs(factors[0]) / std[0], abs(float(factors[0]))) for factors, std in fits]
-        clearest, factor = max(clear, default=(0.0, 0.0))
-        if clearest > CERTAIN:
-            return Ratio(1.0 / factor, reference)
-    return None
+    link = camera_link(run, base) if base.robot.in_room and has_motion(run) else None
+    share = None if link is None else follows(link, base)
+    if share is None or share < WELL:
+        return None
+    turns = turns_seen(run.channels["kinect"])
+    fits = [fit for fit in (fitted(run.channels["imu"], *turns, name) for name in _RATES) if fit is not None]
+    clear = [(abs(factors[0]) / std[0], abs(float(factors[0]))) for factors, std in fits]
+    clearest, factor = max(clear, default=(0.0, 0.0))
+    return 1.0 / factor if clearest > CERTAIN else None
 
 
-def _seen(run, base):
-    return turns_seen(run.channels["kinect"]) if base.robot.in_room and has_motion(run) else (np.empty(0),) * 3
-
-
-def _of_wheels(run, base):
-    link = turn_link(run, base)
-    kept = inside(base, link.since_s, link.until_s)
-    since, until = link.since_s[kept], link.until_s[kept]
-    return since, until, link.predicted(since, until)[:, 0]
-
-
-def explains(ratio: Ratio, factor: float) -> bool:
+def explains(ratio: float, factor: float) -> bool:
     """Whether a gyro that is multiplied by a factor turns as fast as it should, but for what physics may do."""
-    return is_unit(ratio.times * factor)
+    return is_unit(ratio * factor)
 
 
-def scales(measured: Iterable[Ratio | None], factors: Iterable[float]) -> list[Ratio]:
+def scales(measured: Iterable[float | None], factors: Iterable[float]) -> list[float]:
     """The ratios that no unit explains, that which most runs have first; factors: of the units, none among them."""
-    known, found = [ratio for ratio in measured if ratio is not None], [1.0, *factors]
-    usual, scale = np.median([ratio.times for ratio in known]) if known else 1.0, []
-    for ratio in sorted(known, key=lambda one: abs(np.log(one.times / usual))):
+    known, found, scale = [ratio for ratio in measured if ratio is not None], [1.0, *factors], []
+    usual = np.median(known) if known else 1.0
+    for ratio in sorted(known, key=lambda one: abs(np.log(one / usual))):
         if not any(explains(ratio, factor) for factor in found):
-            found.append(1.0 / ratio.times)
+            found.append(1.0 / ratio)
             scale.append(ratio)
     return scale
 

@@ -186,10 +186,11 @@ def _rooms(unit, times):
     size = _typed(times, _SCALES) or times
     if abs(times - 1.0) > MOST_SLACK and all(abs(times * m - 1.0) > SLACK for m in LENGTHS.values()):
         by, rare = f"{'' if size in _SCALES else 'about '}{size:.2g} times as large", size not in _SCALES
+        measured = f", as measured {times:.3g} times" if f"{times:.2g}" != f"{size:.2g}" else ""
         view = View(((1.0 / size, 0.0), (0.0, 1.0 / size)))
-        yield Reading("wrong_unit", f"places {by} as the wheels say", "kinect", unit, view=view, rare=rare)
+        yield Reading("wrong_unit", f"places {by} as the wheels say{measured}", "kinect", unit, view=view, rare=rare)
         yield Reading(
-            MODEL_SIZE, f"the robot is {by}", "model", unit, np.diag([size, size, 1.0]), rare=rare,
+            MODEL_SIZE, f"the robot is {by}{measured}", "model", unit, np.diag([size, size, 1.0]), rare=rare,
             advice=f"make the model's wheels, and the distances between them, {by}",
         )
 
