@@ -164,14 +164,14 @@ def _anywhere(candidates, point) -> list[Candidate]:
 
 def _shown(survey_by_itself, names, seed, sound_others=False) -> tuple[list[OfAPart], list[Survey]]:
     """What shows in the Survey of a part, made by its number, and those of the others contradict; these Surveys."""
-    def looked_at(i):
+    surveys, leaders, p_values = [], [], []
+    for i in range(len(names)):
         own = survey_by_itself(i)
         leader = _leader(own, seed)
         detection = None if leader is None else held(leader.detection, own, leader.proposals, seed)[0]
-        p_value = detection.p_value if detection is not None and _is_clear(detection) else None
-        return own.light(), leader, p_value
-
-    surveys, leaders, p_values = (list(of_parts) for of_parts in zip(*each(looked_at, range(len(names))), strict=True))
+        leaders.append(leader)
+        p_values.append(detection.p_value if detection is not None and _is_clear(detection) else None)
+        surveys.append(own.light())
     clear = sum(leader is not None for leader in leaders)
     if sound_others and 2 * clear >= len(leaders):
         return [], surveys
