@@ -352,12 +352,11 @@ def _carried(run, base):
     for begin, end, first, last in spans:
         moved = np.linalg.norm(x[first : last + 1], axis=1).sum(), np.linalg.norm(y[first : last + 1], axis=1).sum()
         lifted = moved[1] < moved[0] - moved[1]  # the robot goes less far than it fails to
-        fault = "robot_lifted" if lifted else "robot_carried"
-        what = "it goes about half as far as they tell, or less"
-        what = what if lifted else "camera and wheels tell of different motions"
+        fault, what, rival = "robot_carried", "camera and wheels tell of different motions", "robot_lifted"
+        if lifted:
+            fault, what, rival = "robot_lifted", "it goes about half as far as they tell, or less", "robot_carried"
         a, b = float(since[begin]) + min(lag_s, 0.0), float(until[end]) + max(lag_s, 0.0)  # wheels have other stamps
-        yield Finding(fault, what, "all", a, b, rivals=("robot_carried" if lifted else "robot_lifted",),
-                      repairs=(CutOut(a, b),))
+        yield Finding(fault, what, "all", a, b, rivals=(rival,), repairs=(CutOut(a, b),))
 
 
 def _count(flags: np.ndarray) -> int:

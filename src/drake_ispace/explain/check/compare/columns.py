@@ -7,12 +7,11 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import UNRELATED
-from drake_ispace.explain.check.compare.gyro_rates import explains
 from drake_ispace.explain.check.compare.gyro_rates import scales as gyro_scales
 from drake_ispace.explain.check.compare.hypotheses import ANGLES, LENGTHS, RATES
 from drake_ispace.explain.check.compare.links import UNKNOWN_INERTIA
 from drake_ispace.explain.check.compare.ratio import TORQUES
-from drake_ispace.explain.check.compare.scale import scales
+from drake_ispace.explain.check.compare.scale import is_unit, scales
 from drake_ispace.files.units import in_si
 from drake_ispace.plants.slip import GRAVITY
 
@@ -155,7 +154,7 @@ def accelerometer_columns() -> list[Columns]:
     return found
 
 
-def gyro_columns(measured: Sequence[float | None] = ()) -> list[Columns]:
+def gyro_columns(measured: Sequence[float | None]) -> list[Columns]:
     """All mistaken readings of wx, wy, wz; measured: of each run, as of `gyro_rates.ratios`.
 
     They are in such units only as some run may be in. A ratio that no unit explains is a scale by itself.
@@ -163,7 +162,7 @@ def gyro_columns(measured: Sequence[float | None] = ()) -> list[Columns]:
     found, unknown = _turned("wx, wy, wz"), not measured or None in measured
     found += [
         Columns("wrong_unit", f"wx, wy, wz in {name}", factor * np.eye(3)) for name, factor in RATES.items()
-        if unknown or any(explains(ratio, factor) for ratio in measured)
+        if unknown or any(is_unit(ratio * factor) for ratio in measured)
     ]
     found += [
         Columns("gyro_off", f"wx, wy, wz {ratio:.3g} times as fast as the camera says", np.eye(3) / ratio)

@@ -28,6 +28,7 @@ from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
 
 Stretches = Sequence[tuple[float, float]]
+GOES_WITH = 2.0 * RELATED  # share, as of `following`, above which a channel is told to go with these wheels
 _OF_NOBODY = "does not move with the robot"
 #: Channel -> what a channel may be besides that moves with the wheels in no run.
 _WHOLE = {
@@ -99,7 +100,7 @@ def foreign(
         if not strangers:
             continue
         free = _free_gain(run, base) if "kinect" in strangers and whose("kinect") is None else None
-        if free is not None and free.share > 2.0 * RELATED and "imu" not in friends:
+        if free is not None and free.share > GOES_WITH and "imu" not in friends:
             found.append(another_robot((number,), 2.0 * free.gain, ("wheel_order", "gear")))
             continue
         doubted = {*strangers, *(name for name, one in relation.items() if one.gain < -SAID)}
@@ -173,7 +174,7 @@ def owner(runs: Sequence[Recording], bases: Sequence[Base | None], number: int, 
             run = replace(runs[other], channels={**runs[other].channels, name: runs[number].channels[name]})
         link = link_of(run, wheels, seen)
         found = None if link is None else _relation(link, wheels)
-        if found is not None and found.share > 2.0 * RELATED:
+        if found is not None and found.share > GOES_WITH:
             return f"moves with the {'camera' if name == 'encoder' else 'wheels'} of {name_of(runs[other], other)}"
     return None
 

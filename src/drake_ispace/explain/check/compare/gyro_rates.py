@@ -40,17 +40,12 @@ def _ratio(run, base):
     return 1.0 / factor if clearest > CERTAIN else None
 
 
-def explains(ratio: float, factor: float) -> bool:
-    """Whether a gyro that is multiplied by a factor turns as fast as it should, but for what physics may do."""
-    return is_unit(ratio * factor)
-
-
 def scales(measured: Iterable[float | None], factors: Iterable[float]) -> list[float]:
     """The ratios that no unit explains, that which most runs have first; factors: of the units, none among them."""
     known, found, scale = [ratio for ratio in measured if ratio is not None], [1.0, *factors], []
     usual = np.median(known) if known else 1.0
     for ratio in sorted(known, key=lambda one: abs(np.log(one / usual))):
-        if not any(explains(ratio, factor) for factor in found):
+        if not any(is_unit(ratio * factor) for factor in found):
             found.append(1.0 / ratio)
             scale.append(ratio)
     return scale

@@ -159,7 +159,8 @@ def _gears(motions):
         sizes = [[np.linalg.norm(motion[:, of], axis=1).sum() for motion in both] for both in motions]
         measured = np.array([camera / wheels for wheels, camera in sizes if min(wheels, camera) > 0.0])
         whole = np.where(measured > 1.0, np.rint(measured), 1.0 / np.maximum(np.rint(1.0 / measured), 1.0))
-        odd = (np.abs(measured / whole - 1.0) > SLACK) & (np.maximum(whole, 1.0 / whole) > 2.0)  # or wheels' size
+        is_large = np.maximum(whole, 1.0 / whole) > 2.0  # a smaller one may be two, and wheels of another size
+        odd = (np.abs(measured / whole - 1.0) > SLACK) & is_large
         if odd.any():
             whole[odd] = np.median(measured[odd])
         of_part = {gear: float(np.median(measured[whole == gear])) for gear in {*whole.tolist()} - {1.0}}

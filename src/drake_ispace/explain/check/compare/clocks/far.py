@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drake_ispace.explain.check.compare.agreement import RELATED, SAID, WELL
+from drake_ispace.explain.check.compare.agreement import SAID, WELL
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, LATEST_S, Path, least
 from drake_ispace.explain.check.compare.clocks.trial import Trial
-from drake_ispace.explain.check.compare.foreign import follows
+from drake_ispace.explain.check.compare.foreign import GOES_WITH, follows
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, inside
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 
@@ -69,4 +69,4 @@ def _lags_s(trial):
 def _is_shown(trial, path):
     """Whether along a path a channel follows the wheels as well as one that is told to be those of another run."""
     share = follows(trial.link, trial.base, path.lag_s)
-    return share is not None and share > 2.0 * RELATED
+    return share is not None and share > GOES_WITH
