@@ -151,6 +151,13 @@ def test_a_number_may_be_written_in_many_ways(text, value):
     assert mass == value and isinstance(mass, float)
 
 
+def test_what_rounding_leaves_of_nothing_is_nothing():
+    friction = load_scenario("pendulum_multirate", ["pendulum.plant.friction.coulomb_n_m=2.2e-17"]).pendulum.plant
+    assert friction.friction.coulomb_n_m == 0.0
+    with pytest.raises(InputError, match="expected a size between"):
+        load_scenario("omni_multirate", ["omni.plant.mass_kg=2.2e-17"])
+
+
 def test_null_takes_an_optional_value_away():
     overrides = ["omni.actuator.limit_n_m=0.5", "omni.actuator.limit_n_m=null"]
     assert load_scenario("omni_multirate", overrides).omni.actuator.limit_n_m is None

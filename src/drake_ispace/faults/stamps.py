@@ -22,7 +22,8 @@ FAULTS = (
     ),
     Fault(
         "clocks_disjoint", "clocks that do not overlap",
-        "a channel begins after another one has ended", "clocks with other zeros, or files of different runs",
+        "a channel, or a few samples of it, begins after another one has ended",
+        "clocks with other zeros, files of different runs, or stamps that were written wrong",
         "no instant is in all channels", "let the channels start together, then compare their motion",
         same=("epoch_stamps", "channel_of_another_run"),
     ),

@@ -21,8 +21,8 @@ FAULTS = (
     ),
     Fault(
         "epoch_stamps", "stamps from another epoch",
-        "a channel's time starts millions of seconds away from the others'",
-        "one logger stamps with the time of day since 1970, another one from its own start",
+        "a channel's time starts millions of seconds away from the others', or leaps there",
+        "one logger stamps with the time since 1970, another one from its own start, or the clock was set meanwhile",
         "the channels do not overlap", "subtract the difference, found by motion",
         same=("clocks_disjoint", "time_unit"),
     ),

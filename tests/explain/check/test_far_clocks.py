@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
@@ -77,3 +78,72 @@ def test_motion_that_comes_again_tells_no_time(runs):
 
 def test_a_sound_channel_is_not_looked_at(runs):
     assert far(runs[0], "kinect") == [] and far(moved(runs[0], 3.0), "kinect") == []
+
+
+def leapt(run, at_s, by_s, *channels, rows=None):
+    """The run with stamps of some channels later from a moment on; rows: no more than so many of each."""
+    changed = {}
+    for name in channels:
+        there = run.channels[name]
+        first = int(np.searchsorted(there.t, at_s))
+        t = there.t.copy()
+        t[first : None if rows is None else first + rows] += by_s
+        order = np.argsort(t)
+        changed[name] = replace(there, t=t[order], values=there.values[order], period_s=None)
+    return replace(run, channels=run.channels | changed)
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("by_s", [600.0, 40.0])
+@pytest.mark.parametrize("channel", ["kinect", "encoder", "command"])
+def test_a_clock_that_jumps_beyond_the_end_of_the_run_is_set_back(runs, channel, by_s):
+    (finding,) = check(two_wheels.model(), [runs[0], leapt(runs[1], 15.0, by_s, channel)]).findings
+    assert (finding.fault, finding.channel, finding.runs) == ("clock_jump", channel, (1,))
+    assert finding.repairs[0].offset_s == pytest.approx(-by_s, abs=0.05)
+
+
+def test_clocks_that_jump_in_all_runs_are_told_of_each(runs):
+    found = check(two_wheels.model(), [leapt(run, 15.0, 600.0, "kinect") for run in runs]).findings
+    assert sorted((finding.fault, finding.channel, finding.runs) for finding in found) == [
+        ("clock_jump", "kinect", (0,)), ("clock_jump", "kinect", (1,)),
+    ]
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("channels", [("encoder", "kinect", "command"), ("encoder",), ("kinect",), ("command",)])
+def test_a_clock_that_is_set_from_another_epoch_is_set_back(runs, channels):
+    checked = check(two_wheels.model(), [runs[0], leapt(runs[1], 15.0, 1.7e9, *channels)])
+    assert {(finding.fault, finding.channel) for finding in checked.findings} == {
+        ("epoch_stamps", channel) for channel in channels
+    }
+    for name, channel in checked.repaired[1].channels.items():
+        assert channel.t == pytest.approx(runs[1].channels[name].t, abs=0.02)
+
+
+def test_motion_that_the_wheels_did_not_make_is_not_set_back(runs):
+    foreign = two_wheels.drive(950, 40.0, **SOUND).channels["kinect"]
+    late = leapt(replace(runs[1], channels=runs[1].channels | {"kinect": foreign}), 15.0, 600.0, "kinect")
+    before, after = runs[1].channels["kinect"], late.channels["kinect"]
+    mixed = replace(
+        after, values=np.where((after.t < 15.0)[:, None], before.values[: len(after.t)], after.values)
+    )
+    found = check(two_wheels.model(), [runs[0], replace(late, channels=late.channels | {"kinect": mixed})]).findings
+    assert "clock_jump" not in {finding.fault for finding in found}
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("by_s", [600.0, 150.0, 3600.0])
+def test_a_long_pause_of_all_channels_is_a_gap(runs, by_s):
+    (finding,) = check(two_wheels.model(), [runs[0], leapt(runs[1], 15.0, by_s, *runs[1].channels)]).findings
+    assert (finding.fault, finding.channel) == ("rows_missing", "encoder")
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize(("channel", "by_s"), [
+    ("command", 1e9), ("encoder", 1e9), ("kinect", 1e9), ("kinect", -1e9), ("kinect", 600.0),
+])
+def test_a_stamp_that_is_far_from_all_others_is_left_out(runs, channel, by_s):
+    checked = check(two_wheels.model(), [runs[0], leapt(runs[1], 15.0, by_s, channel, rows=1)])
+    (finding,) = checked.findings
+    assert (finding.fault, finding.channel, finding.limited) == ("clocks_disjoint", channel, True)
+    assert len(checked.repaired[1].channels[channel].t) == len(runs[1].channels[channel].t) - 1

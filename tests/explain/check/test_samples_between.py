@@ -99,6 +99,14 @@ def test_samples_that_come_at_once_before_and_after_a_gap_are_not_evened_over_it
     assert found and "bursts" not in {finding.fault for finding in found}
 
 
+@pytest.mark.parametrize("pauses_s", [[600.0], [600.0, 300.0], [3.0] * 20])
+def test_a_log_that_pauses_has_gaps_and_no_bursts(pauses_s):
+    steps = np.full(100 * (len(pauses_s) + 1), 0.02)
+    steps[100 * np.arange(1, len(pauses_s) + 1)] = pauses_s
+    paused = Recording("omni", channels={"encoder": Channel(np.cumsum(steps), ("a",), np.cumsum(steps)[:, None])})
+    assert [finding.fault for finding in stamp_findings(paused)] == ["rows_missing"] * len(pauses_s)
+
+
 @pytest.mark.parametrize("name", ["encoder", "torque", "imu"])
 def test_a_pace_that_varies_is_no_jitter_and_stamps_that_come_late_at_random_are(name):
     rng, count = np.random.default_rng(7), 2000

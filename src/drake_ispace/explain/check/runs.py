@@ -141,8 +141,8 @@ def check_sizes(recording: Recording, name: str) -> None:
                 f"(n,) and (n, {len(samples.columns)}) for the columns {', '.join(samples.columns)}"
             )
         check_finite(samples, f"{name}: channel {channel}", lambda row: f"sample {row + 1}")
-        size = np.abs(samples.values).max(axis=0, initial=0.0)
-        for column, largest in zip(samples.columns, size, strict=True):
+        size = np.abs(np.column_stack([samples.t, samples.values])).max(axis=0, initial=0.0)
+        for column, largest in zip(("t", *samples.columns), size, strict=True):
             if largest > _LARGEST:
                 raise InputError(
                     f"{name}: channel {channel}: {column} is as large as {largest:.3g}, expected below {_LARGEST:.0e}"

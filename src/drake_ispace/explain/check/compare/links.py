@@ -74,6 +74,13 @@ class Base:
         return turned(self.encoder, since_s, until_s) @ self.geometry.forward.T
 
     @cached_property
+    def parts(self) -> np.ndarray:
+        """(k, 2) from and to [s] of the encoder's time between what is spoilt."""
+        since, until = np.reshape(sorted(self.spoilt), (-1, 2)).T
+        t = self.encoder.t
+        return np.column_stack([np.append(t[0], np.maximum.accumulate(until)), np.append(since, t[-1])])
+
+    @cached_property
     def load(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
         """A function of since_s, until_s (n,): (n, wheels) impulse [N m s] of what turns the wheels of a plant of one's
         own without torque; None: not known."""
@@ -352,8 +359,10 @@ def held_integral(channel: Channel, since_s: np.ndarray, until_s: np.ndarray) ->
 def _grid(channel, base, window_s):
     """Windows end to end over the channel's time, without those in which it has a gap."""
     margin = 2.0 * base.rate_s
-    edges = np.arange(channel.t[0] + margin, channel.t[-1] - margin, window_s)
-    since, until = edges[:-1], edges[1:]
+    begin, end = channel.t[0] + margin, channel.t[-1] - margin
+    number = np.unique(np.floor((channel.t - begin) / window_s))  # of those with a sample
+    number = number[(number >= 0.0) & (begin + window_s * (number + 1.0) < end)]
+    since, until = begin + window_s * number, begin + window_s * (number + 1.0)
     if not len(since):
         return since, until
     # a window with a gap: fewer samples in it than in half of the typical one

@@ -7,19 +7,19 @@ import numpy as np
 from scipy.fft import dct
 from scipy.stats import chi2
 
-from drake_ispace.explain.check.compare.links import RATE_S
+from drake_ispace.explain.check.compare.links import FEWEST, RATE_S
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.sampling.samples import LEAP, STUCK_S
 from drake_ispace.explain.levels import CHANCE
-from drake_ispace.faults.repair import Clock, CutOut, Evened
+from drake_ispace.faults.repair import Clock, CutOut, Dropped, Evened, span_text, time_text
 from drake_ispace.files.recording import Channel, Recording
 from drake_ispace.files.units import in_si
 from drake_ispace.robots.robot import COMMAND
 
 #: Recorded unit of time -> seconds.
 TIMES = {unit: in_si(unit) for unit in ("s", "ms", "us", "ns")}
-_EPOCH_S = 1e6  # a clock that starts later counts from some year, not from the start of a run
+_EPOCH_S = 86400.0  # a clock that starts a day later counts from some year, and no log pauses for so long
 _SAMPLED = ("encoder", "imu", "torque")  # at a steady rate
 _UNEVEN = 0.25  # a step that is uneven, as a share of the median
 
@@ -29,11 +29,64 @@ def stamp_findings(run: Recording) -> Iterator[Finding]:
     channels = run.channels
     found = list(_units(channels))
     yield from found
-    if not found:
-        yield from _starts(channels)
-        for name in _SAMPLED:
-            if name in channels and len(channels[name].t) > 20:
-                yield from _steps(name, channels[name])
+    if found:
+        return
+    for find in (_strays, _set_while_logged):
+        found = list(find(channels))
+        yield from found
+        for name, repair in ((finding.channel, repair) for finding in found for repair in finding.repairs):
+            channels = channels | {name: repair.repaired(channels[name])}
+    yield from _starts(channels)
+    for name in _SAMPLED:
+        if name in channels and len(channels[name].t) > 20:
+            yield from _steps(name, channels[name])
+
+
+def _set_while_logged(channels: dict[str, Channel]) -> Iterator[Finding]:
+    """Channels whose clock was set from one epoch to another: stamps leap by more than any log pauses.
+
+    Of channels that leap together, that with the finest steps tells by how much.
+    """
+    leaps = []
+    for name in channels:
+        steps = np.diff(channels[name].t)
+        for i in np.flatnonzero(steps > _EPOCH_S):
+            leaps.append((float(np.median(steps)), name, int(i), float(steps[i] - np.median(steps))))
+    for usual, name, i, by_s in leaps:
+        t = channels[name].t
+        together = [one for one in leaps if abs(one[3] - by_s) <= max(RATE_S, one[0] + usual)]
+        by_s = min(together)[3]
+        what = f"clock jumps by {by_s:.10g} s at {time_text(float(t[i]), 3)} s"
+        yield Finding("epoch_stamps", what, name, float(t[i + 1]), float(t[-1]),
+                      repairs=(Clock(name, 1.0, -by_s, float(t[i + 1])),))
+
+
+def _strays(channels: dict[str, Channel]) -> Iterator[Finding]:
+    """A few samples of a channel that lie farther from its others than these last, and in no other channel's time."""
+    logged = {name: channel.t for name, channel in channels.items() if name not in ("truth", "reference")}
+    apart = {name: _few_apart(t) for name, t in logged.items()}
+    spans = {name: np.delete(t, apart[name])[[0, -1]] for name, t in logged.items()}
+    for name, at in apart.items():
+        if not len(at):
+            continue
+        since, until = logged[name][at[[0, -1]]]
+        if len(spans) > 1 and not any(since <= b and until >= a for a, b in spans.values()):
+            others_s = min(a for a, _ in spans.values()), max(b for _, b in spans.values())
+            what = f"{len(at)} sample{'s' * (len(at) > 1)} far from all others, which are {span_text(*others_s, 3)}"
+            repair = Dropped(name, float(since), float(until))
+            yield Finding("clocks_disjoint", what, name, float(since), float(until), repairs=(repair,))
+
+
+def _few_apart(t: np.ndarray) -> np.ndarray:
+    """Numbers of the samples, of t (n,), that one step parts from the others, if it is longer than all other steps.
+
+    None if they are as many as can be compared.
+    """
+    steps, numbers = np.diff(t), np.arange(len(t))
+    longest = int(np.argmax(steps)) if len(steps) else 0
+    few = min(numbers[: longest + 1], numbers[longest + 1 :], key=len)
+    is_far = len(steps) and 2.0 * steps[longest] > steps.sum()
+    return few if is_far and len(few) < min(FEWEST, len(t) - len(few)) else numbers[:0]
 
 
 def _units(channels: dict[str, Channel]) -> Iterator[Finding]:
@@ -88,8 +141,10 @@ def _steps(name: str, channel: Channel) -> Iterator[Finding]:
     """Gaps, and steps that are uneven as a habit, though samples come at even ones all in all."""
     steps = np.diff(channel.t)
     usual = float(np.median(steps))
-    longer = steps[steps > np.mean(steps)]  # between samples that come at once
-    if _mostly(LEAP * steps < np.mean(steps)) and not are_gaps(longer).any():
+    longer = np.flatnonzero(steps > np.mean(steps))  # between samples that come at once
+    lasts_s = channel.t[longer] - channel.t[np.append(0, longer[:-1] + 1)]
+    at_once = np.median(lasts_s) < RATE_S  # a pause of the log has a motion before it
+    if at_once and _mostly(LEAP * steps < np.mean(steps)) and not are_gaps(steps[longer]).any():
         yield Finding("bursts", "several samples come at once", name, repairs=(Evened(name),))
         return
     if _mostly(np.abs(steps - usual) > _UNEVEN * usual) and not _wander_off(steps):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED, SAID
-from drake_ispace.explain.check.compare.clocks.far import far_offsets
+from drake_ispace.explain.check.compare.clocks.far import far_jumps, far_offsets
 from drake_ispace.explain.check.compare.clocks.latencies import other_latencies
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, OFFSET, Path, descended, is_at_end, least, rates_of
 from drake_ispace.explain.check.compare.clocks.trial import Links, trials_of
@@ -17,10 +17,11 @@ def clocks(links: Links) -> list[Finding]:
     """The mistakes of one channel's clock: the same in all runs if that explains as much as one of each run's own."""
     trials = trials_of(links)
     far = list(far_offsets(trials))
-    if far:
-        set_by = {trial.number for trial, _, _ in far}
+    jumps = [] if far else list(far_jumps(trials))
+    if far or jumps:
+        set_by = {trial.number for trial, _, _ in (*far, *jumps)}
         others = clocks([one for one in links if one[0] not in set_by])
-        return [*_far(far), *others]
+        return [*_far(far), *(trial.finding(path, 2.0 * gain) for trial, path, gain in jumps), *others]
     own = [(trial, best) for trial, best in ((trial, trial.best()) for trial in trials) if best.gain >= SAID]
     apart = sum(best.gain - SAID for _, best in own)  # each of them must be worth what is said of a fault
     common = _common(trials, [best.path for _, best in own]) if len(trials) > 1 else None

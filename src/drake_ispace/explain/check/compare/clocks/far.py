@@ -11,7 +11,7 @@ import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import SAID, WELL
 from drake_ispace.explain.check.compare.clocks.paths import LAGS_S, LATEST_S, Path, least
-from drake_ispace.explain.check.compare.clocks.trial import Trial
+from drake_ispace.explain.check.compare.clocks.trial import Trial, trials_of
 from drake_ispace.explain.check.compare.foreign import GOES_WITH, follows
 from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, inside
 from drake_ispace.explain.check.compare.motion import WINDOW_S
@@ -31,6 +31,27 @@ def far_offsets(trials: Sequence[Trial]) -> Iterator[tuple[Trial, Path, float]]:
             yield from ((trial, common, gain) for trial, gain in zip(lost, gains, strict=True))
             return
     yield from ((trial, path, trial.gain(path)) for trial, path in own)
+
+
+def far_jumps(trials: Sequence[Trial]) -> Iterator[tuple[Trial, Path, float]]:
+    """Trials whose clock jumps so far that nothing of a channel lies inside of the wheels' run from then on.
+
+    And the path along which it follows the wheels again, and by how much more likely that is than no relation. Either
+    the channel's own stamps leave out as much, or those of the wheels.
+    """
+    for trial in trials:
+        link, base = trial.link, trial.base
+        left = [one.jump_s for one in trial.gaps] + base.parts[:-1, 1].tolist()
+        for jump_s in [] if link.any_share else sorted(left):
+            later = link.since_s >= jump_s
+            if later.sum() < 2 * FEWEST or inside(base, link.since_s[later], link.until_s[later]).any():
+                continue
+            (part,) = trials_of([(trial.number, link.only(later), base)]) or [None]
+            there = None if part is None else _offset(part)
+            if there is not None:
+                lag_s = float(LAGS_S[trial.usual][np.argmin(trial.total[trial.usual])])
+                yield trial, Path(lag_s, 0.0, 0.0, there.lag_s - lag_s, jump_s), part.gain(there)
+                break
 
 
 def _is_lost(trial):
@@ -57,13 +78,19 @@ def _offset(trial):
 
 def _lags_s(trial):
     """Lags [s], a latency apart, by which half of the windows or more lie inside of the wheels' run."""
-    link, t = trial.link, trial.base.encoder.t
-    together, half = (float(t[0] - link.since_s[0]), float(t[-1] - link.until_s[-1])), 0.5 * trial.lasts_s
-    lags_s = LATENCY_S * np.arange(
-        np.ceil((min(together) - half) / LATENCY_S), np.floor((max(together) + half) / LATENCY_S) + 1.0
-    )
-    inner = np.array([inside(trial.base, link.since_s, link.until_s, lag).sum() for lag in lags_s.tolist()])
-    return lags_s[inner >= max(0.5 * len(link.since_s), 2 * FEWEST)]
+    link, base = trial.link, trial.base
+    begin, end = base.parts.T + 2.0 * base.rate_s * np.array([[1.0], [-1.0]])
+    first, last = (begin[:, None] - link.since_s).ravel(), (end[:, None] - link.until_s).ravel()
+    fits = first <= last  # of a window and a part of the run
+    first, last = np.sort(first[fits]), np.sort(last[fits])
+    edges = np.unique(np.concatenate([first, last]))
+    inner = np.searchsorted(first, edges[:-1], "right") - np.searchsorted(last, edges[:-1], "right")
+    enough = inner >= max(0.5 * len(link.since_s), 2 * FEWEST)
+    numbers = [
+        np.arange(np.ceil(low / LATENCY_S), np.floor(high / LATENCY_S) + 1.0)
+        for low, high in zip(edges[:-1][enough], edges[1:][enough], strict=True)
+    ]
+    return LATENCY_S * np.unique(np.concatenate([[], *numbers]))
 
 
 def _is_shown(trial, path):
