@@ -1,10 +1,11 @@
 """Do torque, command and IMU say the same motion as the wheels? If not, which mistake of their columns makes them?"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from drake_ispace.blocks.rates import TICK_S
 from drake_ispace.explain.check.compare.agreement import RELATED, WELL, Agreement, compared, disagreement, part, row
 from drake_ispace.explain.check.compare.columns import (
     Columns,
@@ -18,9 +19,9 @@ from drake_ispace.explain.check.compare.columns import (
 from drake_ispace.explain.check.compare.gyro_rates import ratios as gyro_ratios
 from drake_ispace.explain.check.compare.links import (
     FEWEST,
+    RATE_S,
     Base,
     command_link,
-    felt,
     held_integral,
     inside,
     integral,
@@ -31,6 +32,7 @@ from drake_ispace.explain.check.compare.motion import arm, has_motion
 from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
 from drake_ispace.explain.check.compare.regression import SLACK
 from drake_ispace.explain.check.compare.scale import ratios
+from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.faults.repair import AlongRobot, Mixed
 from drake_ispace.files.recording import Recording
 from drake_ispace.plants.slip import GRAVITY
@@ -211,7 +213,7 @@ def _imu_parts(run, base, given):
         force = np.stack([values[:, :3] for values in read])
         x = _related(given) * lasts * np.array([0.0, 0.0, GRAVITY])
         parts.append(part(x, force, ((0, 1, 2),), np.zeros((len(given), 3))))
-    edges, block, predicted = felt(run, base)
+    edges, block, predicted = _felt(run, base)
     kept = inside(base, *edges.T)
     if len(np.unique(block[kept])) > 1:
         since, until = edges[kept].T
@@ -220,6 +222,37 @@ def _imu_parts(run, base, given):
         x = _levelled(np.stack([predicted(c.matrix[3:, 3:] * (c.what != _NO_LEAN))[kept] for c in given]), block[kept])
         parts.append(part(_related(given) * x, y, ((0, 1),), np.zeros((len(given), 2))))
     return parts
+
+
+def _felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """The specific force along x and y that an accelerometer on a body that leans a little should feel.
+
+    Returns:
+        edges (n, 2) [s] of windows, whole blocks of BLOCK_TICKS; number of the block (n,) of each; and a function of a
+        matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
+    """
+    imu = run.channels["imu"]
+    t = np.arange(imu.t[0] + 3.0 * RATE_S, imu.t[-1] - 3.0 * RATE_S, 2.0 * RATE_S)
+    block = round(BLOCK_TICKS * TICK_S / (2.0 * RATE_S))
+    t = t[: len(t) // block * block]
+    columns = ("wx", "wy", "wz")
+    angles = integral(imu, columns, np.full(len(t), imu.t[0]), t)
+    rates = [integral(imu, columns, t + k * RATE_S, t + (k + 1) * RATE_S) / RATE_S for k in (-1, 0)]
+    spins = (rates[1] - rates[0]) / RATE_S
+    velocity, arm_m = _rates_at(base, t), base.robot.lean_arm(base.settings)
+    accelerations = (_rates_at(base, t + RATE_S) - _rates_at(base, t - RATE_S)) / (2.0 * RATE_S)
+
+    def predicted(gyro):
+        lean, spin = (angles @ gyro.T)[:, 1], (spins @ gyro.T)[:, 1]
+        along = accelerations[:, 0] - velocity[:, 1] * velocity[:, 2] + arm_m * spin - GRAVITY * lean
+        return np.column_stack([along, accelerations[:, 1] + velocity[:, 0] * velocity[:, 2]])
+
+    return np.column_stack([t - RATE_S, t + RATE_S]), np.arange(len(t)) // block, predicted
+
+
+def _rates_at(base: Base, t: np.ndarray) -> np.ndarray:
+    """(n, 3) velocity of the body [m/s, m/s, rad/s], as the wheels say."""
+    return base.wheel_rates(t) @ base.geometry.forward.T
 
 
 def _levelled(values, block):

@@ -25,9 +25,8 @@ from drake_ispace.explain.check.compare.motion import (
     within,
 )
 from drake_ispace.explain.check.compare.regression import CAMERA, MOST_ROWS, PHYSICS, SLACK, Slack, relation
-from drake_ispace.explain.levels import BLOCK_TICKS, CERTAIN
+from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.files.recording import Channel, Recording
-from drake_ispace.plants.slip import GRAVITY
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
@@ -308,37 +307,6 @@ def command_link(run: Recording, base: Base) -> Link | None:
         lambda since, until: base.moved(since, until) * unit, PLACES_AND_TURNS, base.noise * unit,
         usual_s=(-LATENCY_S, WINDOW_S),  # a drive may follow its command: later, it does nothing of it in the window
     )
-
-
-def felt(run: Recording, base: Base) -> tuple[np.ndarray, np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-    """The specific force along x and y that an accelerometer on a body that leans a little should feel.
-
-    Returns:
-        edges (n, 2) [s] of windows, whole blocks of BLOCK_TICKS; number of the block (n,) of each; and a function of a
-        matrix (3, 3) on the gyro's rates: (n, 2) [m/s^2]. A block's mean says nothing, as the lean drifts.
-    """
-    imu = run.channels["imu"]
-    t = np.arange(imu.t[0] + 3.0 * RATE_S, imu.t[-1] - 3.0 * RATE_S, 2.0 * RATE_S)
-    block = round(BLOCK_TICKS * TICK_S / (2.0 * RATE_S))
-    t = t[: len(t) // block * block]
-    columns = ("wx", "wy", "wz")
-    angles = integral(imu, columns, np.full(len(t), imu.t[0]), t)
-    rates = [integral(imu, columns, t + k * RATE_S, t + (k + 1) * RATE_S) / RATE_S for k in (-1, 0)]
-    spins = (rates[1] - rates[0]) / RATE_S
-    velocity, arm_m = rates_at(base, t), base.robot.lean_arm(base.settings)
-    accelerations = (rates_at(base, t + RATE_S) - rates_at(base, t - RATE_S)) / (2.0 * RATE_S)
-
-    def predicted(gyro):
-        lean, spin = (angles @ gyro.T)[:, 1], (spins @ gyro.T)[:, 1]
-        along = accelerations[:, 0] - velocity[:, 1] * velocity[:, 2] + arm_m * spin - GRAVITY * lean
-        return np.column_stack([along, accelerations[:, 1] + velocity[:, 0] * velocity[:, 2]])
-
-    return np.column_stack([t - RATE_S, t + RATE_S]), np.arange(len(t)) // block, predicted
-
-
-def rates_at(base: Base, t: np.ndarray) -> np.ndarray:
-    """(n, 3) velocity of the body [m/s, m/s, rad/s], as the wheels say."""
-    return base.wheel_rates(t) @ base.geometry.forward.T
 
 
 def integral(channel: Channel, columns: tuple[str, ...], since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
