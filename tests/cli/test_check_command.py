@@ -36,6 +36,11 @@ def test_a_finding_is_a_sentence_with_its_repair(folders, said):
     assert "places in mm" in out and "kinect: x = 0.001 x, y = 0.001 y" in out
 
 
+def test_without_a_model_the_one_that_told_is_named(folders, said):
+    out = said("check", *runs_in(folders / "mm"))
+    assert out.splitlines()[-1].startswith("told by the model omni_multirate, which the run names")
+
+
 @pytest.mark.slow
 def test_json_is_one_document_of_rows(folders, said):
     (row,) = json.loads(said("check", *runs_in(folders / "mm"), "--json"))["data"]

@@ -55,6 +55,8 @@ def check(
         print_json({"runs": checked.names, "data": data, "repaired": [str(copy) for copy in copies]})
         return
     say(str(checked))
+    if model is None and checked.findings:
+        say(f"told by the model {scenario.diagram}, which the run names; of another robot give --model")
     for copy in copies:
         say(f"written: {copy}")
     if out is not None:
