@@ -7,6 +7,7 @@ import pytest
 
 from drake_ispace.explain.check.check import check
 from drake_ispace.hiding import hide
+from hidden import two_wheels
 
 DEG = np.pi / 180.0
 #: Channel, fault, and what is done to the channel's stamps (n,) and values (n, d).
@@ -77,3 +78,29 @@ def test_one_mistake_of_one_run_is_not_made_two_of_all(sound):
     first, *others = sound["omni"]
     (finding,) = check("omni_multirate", [mistaken(first, ("headings a quarter off",)), *others]).findings
     assert finding.fault == "heading_offset" and finding.runs == (0,)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Sound runs of a two-wheeled robot with the command that drove it."""
+    return [two_wheels.drive(40 + i, 20.0, left_share=0.0, late_s=0.0, in_step=True) for i in range(2)]
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize(("faults", "change"), [
+    (["heading_offset", "wheels_swapped"], lambda v: v + [0.0, 0.0, np.pi / 2.0]),
+    (["heading_offset", "wheels_swapped"], lambda v: v + [0.0, 0.0, np.pi]),
+    (["heading_offset", "wheels_swapped"], lambda v: v[:, [1, 0, 2]] * [-1.0, 1.0, 1.0]),
+    (["camera_axis_mirrored", "wheels_swapped"], lambda v: v * [-1.0, 1.0, 1.0]),
+    (["wheels_swapped"], lambda v: v),
+])
+def test_swapped_wheels_under_another_camera_are_told_where_the_command_speaks_for_them(driven, faults, change):
+    runs = []
+    for run in driven:
+        encoder, kinect = run.channels["encoder"], run.channels["kinect"]
+        changed = {
+            "encoder": replace(encoder, values=encoder.values[:, ::-1]),
+            "kinect": replace(kinect, values=change(kinect.values)),
+        }
+        runs.append(replace(run, channels=run.channels | changed))
+    assert sorted(finding.fault for finding in check(two_wheels.model(), runs).findings) == faults

@@ -162,13 +162,14 @@ class _Choice:
         near = np.flatnonzero(self.together > self.together[self.number] - ALIKE)
         return [j for j in near[np.argsort(-self.together[near])].tolist() if self.hypotheses[j].fault]
 
-    def cast(self, casting):
-        """The number of the hypothesis that other channels prefer among those under which the channel agrees alike."""
+    def cast(self, casting, number):
+        """The number of the hypothesis that other channels prefer among those that agree as well as that of a number.
+        """
         there = sum(bool(one.scored.any()) for one in self.rows)
         plain = self.together + self.worth + there * self.losses  # how well they agree, however probable
-        equal = np.flatnonzero((plain > plain[self.number] - ALIKE) & (self.together > 0.0)).tolist()
+        equal = np.flatnonzero((plain > plain[number] - ALIKE) & (self.together > 0.0)).tolist()
         if len(equal) < 2:
-            return self.number
+            return number
         return max(equal, key=lambda j: self.together[j] + casting(self.hypotheses[j], self.runs(j)))
 
     def follows(self):
@@ -232,7 +233,7 @@ def disagreement(
     whether the channel that this accuses moves with the wheels of another run. least_share:
     below which in any run two mistakes at once are tried, too.
     """
-    choice = _Choice(rows_of(hypotheses), hypotheses, well, against, is_others)
+    choice, at_once = _Choice(rows_of(hypotheses), hypotheses, well, against, is_others), None
     if pairs is not None and (choice.number is not None or choice.follows() < well or choice.least() < least_share):
         two = [*hypotheses, *pairs()]
         at_once = _Choice(rows_of(two), two, well, against, is_others)
@@ -240,12 +241,16 @@ def disagreement(
     follows = choice.follows()
     if choice.number is None:
         return Agreement([], follows, follows >= well)
-    k = choice.number if casting is None else choice.cast(casting)
-    chosen, alike = mistakes(choice.hypotheses[k]), choice.alike()
+    k, preferred = choice.number, choice
+    if casting is not None:
+        k = choice.cast(casting, k)
+        if at_once is not None and choice.hypotheses[k].rare:  # no simpler than two of which other channels know
+            k, preferred = at_once.cast(casting, k), at_once
+    chosen, alike = mistakes(preferred.hypotheses[k]), choice.alike()
     names = dict.fromkeys(one.fault for j in alike for one in mistakes(choice.hypotheses[j]))
     rivals = tuple(name for name in names if name not in [one.fault for one in chosen])
     return Agreement([
-        Finding(one.fault, one.what, channel(one), runs=choice.runs(k), rivals=rivals, repairs=repairs(one),
+        Finding(one.fault, one.what, channel(one), runs=preferred.runs(k), rivals=rivals, repairs=repairs(one),
                 drop_in_deviance=2.0 * float(choice.together[choice.number]), advice=one.advice)
         for one in chosen
     ], follows, follows >= well)
