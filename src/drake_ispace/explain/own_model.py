@@ -12,6 +12,7 @@ model, and the `encoder` is compared.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from pydrake.systems.primitives import FirstOrderTaylorApproximation
@@ -30,6 +31,7 @@ class OwnGeometry:
     """Stands in for the geometry of a robot's wheels: "forward" (3, n) is their mean."""
 
     forward: np.ndarray
+    holds_turns: ClassVar[bool] = False
 
     @property
     def wheels(self) -> range:

@@ -47,6 +47,14 @@ FAULTS = (
         "set the model's track to the width at which they agree",
     ),
     Fault(
+        "tyres_hold", "a model that cannot turn",
+        "the model goes straight on, whatever its wheels do, and the robot turns",
+        "tyres one behind the other are listed at their true places: they skid as the robot turns, or are steered",
+        "the model's tyres hold every turn, and camera, gyro or command turn as the wheels differ",
+        "list the tyres in one line across the robot, so far apart that turns agree",
+        same=("another_robot",),
+    ),
+    Fault(
         "wrong_track", "a track that is far too wide",
         "the robot turns several times as far as its wheels say",
         "the track of another robot was typed, or one in another unit",

@@ -44,8 +44,9 @@ class WheelGeometry:
     """A robot's wheels; `inverse` is G (n, 3), `forward` its left inverse (3, n), both read-only.
 
     Raises:
-        ValueError: there is no wheel, a radius is not positive, a roller lies along its wheel's axle, or a direction of
-            motion neither turns a wheel nor is held by one: the rows of `inverse` and `sideways` have rank below 3.
+        ValueError: there is no wheel, a radius is not positive, a roller lies along its wheel's axle, tyres hold every
+            motion, or a direction of motion neither turns a wheel nor is held by one: the rows of `inverse` and
+            `sideways` have rank below 3.
     """
 
     wheels: tuple[Wheel, ...]
@@ -58,6 +59,8 @@ class WheelGeometry:
                 raise ValueError(f"wheel {number}: radius_m is {wheel.radius_m}, expected a positive length")
             if abs(np.cos(wheel.roller_rad)) < 1e-6:
                 raise ValueError(f"wheel {number}: roller_rad is {wheel.roller_rad}, the roller lies along the axle")
+        if len(self.sideways) and np.linalg.matrix_rank(self.sideways, tol=1e-9) == 3:
+            raise ValueError("these tyres hold every motion, expected parallel ones")
         if np.linalg.matrix_rank(np.vstack([self.inverse, self.sideways]), tol=1e-9) < 3:
             raise ValueError("these wheels leave a direction of motion unseen, expected three independent rows")
 
@@ -79,6 +82,14 @@ class WheelGeometry:
             for w in self.wheels if w.holds_sideways
         ]
         return np.array(rows).reshape(-1, 3)
+
+    @property
+    def holds_turns(self) -> bool:
+        """Whether the tyres hold the robot, so that it cannot turn unless they skid."""
+        held, with_turning = (
+            np.linalg.matrix_rank(np.vstack([self.sideways, [0.0, 0.0, turning]]), tol=1e-9) for turning in (0.0, 1.0)
+        )
+        return bool(held == with_turning)
 
     @cached_property
     def forward(self) -> np.ndarray:
@@ -148,6 +159,26 @@ def toed(geometry: WheelGeometry, angles_rad: Sequence[float]) -> WheelGeometry:
     if not any(angles_rad):
         return geometry
     return WheelGeometry(tuple(replace(wheel, drive_rad=wheel.drive_rad + angle) for wheel, angle in pairs))
+
+
+def skidding(geometry: WheelGeometry) -> WheelGeometry:
+    """Return the wheels as they roll where tyres that hold turns skid: in one line across, through their middle.
+
+    A tyre that is moved along its drive direction rolls as before. As given where tyres hold no turns.
+    """
+    if not geometry.holds_turns:
+        return geometry
+    middle = np.mean([[wheel.x_m, wheel.y_m] for wheel in geometry.wheels if wheel.holds_sideways], axis=0)
+    return WheelGeometry(tuple(
+        _beside(wheel, *middle) if wheel.holds_sideways else wheel for wheel in geometry.wheels
+    ))
+
+
+def _beside(wheel, x_m, y_m):
+    """The wheel, moved along its drive direction until it is beside a point."""
+    c, s = np.cos(wheel.drive_rad), np.sin(wheel.drive_rad)
+    along = (x_m - wheel.x_m) * c + (y_m - wheel.y_m) * s
+    return replace(wheel, x_m=wheel.x_m + along * c, y_m=wheel.y_m + along * s)
 
 
 @lru_cache

@@ -40,10 +40,12 @@ from drake_ispace.explain.check.sampling.undersampled import tick_findings
 from drake_ispace.explain.check.steering import of_steering
 from drake_ispace.explain.check.steps import apart_in, dead_findings, frozen_camera, step_findings
 from drake_ispace.explain.check.turns import turn_findings
+from drake_ispace.explain.check.tyres import turning_findings
 from drake_ispace.explain.check.unseen_wheels import mistaken_wheels, with_rivals
 from drake_ispace.explain.own_model import OwnModel
 from drake_ispace.faults.library import FAULTS
 from drake_ispace.faults.repair import Clock, CutOut, repaired, time_text
+from drake_ispace.robots.recordings import by_wheel
 from drake_ispace.robots.robot import COMMAND, TORQUE
 from drake_ispace.scenario import Scenario, as_scenario
 
@@ -75,18 +77,9 @@ def check(
         scenario = as_scenario(model)
         robot = robot_of(scenario, recordings, names)
         settings = getattr(scenario, robot.name)
-    ordered = [_by_wheel(run, robot, settings.plant, name) for run, name in zip(recordings, names, strict=True)]
+    ordered = [by_wheel(run, robot, settings.plant, name) for run, name in zip(recordings, names, strict=True)]
     with solvable():
         return _Search(ordered, names, robot, settings).run(tell)
-
-
-def _by_wheel(run, robot, plant, name):
-    """The run with the columns of its wheels in the order of the model's."""
-    ordered = {
-        channel: robot.by_wheel(run.channels[channel], plant, f"{name}: channel {channel}")
-        for channel in ("encoder", TORQUE) if channel in run.channels
-    }
-    return replace(run, channels=run.channels | ordered)
 
 
 class _Search:
@@ -120,6 +113,7 @@ class _Search:
         earlier = len(self.findings)
         self._agreed("kinect", wheels_or_camera)
         self._of_another_robot(recorded[0], self.findings[earlier:])
+        self._add(joined(turning_findings(self.runs, self._bases())))
         of_wheels = any(finding.channel in ("encoder", "model") and not finding.limited for finding in self.findings)
         self._each(frame_findings, self._bases())
         self._each(smoothed_fixes, self._bases())

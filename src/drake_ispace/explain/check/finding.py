@@ -91,7 +91,7 @@ def joined(findings: Iterable[Finding]) -> list[Finding]:
     """Findings of different runs that are the same, as one."""
     found: dict[tuple, Finding] = {}
     for finding in findings:
-        key = (finding.fault, finding.channel, finding.what, finding.from_s, finding.repairs)
+        key = (finding.fault, finding.channel, finding.what, finding.from_s, finding.repairs, finding.for_now)
         same = found.get(key)
         found[key] = finding if same is None else replace(same, runs=same.runs + finding.runs)
     return list(found.values())

@@ -65,14 +65,15 @@ class Reading:
 
 def readings(
     geometry: WheelGeometry, counts_per_turn: float, gears: Mapping[float, float] = NO_GEARS, times: float = 1.0,
-    room: float = 1.0, turns_rad: Iterable[float] = (), wheels_rad: Iterable[float] = (),
+    room: float = 1.0, turns_rad: Iterable[float] = (), wheels_rad: Iterable[float] = (), skids: bool = False,
 ) -> list[Reading]:
     """All readings of a robot with these wheels, that as given first.
 
     gears: by which the wheels may turn too little -> what was measured of each. times: how many times as far as the
     camera sees, the wheels turn the model. room: how many times as far as the wheels say, the camera sees the robot go.
     turns_rad: by which its ways may be turned against those that the wheels say. wheels_rad: by which the model's
-    wheels may be turned, where a command tells it from that.
+    wheels may be turned, where a command tells it from that. skids: whether its tyres skid by a share that the model
+    does not tell.
 
     Some accuse nobody: as given, no relation at all, none but of the turns, a narrower track, and wheels of another
     size, which makes way and turns differ alike and is one cause, not two. Without the third a mistake that makes the
@@ -86,7 +87,7 @@ def readings(
         Reading("", "wheels that wobble on the spot", "", unit, np.diag([0.0, 0.0, 1.0])),
         *(Reading("", f"{size:g} times as large", "", size * unit, rare=True) for size in sizes),
         *_wheel_signs(unit), *_wheel_orders(unit), *_factors(unit, counts_per_turn, gears),
-        *_tracks(unit, times), *_axes(unit), *_units(unit), *_units_of_one(unit), *_rooms(unit, room),
+        *_tracks(unit, times, skids), *_axes(unit), *_units(unit), *_units_of_one(unit), *_rooms(unit, room),
         *(_turned(unit, turn_rad) for turn_rad in turns_rad),
         *(wheel_angles(geometry, turn_rad) for turn_rad in wheels_rad),
     ]
@@ -151,12 +152,17 @@ def _factors(unit, counts_per_turn, gears):
             yield Reading(fault, f"wheel {i + 1} turns {1.0 / factor:.3g} times too far", "encoder", np.diag(diagonal))
 
 
-def _tracks(unit, times):
+def _tracks(unit, times, skids):
     """A robot that skids turns less than its wheels say, never more; one that turns more has a narrower track.
+
+    Where the model tells no track, a wider one accuses nobody.
 
     Where it could be half a track that was typed, within what physics may add, it is taken for that. A track that is
     narrower than half was not measured on this robot.
     """
+    if skids and times > 1.0:
+        yield Reading("", "tyres that skid", "", unit, np.diag([1.0, 1.0, 1.0 / times]))
+        return
     for wide in _TYPED:
         yield _track(unit, "half_track", f"{wide:.2g} times", wide)
     if _typed(times, _TYPED) is not None:

@@ -27,6 +27,7 @@ from drake_ispace.explain.check.compare.motion import (
 from drake_ispace.explain.check.compare.regression import CAMERA, MOST_ROWS, PHYSICS, SLACK, Slack, relation
 from drake_ispace.explain.levels import CERTAIN
 from drake_ispace.files.recording import Channel, Recording
+from drake_ispace.plants.wheels import skidding
 from drake_ispace.robots.robot import COMMAND, TORQUE, Robot
 
 LATENCY_S = 0.2  # by which a channel may be late or early without its clock being wrong
@@ -63,10 +64,15 @@ class Base:
     rate_s: float = RATE_S
     spoilt: tuple[tuple[float, float], ...] = ()
 
-    @property
+    @cached_property
     def geometry(self):
-        """The wheels."""
-        return self.settings.plant.geometry
+        """The wheels, of which tyres that hold turns skid."""
+        return skidding(self.settings.plant.geometry)
+
+    @property
+    def skids(self) -> bool:
+        """Whether the robot of the model cannot turn, as its tyres hold it, and is compared as if they skid."""
+        return self.settings.plant.geometry.holds_turns
 
     def moved(self, since_s: np.ndarray, until_s: np.ndarray) -> np.ndarray:
         """(n, 3) motion of the body [m, m, rad] in its own axes, as the wheels say."""

@@ -83,7 +83,7 @@ def wheels_or_camera(
 
     turned = said_of(turns(motions))
     angles = [angle for angle in turned[:1] if _command_tells_angle(runs, bases, base, angle)]
-    given = readings(base.geometry, counts, gears, *_ratios(motions), turned, angles)
+    given = readings(base.geometry, counts, gears, *_ratios(motions), turned, angles, base.skids)
 
     def casting(reading, having):
         """How much better torques or command agree with the wheels as they are then than with no motion."""
