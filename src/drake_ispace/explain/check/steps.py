@@ -36,8 +36,8 @@ from drake_ispace.explain.check.compare.motion import (
 )
 from drake_ispace.explain.check.compare.regression import CAMERA, MOST_SLACK, SLACK, residuals
 from drake_ispace.explain.check.finding import Finding
-from drake_ispace.explain.check.sampling.samples import STUCK_S, repeats, stretches
-from drake_ispace.explain.levels import CHANCE, largest_by_chance
+from drake_ispace.explain.check.sampling.samples import STUCK_S, holds_by_chance, repeats, stretches
+from drake_ispace.explain.levels import CERTAIN, CHANCE, largest_by_chance
 from drake_ispace.faults.repair import CutOut, Dropped, Without, repaired
 from drake_ispace.files.recording import Recording
 from drake_ispace.robots.robot import COMMAND, TORQUE
@@ -114,14 +114,23 @@ def _dead_wheels(kinect, base, radius) -> list[str]:
 
 
 def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
-    """Fixes that repeat while the wheels turn; all but the first of them are left out."""
+    """Fixes that repeat while the wheels turn; all but the first of them are left out.
+
+    Wheels that turn by next to nothing are enough where fixes repeat by no chance.
+    """
     if base is None or not has_motion(run):
         return
     kinect = run.channels["kinect"]
-    for first, last in stretches(repeats(kinect.values[:, :3])):
+    again = repeats(kinect.values[:, :3])
+    digits = [np.diff(np.unique(column)).min(initial=np.inf) for column in kinect.values[:, :3].T]
+    for first, last in stretches(again):
         since, until = float(kinect.t[first]), float(kinect.t[last])
-        moved = np.linalg.norm(base.moved(np.array([since]), np.array([until]))[0, :2])
-        if STUCK_S <= until - since and _part(run, since, until) and moved > SHOWS_M:
+        if until - since < STUCK_S or not _part(run, since, until):
+            continue
+        t = kinect.t[first : last + 1]
+        moved = np.ptp(base.moved(np.full_like(t, since), t), axis=0)
+        shows = (moved > CERTAIN * base.noise + digits).any() and not holds_by_chance(again, last - first)
+        if shows or np.linalg.norm(moved[:2]) > SHOWS_M:
             yield Finding("channel_frozen", "fixes repeat", "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 

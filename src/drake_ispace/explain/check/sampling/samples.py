@@ -46,7 +46,8 @@ def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
         exact = np.abs(steps[far] - motion)
         alike = np.abs(exact - np.median(exact)) < usual  # which is how far a wheel moves besides
-        if np.mean(alike) <= 0.5:
+        # nor does a counter ever leave the range after which it starts anew
+        if np.mean(alike) <= 0.5 or np.ptp(channel.column(name)) > np.median(exact) + usual:
             continue
         along = (np.sign(steps[far]) * motion)[alike]
         # at rest near the end of a turn a wheel starts anew either way: the faster it turns, the more its sense counts
@@ -177,7 +178,7 @@ def _stuck(run: Recording, name: str, may_rest: bool) -> Iterator[Finding]:
         again, low, high = repeats(values), values.min(axis=0), values.max(axis=0)
         for first, last in stretches(again):
             since, until, held = float(channel.t[first]), float(channel.t[last]), values[first]
-            if until - since < STUCK_S or _holds(again, last - first):
+            if until - since < STUCK_S or holds_by_chance(again, last - first):
                 continue
             if any(a <= since and until <= b for a, b in found):  # a column of rows that repeat
                 continue
@@ -202,8 +203,11 @@ def _all_turn(angles):
     return len(angles) > 1 and all(np.ptp(angle) > step_of(angle) for angle in angles.T)
 
 
-def _holds(again, rows):
-    """Whether a channel repeats itself so often that it does so for so many rows in turn by chance."""
+def holds_by_chance(again: np.ndarray, rows: int) -> bool:
+    """Whether a channel repeats itself so often that it does so for so many rows in turn by chance.
+
+    again: (n,) whether each row is the same as the one before.
+    """
     others = len(again) - rows
     return others == 0 or len(again) * ((np.sum(again) - rows) / others) ** rows >= CHANCE
 
