@@ -116,3 +116,17 @@ def test_tyres_that_hold_every_motion_are_refused():
     tyres = tuple(Wheel(x, y, 0.1 * (x > 0.0), 0.05, holds_sideways=True) for x in (0.2, -0.2) for y in (0.3, -0.3))
     with pytest.raises(ValueError, match="hold every motion"):
         WheelGeometry(tyres)
+
+
+@pytest.mark.parametrize("times", [1.5, pytest.param(1.6, marks=pytest.mark.slow)])
+def test_a_command_that_tells_what_the_camera_sees_is_not_accused_of_tyres_that_skid(times):
+    """The driver knows by how much they do, as a multiplier of the distance between the wheels says it."""
+    runs = []
+    for seed in (1, 2):
+        run = two_wheels.drive(
+            seed, 20.0, left_share=0.0, late_s=0.0, in_step=True, others={"track_share": times - 1.0},
+        )
+        told = run.channels["command"]
+        told = replace(told, values=told.values / [1.0, 1.0, times])
+        runs.append(replace(run, channels=run.channels | {"command": told}))
+    assert "command" not in {channel for _, channel in faults(runs, two_wheels.model())}

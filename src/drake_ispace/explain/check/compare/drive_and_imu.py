@@ -31,7 +31,7 @@ from drake_ispace.explain.check.compare.links import (
 from drake_ispace.explain.check.compare.motion import arm, has_motion
 from drake_ispace.explain.check.compare.ratio import times, unit_as_ratio
 from drake_ispace.explain.check.compare.regression import SLACK
-from drake_ispace.explain.check.compare.scale import ratios
+from drake_ispace.explain.check.compare.scale import doubted
 from drake_ispace.explain.levels import BLOCK_TICKS
 from drake_ispace.faults.repair import AlongRobot, Mixed
 from drake_ispace.files.recording import Recording
@@ -134,7 +134,7 @@ def command_columns_of(runs: Runs, bases: Bases, single: bool = False) -> Agreem
         None if link is None else held_integral(along.apply(run).channels[COMMAND], link.since_s, link.until_s) * unit
         for run, link in zip(runs, links, strict=True)
     ]
-    given = command_columns(ratios(runs, bases), _rooms(runs, bases, links, told))
+    given = command_columns(doubted(runs, bases), _rooms(runs, bases, links, told))
     of_run = {id(run): both for run, both in zip(runs, zip(links, told, strict=True), strict=True)}
 
     def one(run, own, tried):

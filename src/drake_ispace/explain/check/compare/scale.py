@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_ispace.explain.check.compare.agreement import RELATED
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, held_integral, inside
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, Base, camera_link, held_integral, inside
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.regression import MOST_SLACK, SLACK
 from drake_ispace.files.recording import Recording
@@ -31,6 +31,31 @@ def ratios(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[tupl
     both = zip(runs, bases, strict=True)
     there = [(run, base) for run, base in both if base is not None and COMMAND in run.channels]
     return [(_ratio(run, base, (0, 1)), _ratio(run, base, (2,))) for run, base in there]
+
+
+def doubted(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[tuple[float | None, float | None]]:
+    """The same, but 1 where the camera sees as much: two channels are not both wrong by one factor, the wheels are."""
+    there = [i for i, run in enumerate(runs) if bases[i] is not None and COMMAND in run.channels]
+    found = []
+    for i, told in zip(there, ratios(runs, bases), strict=True):
+        seen = _seen(runs[i], bases[i])
+        found.append(tuple(1.0 if _is_seen(*both) else both[0] for both in zip(told, seen, strict=True)))
+    return found
+
+
+def _seen(run, base):
+    """How many times as large as the wheels say the ways and the turns are that a camera sees; None: not known."""
+    link = camera_link(run, base)
+    kept = [] if link is None else inside(base, link.since_s, link.until_s)
+    if np.sum(kept) < FEWEST:
+        return None, None
+    wheels, seen = link.predicted(link.since_s[kept], link.until_s[kept]), link.measured[kept]
+    both = [np.sum(wheels[:, k] * seen[:, k]) / max(np.sum(wheels[:, k] ** 2), 1e-300) for k in map(list, link.groups)]
+    return tuple(float(ratio) if ratio > 0.0 else None for ratio in both)
+
+
+def _is_seen(told, seen):
+    return told is not None and seen is not None and not is_unit(told) and is_unit(told / seen)
 
 
 def _ratio(run, base, columns):
