@@ -164,10 +164,13 @@ class _Choice:
 
     def cast(self, casting, number):
         """The number of the hypothesis that other channels prefer among those that agree as well as that of a number.
+
+        In the same runs, as what is said of more of them sums up to more.
         """
         there = sum(bool(one.scored.any()) for one in self.rows)
         plain = self.together + self.worth + there * self.losses  # how well they agree, however probable
         equal = np.flatnonzero((plain > plain[number] - ALIKE) & (self.together > 0.0)).tolist()
+        equal = [j for j in equal if self.runs(j) == self.runs(number)]
         if len(equal) < 2:
             return number
         return max(equal, key=lambda j: self.together[j] + casting(self.hypotheses[j], self.runs(j)))
