@@ -44,7 +44,7 @@ def check(
         if out is not None:
             from drake_ispace.report.check_page import write_findings
 
-            write_findings(checked.findings, scenario, recordings, out)
+            write_findings(checked, scenario, recordings, out)
     copies = []
     if repair is not None:
         from drake_ispace.explain.check.repaired import save_repaired
@@ -52,7 +52,8 @@ def check(
         copies = save_repaired(checked, recordings, repair)
     if as_json:
         data = [finding.to_data() for finding in checked.findings]
-        print_json({"runs": checked.names, "data": data, "repaired": [str(copy) for copy in copies]})
+        written = [str(copy) for copy in copies]
+        print_json({"runs": checked.names, "compared": checked.compared, "data": data, "repaired": written})
         return
     say(str(checked))
     if model is None and checked.findings:

@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from drake_ispace.explain.answer.explanation import plain
+from drake_ispace.explain.check.checked import Checked
 from drake_ispace.explain.check.compare.links import Base, base_of
 from drake_ispace.explain.check.finding import Finding, headline
 from drake_ispace.explain.prove.errors.paths import chained
@@ -29,20 +30,22 @@ _GIVEN, _REPAIRED = "#c0392b", "#1f6fb2"
 _MOST_COLUMNS = 3
 
 
-def write_findings(findings: Sequence[Finding], model: Scenario, runs: Sequence[Recording], out: Path) -> None:
+def write_findings(checked: Checked, model: Scenario, runs: Sequence[Recording], out: Path) -> None:
     """Write the folder `out`: index.html with a picture of each finding, and findings.json.
 
     Raises:
         InputError: the folder cannot be written.
     """
     with fresh_folder(out, "the page of a check") as fresh:
-        text = json.dumps(plain([finding.to_data() for finding in findings]), indent=2, allow_nan=False)
+        text = json.dumps(plain([finding.to_data() for finding in checked.findings]), indent=2, allow_nan=False)
         write_text(fresh / MARK, text)
-        write_text(fresh / "index.html", findings_page(findings, model, runs, fresh))
+        write_text(fresh / "index.html", findings_page(checked.findings, model, runs, fresh, checked.compared))
 
 
-def findings_page(findings: Sequence[Finding], model: Scenario, runs: Sequence[Recording], folder: Path) -> str:
-    """The page, with the pictures in it, which are written into `folder`."""
+def findings_page(
+    findings: Sequence[Finding], model: Scenario, runs: Sequence[Recording], folder: Path, compared: bool = True
+) -> str:
+    """The page, with the pictures in it, which are written into `folder`; compared: as of `headline`."""
     shown = []
     for number, finding in enumerate(findings, 1):
         picture = folder / f"finding_{number}.png"
@@ -51,7 +54,8 @@ def findings_page(findings: Sequence[Finding], model: Scenario, runs: Sequence[R
             "finding": finding, "fault": FAULTS[finding.fault], "sentence": str(finding),
             "picture": embedded(picture),
         })
-    return render("check.html.j2", title=headline(findings), shown=shown, runs=len(runs), diagram=model.diagram)
+    title = headline(findings, compared)
+    return render("check.html.j2", title=title, shown=shown, runs=len(runs), diagram=model.diagram)
 
 
 def plot_finding(finding: Finding, model: Scenario, run: Recording, out: Path) -> None:

@@ -422,6 +422,16 @@ def test_a_check_is_printed_in_sentences(sound):
     assert "kinect in " in line and "the place jumps by 0.299 m" in line and "repair: " in line
 
 
+@pytest.mark.parametrize("fixes", [0, 2])
+def test_wheels_with_nothing_beside_them_do_not_agree_with_it(fixes):
+    run = generate("omni", "circle", {}, 8.0, 5)
+    kinect = run.channels["kinect"]
+    few = {"kinect": replace(kinect, t=kinect.t[:fixes], values=kinect.values[:fixes])} if fixes else {}
+    checked = check(MODEL["omni"], replace(run, channels={"encoder": run.channels["encoder"]} | few))
+    assert str(checked) == "Nothing to compare: no other channel lasts long enough beside the wheels"
+
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "channel", "column"), [("omni", "torque", 0), ("pendulum", "imu", 4)])
 def test_a_column_that_stops_for_a_while_is_told(sound, robot, channel, column):

@@ -26,7 +26,7 @@ from drake_ispace.explain.check.compare.command.setpoints import setpoint_findin
 from drake_ispace.explain.check.compare.drive_and_imu import command_columns_of, imu_columns_of, torque_columns_of
 from drake_ispace.explain.check.compare.foreign import another_robot, foreign
 from drake_ispace.explain.check.compare.frames import frame_findings
-from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of
+from drake_ispace.explain.check.compare.links import FEWEST, LATENCY_S, base_of, lags, link_of, links
 from drake_ispace.explain.check.compare.motion import WINDOW_S
 from drake_ispace.explain.check.compare.wheels_and_camera import wheels_or_camera
 from drake_ispace.explain.check.finding import Finding, joined, named
@@ -159,7 +159,9 @@ class _Search:
             repaired(run, (repair for finding in made if i in finding.runs for repair in finding.repairs))
             for i, run in enumerate(self.recorded)
         ]
-        return Checked(self.names, findings, undone, made)
+        both = zip(self.runs, self._bases(), strict=True)
+        compared = any(base is not None and links(run, base) for run, base in both)
+        return Checked(self.names, findings, undone, made, compared)
 
     def _bases(self, runs=None):
         runs = self.runs if runs is None else runs

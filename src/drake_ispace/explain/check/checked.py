@@ -19,16 +19,18 @@ class Checked:
     Attributes:
         names: of the runs. findings: on whole runs, then on stretches of time; of each those that one channel shows
             by itself, then the surest first. repaired: the runs after all repairs but cuts. made: the findings in the
-            order in which they were made, as each repair is of what those before left.
+            order in which they were made, as each repair is of what those before left. compared: whether any channel of
+            any run was compared with the wheels.
     """
 
     names: list[str]
     findings: list[Finding]
     repaired: list[Recording] = field(repr=False)
     made: list[Finding] = field(repr=False, default_factory=list)
+    compared: bool = True
 
     def __str__(self) -> str:
-        return "\n".join([headline(self.findings), *(f"  {finding}" for finding in self.findings)])
+        return "\n".join([headline(self.findings, self.compared), *(f"  {finding}" for finding in self.findings)])
 
     @property
     def serious(self) -> list[Finding]:

@@ -102,8 +102,10 @@ def serious(findings: Iterable[Finding]) -> list[Finding]:
     return [finding for finding in findings if not finding.limited and not finding.is_bearable]
 
 
-def headline(findings: Sequence[Finding]) -> str:
-    """What was found in a sentence."""
+def headline(findings: Sequence[Finding], compared: bool = True) -> str:
+    """What was found in a sentence; compared: whether any channel was compared with the wheels."""
     if serious(findings) or not all(finding.repairs for finding in findings):
         return "What is wrong with the recordings"
+    if not compared:
+        return "Nothing to compare: no other channel lasts long enough beside the wheels"
     return "The recordings agree with each other" + " once this is repaired or left out" * bool(findings)
