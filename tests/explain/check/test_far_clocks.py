@@ -120,6 +120,28 @@ def test_a_clock_that_is_set_from_another_epoch_is_set_back(runs, channels):
         assert channel.t == pytest.approx(runs[1].channels[name].t, abs=0.02)
 
 
+def test_a_clock_that_is_set_twice_is_set_back_twice(runs):
+    later = leapt(runs[1], 15.0, 1e7, "kinect")
+    at_s = float(later.channels["kinect"].t[900])
+    twice = leapt(later, at_s, 1e8, "kinect")
+    checked = check(two_wheels.model(), [runs[0], twice])
+    assert [finding.fault for finding in checked.findings] == ["epoch_stamps"] * 2
+    assert checked.repaired[1].channels["kinect"].t == pytest.approx(runs[1].channels["kinect"].t, abs=0.01)
+
+
+def test_fixes_of_the_same_motion_after_the_wheels_were_logged_are_not_moved_before_earlier_ones(runs):
+    """The robot repeats what it did, the camera sees nothing for a while, and the wheels are logged no longer."""
+    kinect = runs[1].channels["kinect"]
+    again = kinect.t >= 20.0
+    noise = np.random.default_rng(3).normal(0.0, two_wheels.FIX_RMS, (again.sum(), 3))
+    seen = replace(
+        kinect, t=np.append(kinect.t[kinect.t < 39.0], kinect.t[again] + 25.0),
+        values=np.vstack([kinect.values[kinect.t < 39.0], kinect.values[again] + noise]),
+    )
+    longer = replace(runs[1], channels=runs[1].channels | {"kinect": seen})
+    assert check(two_wheels.model(), [runs[0], longer]).findings == []
+
+
 def test_motion_that_the_wheels_did_not_make_is_not_set_back(runs):
     foreign = two_wheels.drive(950, 40.0, **SOUND).channels["kinect"]
     late = leapt(replace(runs[1], channels=runs[1].channels | {"kinect": foreign}), 15.0, 600.0, "kinect")

@@ -52,10 +52,12 @@ def _set_while_logged(channels: dict[str, Channel]) -> Iterator[Finding]:
         steps = np.diff(channels[name].t)
         for i in np.flatnonzero(steps > _EPOCH_S):
             leaps.append((float(np.median(steps)), name, int(i), float(steps[i] - np.median(steps))))
+    set_back_s = dict.fromkeys(channels, 0.0)  # by earlier ones
     for usual, name, i, by_s in leaps:
-        t = channels[name].t
+        t = channels[name].t - set_back_s[name]
         together = [one for one in leaps if abs(one[3] - by_s) <= max(RATE_S, one[0] + usual)]
         by_s = min(together)[3]
+        set_back_s[name] += by_s
         what = f"clock jumps by {by_s:.10g} s at {time_text(float(t[i]), 3)} s"
         yield Finding("epoch_stamps", what, name, float(t[i + 1]), float(t[-1]),
                       repairs=(Clock(name, 1.0, -by_s, float(t[i + 1])),))

@@ -48,8 +48,11 @@ def far_jumps(trials: Sequence[Trial]) -> Iterator[tuple[Trial, Path, float]]:
                 continue
             (part,) = trials_of([(trial.number, link.only(later), base)]) or [None]
             there = None if part is None else _offset(part)
-            if there is not None:
-                lag_s = float(LAGS_S[trial.usual][np.argmin(trial.total[trial.usual])])
+            if there is None:
+                continue
+            lag_s = float(LAGS_S[trial.usual][np.argmin(trial.total[trial.usual])])
+            at = int(np.searchsorted(link.t, jump_s))
+            if there.lag_s - lag_s > link.t[at - 1] - link.t[at]:  # nothing was logged before what was logged earlier
                 yield trial, Path(lag_s, 0.0, 0.0, there.lag_s - lag_s, jump_s), part.gain(there)
                 break
 
