@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drake_ispace.explain.check.check import check
@@ -70,3 +71,13 @@ def test_a_window_more_that_lies_in_the_run_is_no_evidence_of_a_drift(seed):
     motions = ("square", "circle", "back_and_forth", "eight")
     runs = [generate("pendulum", motion, {}, 16.0, seed=seed + i) for i, motion in enumerate(motions)]
     assert check(load_scenario("pendulum_multirate"), runs).findings == []
+
+
+def test_a_single_short_motion_of_a_run_tells_no_rate(monkeypatch):
+    """The drive lags by 0.06 s, which a clock that is slow would make at just that time."""
+    def once(random, t, low, high, step_s):
+        return np.where(low >= 0.0, 0.3 * ((t > 8.0) & (t < 9.5)), 0.5 * ((t > 8.5) & (t < 9.5)))
+
+    monkeypatch.setattr(two_wheels, "wandering", once)
+    exact = {"left_share": 0.0, "late_s": 0.0, "lag_s": 0.06, "in_step": True}
+    assert check(two_wheels.model(), [two_wheels.drive(seed, 20.0, **exact) for seed in (1, 2, 3)]).findings == []

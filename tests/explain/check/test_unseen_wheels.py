@@ -8,7 +8,9 @@ import pytest
 from drake_ispace.explain.check.check import check
 from drake_ispace.explain.check.finding import Finding
 from drake_ispace.explain.check.unseen_wheels import with_rivals
+from drake_ispace.files.recording import Channel
 from drake_ispace.hiding import hide
+from hidden import two_wheels
 
 MODEL = "pendulum_multirate"
 
@@ -48,6 +50,47 @@ def test_one_mistake_of_the_encoders_is_one(unseen, matrix, fault):
     assert (finding.fault, finding.channel, finding.run) == (fault, "encoder", "all")
     for repaired, sound in zip(checked.repaired, unseen, strict=True):
         np.testing.assert_allclose(repaired.channels["encoder"].values, sound.channels["encoder"].values, atol=1e-12)
+
+
+def driven(seed, wheels=lambda angles: angles, channels=("command", "imu")):
+    """A run of a two-wheeled robot that no camera sees, with its command and an IMU; wheels: as they are read."""
+    run = two_wheels.drive(seed, 20.0, left_share=0.0, late_s=0.0, lag_s=0.05, in_step=True)
+    encoder, random = run.channels["encoder"], np.random.default_rng(seed)
+    t = np.arange(0.05, 19.9, 0.01)
+    later, earlier = (
+        np.column_stack([np.interp(t + d, encoder.t, one) for one in encoder.values.T]) for d in (0.03, -0.03)
+    )
+    right, left = ((later - earlier) / 0.06 * two_wheels.RADIUS_M).T
+    turning, rates = (right - left) / (2.0 * two_wheels.HALF_TRACK_M), random.normal(0.0, 0.02, (len(t), 6))
+    along = 0.5 * (right + left)
+    rates += np.column_stack([np.gradient(along, t), along * turning, 0.0 * t + 9.81, 0.0 * t, 0.0 * t, turning])
+    there = {"imu": Channel(t, ("ax", "ay", "az", "wx", "wy", "wz"), rates), "command": run.channels["command"]}
+    read = replace(encoder, values=wheels(encoder.values))
+    return replace(run, channels={"encoder": read} | {name: there[name] for name in channels})
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize(("wheels", "fault"), [
+    (lambda v: v[:, ::-1], "wheels_swapped"), (lambda v: -v, "encoder_sign"), (lambda v: v * [-1.0, 1.0], "wheel_sign"),
+])
+def test_wheels_that_command_and_gyro_both_contradict_are_mistaken(wheels, fault):
+    (finding,) = check(two_wheels.model(), [driven(seed, wheels) for seed in (1, 2)]).findings
+    assert (finding.fault, finding.channel) == (fault, "encoder")
+
+
+@pytest.mark.first_case
+@pytest.mark.parametrize("channel", ["command", "imu"])
+def test_where_only_one_channel_contradicts_the_wheels_they_are_its_rival(channel):
+    runs = [driven(seed, lambda v: v[:, ::-1], (channel,)) for seed in (1, 2)]
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert finding.channel == channel and "wheels_swapped" in finding.rivals
+
+
+def test_a_command_of_the_other_sense_is_mistaken_where_the_gyro_goes_with_the_wheels():
+    runs = [driven(seed) for seed in (1, 2)]
+    runs = mixed(runs, "command", np.diag([1.0, 1.0, -1.0]))
+    (finding,) = check(two_wheels.model(), runs).findings
+    assert (finding.fault, finding.channel, finding.rivals) == ("command_sign", "command", ())
 
 
 @pytest.mark.slow

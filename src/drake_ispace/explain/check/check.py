@@ -123,9 +123,9 @@ class _Search:
         self._agreed("imu", imu_columns_of)
         unknown_arms = {i for finding in self.findings if finding.channel == "model" for i in finding.runs}
         self._agreed(TORQUE, _not_compared if unknown_arms else torque_columns_of)
-        self.findings[earlier:] = with_rivals(self.findings[earlier:], of_encoders)
         follows = of_wheels and not command_columns_of(*recorded).findings  # such a drive makes the wheels' mistake
         self._agreed(COMMAND, _not_compared if follows else command_columns_of)
+        self.findings[earlier:] = with_rivals(self.findings[earlier:], of_encoders)
         if not follows:
             self._add(joined(followed_findings(self._drives(), self._bases())))
         drives = self._drives()
@@ -168,11 +168,13 @@ class _Search:
         return [base_of(run, self.robot, self.settings, self._cut(i)) for i, run in enumerate(runs)]
 
     def _unseen_wheels(self):
-        """Faults of the encoders that explain as much as one of IMU or torques, of robots that no camera sees."""
+        """Faults of the encoders that explain as much as one of another channel, of robots that no camera sees."""
+        driven = COMMAND if self.robot.driven == COMMAND else TORQUE
+        there = [name for name in ("imu", driven) if any(name in run.channels for run in self.runs)]
         sees = any(len(link.since_s) >= FEWEST for _, link, _ in self._links("kinect"))
-        if sees or not {"imu", TORQUE} <= {name for run in self.runs for name in run.channels}:
+        if sees or len(there) < (1 if driven == COMMAND else 2):  # a single torque has rivals of its own
             return ()
-        found, faults = mistaken_wheels(self.runs, self._bases)
+        found, faults = mistaken_wheels(self.runs, self._bases, there)
         self._add(joined(found))
         return faults
 

@@ -50,7 +50,8 @@ class Likeliest:
 class Trial:
     """A channel of one run under other clocks.
 
-    loss (lags, windows): of each window, less that without any relation. peaks_as_given: whether no lag nearby would do
+    loss (lags, windows): of each window, less that without any relation. moves_s: from the first to the last window in
+    which something moves. peaks_as_given: whether no lag nearby would do
     better than one that a sound channel may have. latencies: paths of such a channel; given: the best score of these.
     """
 
@@ -61,6 +62,8 @@ class Trial:
         self.total = np.nansum(self.loss, axis=1)
         self.middle_s = 0.5 * float(link.since_s[0] + link.until_s[-1])
         self.lasts_s = float(link.until_s[-1] - link.since_s[0])
+        moving = in_motion(link.measured, link.measured, link.noise)
+        self.moves_s = float(np.ptp(np.append(link.since_s[moving], link.until_s[moving]))) if moving.any() else 0.0
         self.usual = link.is_usual(LAGS_S)
         at = int(np.argmin(self.total[self.usual]))
         usual, self.peaks_as_given = LAGS_S[self.usual][at], 0 < at < self.usual.sum() - 1
@@ -295,8 +298,11 @@ class Trial:
         return abs(path.later_s) > self.link.differ_s + 1e-9
 
     def is_drift(self, rate):
-        """Whether a clock of that rate is no nearer to a constant one than a clock that jumps would be."""
-        return abs(rate) * self.lasts_s >= 2.0 * self.link.differ_s
+        """Whether a clock of that rate is no nearer to a constant one than a clock that jumps would be.
+
+        While something moves, as rest tells no time.
+        """
+        return abs(rate) * self.moves_s >= 2.0 * self.link.differ_s
 
     def _is_at_gap(self, path):
         return path.jump_s in [gap.jump_s for gap in self.gaps]
