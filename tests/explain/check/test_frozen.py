@@ -59,6 +59,19 @@ def test_fixes_may_repeat_while_the_robot_moves_by_less_than_their_last_digit(cr
     assert (("channel_frozen", "kinect", (0,)) in faults(run)) == told
 
 
+def test_a_camera_that_passes_small_motions_over_does_not_stop():
+    """Its driver sends the last pose again until a place has moved by 5 mm."""
+    def steady(t, values):
+        for i in range(1, len(values)):
+            if np.hypot(*(values[i] - values[i - 1])[:2]) < 5e-3 and abs(values[i, 2] - values[i - 1, 2]) < 0.02:
+                values[i] = values[i - 1]
+        return values
+
+    starts_and_stops = {"moves": 0.5, "speeds_m_s": (0.0, 0.1), "rates_rad_s": (-0.2, 0.2), "camera_hz": 15.0}
+    runs = [two_wheels.drive(60 + i, 20.0, **SOUND | starts_and_stops) for i in range(2)]
+    assert "channel_frozen" not in {fault for fault, _, _ in faults(*(changed(run, "kinect", steady) for run in runs))}
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize(("seed", "since_s"), [(61, 24.34), (61, 20.0), (62, 10.0)])
 def test_wheels_that_stop_being_read_while_they_turn_round_are_no_counter_that_starts_anew(seed, since_s):

@@ -116,12 +116,15 @@ def _dead_wheels(kinect, base, radius) -> list[str]:
 def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
     """Fixes that repeat while the wheels turn; all but the first of them are left out.
 
-    Wheels that turn by next to nothing are enough where fixes repeat by no chance.
+    Wheels that turn by next to nothing are enough where fixes repeat by no chance: where there is noise in them, which
+    shows while the wheels rest. A camera that shows no noise may pass small motions over.
     """
     if base is None or not has_motion(run):
         return
     kinect = run.channels["kinect"]
     again = repeats(kinect.values[:, :3])
+    rests = ~base.moved(kinect.t[:-1], kinect.t[1:]).any(axis=1)
+    is_noisy = 2 * np.sum(again & rests) <= np.sum(rests)
     digits = [np.diff(np.unique(column)).min(initial=np.inf) for column in kinect.values[:, :3].T]
     for first, last in stretches(again):
         since, until = float(kinect.t[first]), float(kinect.t[last])
@@ -129,8 +132,8 @@ def frozen_camera(run: Recording, base: Base | None) -> Iterator[Finding]:
             continue
         t = kinect.t[first : last + 1]
         moved = np.ptp(base.moved(np.full_like(t, since), t), axis=0)
-        shows = (moved > CERTAIN * base.noise + digits).any() and not holds_by_chance(again, last - first)
-        if shows or np.linalg.norm(moved[:2]) > SHOWS_M:
+        shows = (moved > CERTAIN * base.noise + digits).any()
+        if (shows and is_noisy and not holds_by_chance(again, last - first)) or np.linalg.norm(moved[:2]) > SHOWS_M:
             yield Finding("channel_frozen", "fixes repeat", "kinect", since, until,
                           repairs=(Dropped("kinect", float(kinect.t[first + 1]), until),))
 
