@@ -38,7 +38,7 @@ def test_a_finding_is_a_sentence_with_its_repair(folders, said):
 
 def test_without_a_model_the_one_that_told_is_named(folders, said):
     out = said("check", *runs_in(folders / "mm"))
-    assert out.splitlines()[-1].startswith("told by the model omni_multirate, which the run names")
+    assert out.splitlines()[-1].startswith("compared with the model omni_multirate, which the run names")
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ def check(
         return
     say(str(checked))
     if model is None and checked.findings:
-        say(f"told by the model {scenario.diagram}, which the run names; of another robot give --model")
+        say(f"compared with the model {scenario.diagram}, which the run names; for another robot use --model")
     for copy in copies:
         say(f"written: {copy}")
     if out is not None:

@@ -24,7 +24,8 @@ FAULTS = (
         "clocks_disjoint", "clocks that do not overlap",
         "a channel, or a few samples of it, begins after another one has ended",
         "clocks with other zeros, files of different runs, or stamps that were written wrong",
-        "no instant is in all channels", "let the channels start together, then compare their motion",
+        "no instant is in all channels, or in these samples and any other channel",
+        "let the channels start together, then compare their motion; leave a few samples out",
         same=("epoch_stamps", "channel_of_another_run"),
     ),
     Fault(

@@ -21,9 +21,9 @@ FAULTS = (
     ),
     Fault(
         "epoch_stamps", "stamps from another epoch",
-        "a channel's time starts millions of seconds away from the others', or leaps there",
+        "a channel's time starts a day or more away from the others', or leaps by as much",
         "one logger stamps with the time since 1970, another one from its own start, or the clock was set meanwhile",
-        "the channels do not overlap", "subtract the difference, found by motion",
+        "the channels do not overlap, or stamps leap", "subtract the difference, and compare motion",
         same=("clocks_disjoint", "time_unit"),
     ),
     Fault(

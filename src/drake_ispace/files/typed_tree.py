@@ -87,7 +87,7 @@ def checked(value, kind, rules, where):
         if rules.get(rule) is not None and not holds(rules[rule]):
             raise InputError(f"{where}: expected {words} {rules[rule]:g}{unit}, got {value:g}")
     if kind is float and abs(value) < sys.float_info.epsilon and rules.get("above") is None:
-        return 0.0  # r cos(90 degrees)
+        return 0.0  # what rounding leaves, as of cos(90 degrees)
     if kind is float and value and not _SMALLEST <= abs(value) <= _LARGEST:
         raise InputError(f"{where}: expected a size between {_SMALLEST:g} and {_LARGEST:g}{unit}, got {value:g}")
     if rules.get("choices") and value not in rules["choices"]:

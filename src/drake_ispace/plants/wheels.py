@@ -164,14 +164,17 @@ def toed(geometry: WheelGeometry, angles_rad: Sequence[float]) -> WheelGeometry:
 def skidding(geometry: WheelGeometry) -> WheelGeometry:
     """Return the wheels as they roll where tyres that hold turns skid: in one line across, through their middle.
 
-    A tyre that is moved along its drive direction rolls as before. As given where tyres hold no turns.
+    A tyre that is moved along its drive direction rolls as before. As given where tyres hold no turns, or would come to
+    stand in one place, as those of a bicycle, which turns by steering.
     """
     if not geometry.holds_turns:
         return geometry
     middle = np.mean([[wheel.x_m, wheel.y_m] for wheel in geometry.wheels if wheel.holds_sideways], axis=0)
-    return WheelGeometry(tuple(
-        _beside(wheel, *middle) if wheel.holds_sideways else wheel for wheel in geometry.wheels
-    ))
+    wheels = tuple(_beside(wheel, *middle) if wheel.holds_sideways else wheel for wheel in geometry.wheels)
+    try:
+        return WheelGeometry(wheels)
+    except ValueError:  # nothing tells of turns
+        return geometry
 
 
 def _beside(wheel, x_m, y_m):

@@ -88,3 +88,14 @@ def test_a_counter_that_starts_anew_right_after_a_rest_is_told(turn):
     wrapped = changed(runs[1], "encoder", lambda t, v: np.mod(v - v[0], turn))
     fault = "angle_wrap" if turn < 7.0 else "counter_wrap"
     assert [finding[0] for finding in faults(runs[0], wrapped)] == [fault]
+
+
+def test_a_row_that_is_wrong_does_not_hide_that_angles_start_anew():
+    runs = [two_wheels.drive(60 + i, 20.0, **SOUND) for i in range(2)]
+
+    def with_a_spike(t, values):
+        values = np.mod(values, 2.0 * np.pi)
+        values[500, 0] += 30.0
+        return values
+
+    assert "angle_wrap" in {fault for fault, _, _ in faults(runs[0], changed(runs[1], "encoder", with_a_spike))}

@@ -112,6 +112,11 @@ def test_tyres_that_skid_roll_as_before_and_let_the_robot_turn():
     assert not two.holds_turns and skidding(two) is two
 
 
+def test_tyres_of_a_bicycle_are_left_where_they_are():
+    tyres = WheelGeometry(tuple(Wheel(x, 0.0, 0.0, 0.05, holds_sideways=True) for x in (0.1, -0.1)))
+    assert tyres.holds_turns and skidding(tyres) is tyres
+
+
 def test_tyres_that_hold_every_motion_are_refused():
     tyres = tuple(Wheel(x, y, 0.1 * (x > 0.0), 0.05, holds_sideways=True) for x in (0.2, -0.2) for y in (0.3, -0.3))
     with pytest.raises(ValueError, match="hold every motion"):

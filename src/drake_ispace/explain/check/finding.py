@@ -107,5 +107,5 @@ def headline(findings: Sequence[Finding], compared: bool = True) -> str:
     if serious(findings) or not all(finding.repairs for finding in findings):
         return "What is wrong with the recordings"
     if not compared:
-        return "Nothing to compare: no other channel lasts long enough beside the wheels"
+        return "Nothing was compared: that takes wheels and another channel, for some seconds together"
     return "The recordings agree with each other" + " once this is repaired or left out" * bool(findings)

@@ -40,9 +40,10 @@ def _findings(having, bases, channel, times):
     if channel != "kinect":
         advice = f"{_LIST}, so far apart that turns agree, which a camera tells"
         return [Finding("tyres_hold", what, "model", runs=(i,), advice=advice) for i in having]
-    advice = f"{_LIST}, about {times:.2g} times as far apart"
+    apart = "as far apart as they stand" if f"{times:.2g}" == "1" else f"about {times:.2g} times as far apart"
+    advice = f"{_LIST}, {apart}"
     return [
-        Finding("tyres_hold", f"{what}, as if they stood about {times:.2g} times as far apart", "model", runs=(i,),
+        Finding("tyres_hold", f"{what}, as if they stood in one line, {apart}", "model", runs=(i,),
                 advice=advice, for_now=(_turned_less(bases[i], times),)) for i in having
     ]
 

@@ -34,7 +34,7 @@ def ratios(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[tupl
 
 
 def doubted(runs: Sequence[Recording], bases: Sequence[Base | None]) -> list[tuple[float | None, float | None]]:
-    """The same, but 1 where the camera sees as much: two channels are not both wrong by one factor, the wheels are."""
+    """The ratios to the wheels, but 1 where the camera sees as much: two channels are not both wrong by one factor."""
     there = [i for i, run in enumerate(runs) if bases[i] is not None and COMMAND in run.channels]
     found = []
     for i, told in zip(there, ratios(runs, bases), strict=True):

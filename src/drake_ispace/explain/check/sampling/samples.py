@@ -46,8 +46,8 @@ def wrap_findings(run: Recording, counts_per_turn: float) -> Iterator[Finding]:
         motion = np.convolve(np.where(far, 0.0, steps), np.ones(2 * _BLOCK + 1) / (2 * _BLOCK + 1), "same")[far]
         exact = np.abs(steps[far] - motion)
         alike = np.abs(exact - np.median(exact)) < usual  # which is how far a wheel moves besides
-        # nor does a counter ever leave the range after which it starts anew
-        if np.mean(alike) <= 0.5 or np.ptp(channel.column(name)) > np.median(exact) + usual:
+        # a single leap may be any, but no counter leaves the range after which it starts anew
+        if np.mean(alike) <= 0.5 or (len(exact) == 1 and np.ptp(channel.column(name)) > exact[0] + usual):
             continue
         along = (np.sign(steps[far]) * motion)[alike]
         # at rest near the end of a turn a wheel starts anew either way: the faster it turns, the more its sense counts

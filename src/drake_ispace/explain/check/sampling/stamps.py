@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.fft import dct
@@ -19,7 +20,7 @@ from drake_ispace.robots.robot import COMMAND
 
 #: Recorded unit of time -> seconds.
 TIMES = {unit: in_si(unit) for unit in ("s", "ms", "us", "ns")}
-_EPOCH_S = 86400.0  # a clock that starts a day later counts from some year, and no log pauses for so long
+_EPOCH_S = 86400.0  # a clock that starts a day later counts from some year
 _SAMPLED = ("encoder", "imu", "torque")  # at a steady rate
 _UNEVEN = 0.25  # a step that is uneven, as a share of the median
 
@@ -34,8 +35,8 @@ def stamp_findings(run: Recording) -> Iterator[Finding]:
     for find in (_strays, _set_while_logged):
         found = list(find(channels))
         yield from found
-        for name, repair in ((finding.channel, repair) for finding in found for repair in finding.repairs):
-            channels = channels | {name: repair.repaired(channels[name])}
+        for repair in (repair for finding in found for repair in finding.repairs):
+            channels = channels | {repair.channel: repair.repaired(channels[repair.channel])}
     yield from _starts(channels)
     for name in _SAMPLED:
         if name in channels and len(channels[name].t) > 20:
@@ -43,11 +44,11 @@ def stamp_findings(run: Recording) -> Iterator[Finding]:
 
 
 def _set_while_logged(channels: dict[str, Channel]) -> Iterator[Finding]:
-    """Channels whose clock was set from one epoch to another: stamps leap by more than any log pauses.
+    """Channels whose stamps leap from one epoch to another.
 
     Of channels that leap together, that with the finest steps tells by how much.
     """
-    leaps = []
+    leaps, found, besides = [], [], []
     for name in channels:
         steps = np.diff(channels[name].t)
         for i in np.flatnonzero(steps > _EPOCH_S):
@@ -58,13 +59,19 @@ def _set_while_logged(channels: dict[str, Channel]) -> Iterator[Finding]:
         together = [one for one in leaps if abs(one[3] - by_s) <= max(RATE_S, one[0] + usual)]
         by_s = min(together)[3]
         set_back_s[name] += by_s
-        what = f"clock jumps by {by_s:.10g} s at {time_text(float(t[i]), 3)} s"
-        yield Finding("epoch_stamps", what, name, float(t[i + 1]), float(t[-1]),
-                      repairs=(Clock(name, 1.0, -by_s, float(t[i + 1])),))
+        repair = Clock(name, 1.0, -by_s, float(t[i + 1]))
+        if name in ("truth", "reference"):
+            besides.append(repair)
+            continue
+        what = f"stamps leap by {by_s:.10g} s at {time_text(float(t[i]), 3)} s, as a clock was set or the log paused"
+        found.append(Finding("epoch_stamps", what, name, float(t[i + 1]), float(t[-1]), repairs=(repair,)))
+    for finding in found:
+        yield replace(finding, repairs=finding.repairs + tuple(besides))
+        besides = []
 
 
 def _strays(channels: dict[str, Channel]) -> Iterator[Finding]:
-    """A few samples of a channel that lie farther from its others than these last, and in no other channel's time."""
+    """A few samples of a channel that lie in another epoch than its others, and in no other channel's time."""
     logged = {name: channel.t for name, channel in channels.items() if name not in ("truth", "reference")}
     apart = {name: _few_apart(t) for name, t in logged.items()}
     spans = {name: np.delete(t, apart[name])[[0, -1]] for name, t in logged.items()}
@@ -80,14 +87,11 @@ def _strays(channels: dict[str, Channel]) -> Iterator[Finding]:
 
 
 def _few_apart(t: np.ndarray) -> np.ndarray:
-    """Numbers of the samples, of t (n,), that one step parts from the others, if it is longer than all other steps.
-
-    None if they are as many as can be compared.
-    """
+    """Numbers of the samples, of t (n,), that lie in another epoch than the others; none if they can be compared."""
     steps, numbers = np.diff(t), np.arange(len(t))
     longest = int(np.argmax(steps)) if len(steps) else 0
     few = min(numbers[: longest + 1], numbers[longest + 1 :], key=len)
-    is_far = len(steps) and 2.0 * steps[longest] > steps.sum()
+    is_far = len(steps) and steps[longest] > _EPOCH_S
     return few if is_far and len(few) < min(FEWEST, len(t) - len(few)) else numbers[:0]
 
 
